@@ -26,7 +26,7 @@ WEIGHT = 9.81
 def without_compiler(monkeypatch):
     """Run on CasADi's virtual machine, which starts at once and gives the same numbers."""
     monkeypatch.setenv("CC", "")
-    monkeypatch.setattr(core._Warned, "reasons", {why_no_compiler()})
+    monkeypatch.setattr(core, "_WARNED", {why_no_compiler()})
 
 
 def rod_scene(

@@ -42,14 +42,8 @@ def library_for(source: str, compiler: Compiler) -> Path:
 
     An entry is used only if it belongs to this user alone, its record names this very content, and the library's own
     hash is the recorded one, so that truncated, stale or foreign files are built again. Entries are written under a
-    temporary name and then renamed, the record last; any number of processes may build the same one.
-
-    Raises
-    ------
-    CompileError
-        If the compiler refuses the source.
-    OSError
-        If no cache folder can be written, or the disk is full.
+    temporary name and then renamed, the record last; any number of processes may build the same one. CompileError if
+    the compiler refuses the source, OSError if no folder can be written or the disk is full.
     """
     folder = private_folder()
     _remove_left_builds(folder)
@@ -99,7 +93,7 @@ def _is_left(build: Path) -> bool:
     if fcntl is None:
         return False
     with open(build / _LOCK, "rb") as file:  # a folder so young that it has none yet raises
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # raises while the process that builds there lives
     return True
 
 

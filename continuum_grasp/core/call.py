@@ -40,17 +40,16 @@ class Caller:
         self._load = load
         self._checks = checks
         self.names = function.name_in()
-        self._sizes = [function.nnz_in(k) for k in range(function.n_in())]
-        self._defaults = [
-            nominal if name == "p" else np.zeros(size) for name, size in zip(self.names, self._sizes, strict=True)
-        ]
+        sizes = [function.nnz_in(k) for k in range(function.n_in())]
+        self._defaults = [nominal if n == "p" else np.zeros(size) for n, size in zip(self.names, sizes, strict=True)]
         self._vectors = not any(m.startswith(f"{function.name()}.") for m in MATRICES)
         # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
-        self._inputs = [np.zeros(size) for size in self._sizes]
+        self._inputs = [np.zeros(size) for size in sizes]
         self._outputs = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
         self._work = np.zeros(max(function.sz_w(), 1))
         self._integers = np.zeros(max(function.sz_iw(), 1), dtype=np.int64)
         self._arguments = (
+            # CasADi uses the entries behind the arguments as scratch, hence sz_arg and sz_res.
             (DOUBLES * max(function.sz_arg(), 1))(*[pointer(a) for a in self._inputs]),
             (DOUBLES * max(function.sz_res(), 1))(*[pointer(a) for a in self._outputs]),
             ctypes.c_void_p(self._integers.ctypes.data),
@@ -78,6 +77,7 @@ class Caller:
             if at < len(arguments):
                 raise InputError(f"{self.function.name()}: {name} is given twice")
             values[at] = value
+        # Arrays that fit as they are need no conversion, which would take longer than most functions themselves.
         ready = len(values) == len(self._inputs) and all(
             value is None or (type(value) is np.ndarray and value.dtype == float and value.shape == buffer.shape)
             for value, buffer in zip(values, self._inputs, strict=True)
@@ -100,11 +100,11 @@ class Caller:
             raise InputError(f"{self.function.name()}: {len(self.names)} inputs expected, got {len(values)}")
         values = [*values, *[None] * (len(self.names) - len(values))]
         rows = []
-        for name, size, value, default in zip(self.names, self._sizes, values, self._defaults, strict=True):
+        for name, value, default in zip(self.names, values, self._defaults, strict=True):
             if value is None:
                 rows.append(default)
                 continue
-            array = real_array(name, value)
+            array, size = real_array(name, value), default.size
             if array.ndim == 0 or (array.ndim == 1 and size == 1 and array.size == 1):
                 array = np.full(size, float(array.ravel()[0])) if size == 1 else array.reshape(-1)
             if array.ndim > 2 or (array.shape[-1] != size and not (array.size == 0 and size == 0)):
@@ -122,7 +122,7 @@ class Caller:
             given = [d if row is None else row for row, d in zip(rows, self._defaults, strict=True)]
             results = self.function.call([ca.DM(row) for row in given])
             return [np.array(r.nonzeros()) for r in results]
-        with self._lock:
+        with self._lock:  # the buffers belong to all threads, and ctypes releases the interpreter's lock
             for buffer, row, default in zip(self._inputs, rows, self._defaults, strict=True):
                 buffer[:] = default if row is None else row
             self._code(*self._arguments)
@@ -130,17 +130,12 @@ class Caller:
 
 
 def real_array(name: str, value: ArrayLike) -> Array:
-    """A contiguous array of doubles.
-
-    Raises
-    ------
-    InputError
-        If it is no array of real numbers.
-    """
+    """A contiguous array of doubles; InputError for what is no array of real numbers."""
     try:
         array = np.asarray(value)
         if np.iscomplexobj(array):
             raise InputError(f"{name}: expected real numbers, got complex ones")
+        # numpy would read texts and dates as numbers.
         if array.dtype.kind in "OUSMm" and not all(isinstance(v, Real) for v in array.ravel().tolist()):
             raise TypeError
         return np.ascontiguousarray(array, dtype=float)
@@ -172,39 +167,22 @@ _ROUNDING = 1e-12
 """Part of the greatest input by which a constant moment may vary [1]."""
 
 
-class Sections:
-    """Refuses positions ``s`` that are not on the finger.
+def section_check(model: FingerModel, function: ca.Function) -> Callable[[Sequence[Any]], None]:
+    """Write the check that positions ``s`` are on the finger, of the inputs of a call: rows, None where not given.
 
     The compiled functions hold them within the finger without a word, since they are free of branches.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        One of its functions, with ``s`` among its inputs.
     """
+    name, names, nominal = function.name(), function.name_in(), sum(model.lengths)
+    s_at, p_at = names.index("s"), names.index("p")
+    entries = [k for k, label in enumerate(model.p_names) if label.startswith("element_lengths")]
 
-    def __init__(self, model: FingerModel, function: ca.Function) -> None:
-        names = function.name_in()
-        self._name = function.name()
-        self._s, self._p = names.index("s"), names.index("p")
-        self._length = sum(model.lengths)
-        at = [k for k, label in enumerate(model.p_names) if label.startswith("element_lengths")]
-        self._lengths = slice(at[0], at[-1] + 1) if at else None
-
-    def check(self, rows: Sequence[Any]) -> None:
-        """Check the inputs of a call, one row each or many, None where nothing was given.
-
-        Raises
-        ------
-        InputError
-            If a position is not on the finger.
-        """
-        s = rows[self._s]
+    def check(rows: Sequence[Any]) -> None:
+        s = rows[s_at]
         if s is None:
             return
-        length: Any = self._length
-        if self._lengths is not None and rows[self._p] is not None:
-            length = rows[self._p][..., self._lengths].sum(axis=-1, keepdims=True)
+        length: Any = nominal
+        if entries and rows[p_at] is not None:
+            length = rows[p_at][..., entries].sum(axis=-1, keepdims=True)
         elif s.size == 1:
             s = s.item()
         within = (s >= -_SNAP * length) & (s <= (1.0 + _SNAP) * length)
@@ -212,25 +190,17 @@ class Sections:
             return
         wrong = np.flatnonzero(~np.broadcast_to(within, np.shape(s)).ravel()) if np.size(s) > 1 else np.zeros(1, int)
         worst, its = (np.broadcast_to(v, np.shape(within)).ravel()[wrong[0]] for v in (s, length))
-        raise InputError(f"{self._name}: s: expected a position from 0 to the length {its:g} m, got {worst:g}")
+        raise InputError(f"{name}: s: expected a position from 0 to the length {its:g} m, got {worst:g}")
+
+    return check
 
 
 def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
-    """Refuse a tip moment that varies in time where the model takes it to be constant.
-
-    Parameters
-    ----------
-    u : (rollouts, rows, nu) ndarray
-        Inputs in time.
-
-    Raises
-    ------
-    InputError
-        If it varies by more than rounding.
-    """
+    """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model takes it to be constant."""
     structure = model.structure
     if not structure.moment_is_constant or u.shape[1] < 2:
         return
+    # Two tendons at equal offsets bend the tip by the difference of their tensions.
     offset = model.finger.tendons.offset if model.finger.tendons is not None else 0.0
     moment = offset * (u[:, :, 0] - u[:, :, 1]) if structure.inputs.tendons else u[:, :, 0]
     couples = u[:, :, structure.inputs.count - structure.inputs.couples : structure.inputs.count].sum(axis=-1)
@@ -243,54 +213,25 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
     )
 
 
-def model_of(given: Any) -> FingerModel:
-    """The model itself.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
-    if not isinstance(given, FingerModel):
-        raise InputError(f"expected a FingerModel, got {type(given).__name__} {given!r:.60}")
-    return given
-
-
 def functions_of(given: Any) -> tuple[str, ...]:
-    """Names of the functions of a model or system.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
-    return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS if model_of(given) else ()
+    """Names of the functions of a model or system; InputError for anything else."""
+    if not isinstance(given, FingerModel | System):
+        raise InputError(f"expected a FingerModel, got {type(given).__name__} {given!r:.60}")
+    return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS
 
 
 def whole(name: str, value: Any) -> int:
-    """A whole number, 1 or more.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
-    if (type(value) is not int and not isinstance(value, Integral)) or isinstance(value, bool) or value < 1:
+    """A whole number, 1 or more; InputError for anything else."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
         raise InputError(f"{name}: expected a whole number, 1 or more, got {value!r:.60}")
     return int(value)
 
 
 def positive(name: str, value: Any) -> float:
-    """A finite number above zero.
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
+    """A finite number above zero; InputError for anything else."""
     try:
         number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    except OverflowError:
+    except OverflowError:  # a whole number beyond the doubles
         number = math.inf
     if not 0.0 < number < math.inf:
         raise InputError(f"{name}: expected a finite number above 0, got {value!r:.60}")
@@ -298,13 +239,7 @@ def positive(name: str, value: Any) -> float:
 
 
 def finite(name: str, array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The array itself.
-
-    Raises
-    ------
-    InputError
-        If an entry is NaN or infinite.
-    """
+    """The array itself; InputError names the first entry that is NaN or infinite."""
     if array.size and not np.isfinite(array).all():
         at = np.argwhere(~np.isfinite(array))[0]
         where = f"[{', '.join(map(str, at.tolist()))}]" if at.size else ""

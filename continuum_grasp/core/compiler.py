@@ -17,6 +17,7 @@ from pathlib import Path
 
 from continuum_grasp.errors import ContinuumGraspError
 
+# gnu11 for vector types, -march=native for the widest lanes (libraries stay on this machine), -w: generated C warns.
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
 _USUAL = ("cc", "gcc", "clang")
 _LONG = 20_000
@@ -51,7 +52,7 @@ class Compiler:
         With ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment long functions are not optimized: the controller and
         plant of ``configs/mpc/steady_tip.yaml`` compile in 3 s instead of 29 s; its loop takes 2.7 s instead of 1.5 s.
         """
-        if quick_compile():
+        if os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0"):
             return (*_COMMON, "-O1" if longest_function(unit) <= _QUICK else "-O0")
         level = "-O3" if longest_function(unit) <= _LONG else "-O1"
         is_gcc = "clang" not in self.version.lower()
@@ -63,13 +64,7 @@ class Compiler:
         return "\0".join((*self.command, self.version, self.machine, *rules, source))
 
     def build(self, source: Path, library: Path) -> None:
-        """Compile a source file to a shared library; long functions apart, as many at a time as there are processors.
-
-        Raises
-        ------
-        CompileError
-            With the first lines that the compiler said.
-        """
+        """Compile a source file to a shared library; long functions apart, on all processors."""
         units = translation_units(source.read_text(), _LONG)
         if len(units) == 1:
             self._run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])
@@ -93,15 +88,11 @@ class Compiler:
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:
+            # A full disk is no fault of the source: callers fall back after a CompileError, and report an OSError.
             if os.strerror(errno.ENOSPC) in done.stderr:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "the compiler's files")
             said = " | ".join(done.stderr.strip().splitlines()[:3]) or f"exit status {done.returncode}"
             raise CompileError(f"{shlex.join(self.command)}: {said}")
-
-
-def quick_compile() -> bool:
-    """Whether the environment asks for code that is compiled quickly rather than runs fast."""
-    return os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0")
 
 
 def find_compiler() -> Compiler | None:
@@ -159,10 +150,13 @@ def _machine() -> str:
     return "\n".join([platform.system(), platform.machine(), platform.processor(), *seen])
 
 
+# Generated C: a function ends with a brace in the first column, or is one short line.
 _END = re.compile(r"(?<=\n\}\n)")
 _HEAD = re.compile(r"^(static )?(?:inline )?(\w[\w ]*?[ *]\w+\([^;{}#]*\))\s*\{\n", re.MULTILINE)
 _SHORT_EXPORTED = re.compile(r"^(?!static )(\w[\w ]*?[ *]\w+\([^;{}#\n]*\)) *\{.*\}$", re.MULTILINE)
+# A static function of a unit of its own is called from the others, and still not from outside of the library.
 _HIDDEN = '__attribute__((visibility("hidden"))) '
+# Lines of CasADi's straight-line code: a variable of its work vector, its assignment, declarations, a result.
 _VARIABLE = re.compile(r"\ba\d+\b")
 _ASSIGNMENT = re.compile(r"  (a\d+)=(.*;)")
 _DECLARATION = re.compile(r"  casadi_real a\d+(, a\d+)*;")
@@ -175,21 +169,11 @@ def longest_function(source: str) -> int:
 
 
 def translation_units(source: str, limit: int) -> list[str]:
-    """Split a source into units that are compiled separately and linked.
+    """Split a source into units that are compiled separately and linked: functions longer than ``limit`` lines apart.
 
-    Parameters
-    ----------
-    source : str
-        One translation unit, as the generators of this package write it: a function ends with a brace in the first
-        column, and variables outside of functions are constants.
-    limit : int
-        Functions of more lines than this get units of their own.
-
-    Returns
-    -------
-    list of str
-        The source with declarations in the place of its long functions; then a unit per long function, with what
-        stands before it in the source. Only names that the source itself exports are exported.
+    The source is one unit as the generators of this package write it: a function ends with a brace in the first column,
+    and variables outside of functions are constants. Of the result the first has declarations in the place of the long
+    functions, each other one long function with what stands before it. Only what the source exports is exported.
     """
     units, whole, before = [], "", ""
     for piece in _END.split(source):
@@ -202,6 +186,7 @@ def translation_units(source: str, limit: int) -> list[str]:
         before += _SHORT_EXPORTED.sub(r"\1;", lead)
         if piece.count("\n") <= limit:
             whole += piece
+            # Short static functions are defined anew in each unit, where the compiler can inline them.
             before += piece[head.start() :] if is_static else f"{signature};\n"
             continue
         declared = f"{_HIDDEN if is_static else ''}{signature}"

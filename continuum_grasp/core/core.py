@@ -6,7 +6,7 @@ import ctypes
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import (
     Caller,
-    Sections,
     check_moment,
     finite,
     functions_of,
     pointers,
     positive,
     real_array,
+    section_check,
     shaped,
     whole,
 )
@@ -38,10 +38,8 @@ from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 Array = NDArray[np.float64]
 
 
-class _Warned:
-    """What has been reported of missing or failing compilers."""
-
-    reasons: ClassVar[set[str]] = set()
+_WARNED: set[str] = set()
+"""What has been reported of missing or failing compilers."""
 
 
 def compile(model: FingerModel | System, functions: Sequence[str] | None = None, *, precision: str = "double") -> Core:
@@ -139,7 +137,7 @@ class Core(Remade):
         return self._compiler is not None
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name.startswith("_"):
+        if name.startswith("_"):  # copy and pickle ask for private names before there are any functions
             raise AttributeError(name)
         if name not in self._names:
             raise AttributeError(f"a core has no {name!r}; its functions are {', '.join(self._names)}")
@@ -164,7 +162,7 @@ class Core(Remade):
             nominal = np.array(self.model.p_nominal)
             checks: list[Callable[[Sequence[Any]], None]] = []
             if "s" in function.name_in():
-                checks.append(Sections(self.model, function).check)
+                checks.append(section_check(self.model, function))
             if self.precision == "float":
                 checks.append(partial(check_single, function.name(), function.name_in()))
                 if name in ("forward_dynamics", "linearization"):
@@ -199,8 +197,7 @@ class Core(Remade):
             If shapes do not fit.
         """
         caller = self._caller(name)
-        function: ca.Function = caller.function
-        rows = caller.rows(arguments)
+        function, rows = caller.function, caller.rows(arguments)
         counts = {len(row) for row in rows if row.ndim == 2}
         if len(counts) != 1:
             raise InputError(f"{name}: one number of states expected, got {sorted(counts)}")
@@ -210,6 +207,7 @@ class Core(Remade):
             self._batches[name] = self._library(lambda: batch_source(function, self.precision))
         library = self._batches[name]
         if library is None:
+            # CasADi maps over columns, and its matrices are column-major.
             columns = [np.broadcast_to(row, (count, row.shape[-1])).T for row in rows]
             mapped = function.map(count).call([ca.DM(column) for column in columns])
             for out, result in zip(outputs, mapped, strict=True):
@@ -282,8 +280,7 @@ class Core(Remade):
         NumericalError
             If a state is not finite; ``result`` holds the states before it.
         """
-        model = self.model
-        start = real_array("x0", x0)
+        model, start = self.model, real_array("x0", x0)
         single = start.ndim == 1
         if start.ndim not in (1, 2) or start.shape[-1] != model.nx or not len(start):
             raise InputError(f"x0: expected ({model.nx},) or (count, {model.nx}), got shape {start.shape}")
@@ -301,10 +298,8 @@ class Core(Remade):
         states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
         if np.any(valid < steps):
             first = int(np.argmin(valid))
-            reached = states[first, : valid[first] + 1]
-            which = (
-                "" if single else f" in {np.count_nonzero(valid < steps)} of {len(start)} rollouts, first in {first},"
-            )
+            reached, broken = states[first, : valid[first] + 1], np.count_nonzero(valid < steps)
+            which = "" if single else f" in {broken} of {len(start)} rollouts, first in {first},"
             raise NumericalError(
                 f"{INTEGRATORS[method].failure}{which} after t = {valid[first] * step:g} s (last finite state "
                 f"{reached[-1].tolist()}): the step is too large for this scene, or the finger left the range of the "
@@ -336,7 +331,7 @@ class Core(Remade):
             if self.precision == "float":
                 raise _no_single_precision(f"compiling failed ({error})") from error
             _warn(f"compiling failed ({error})")
-            self._compiler = None
+            self._compiler = None  # what failed once would fail, and take its time, with every function
             return None
 
 
@@ -348,10 +343,10 @@ def _no_single_precision(why: str) -> InputError:
 
 
 def _warn(why: str) -> None:
-    if why not in _Warned.reasons:
-        _Warned.reasons.add(why)
+    if why not in _WARNED:
+        _WARNED.add(why)
         warnings.warn(
             f"{why}: running on CasADi's virtual machine, which gives the same numbers 20 to 50 times slower",
             RuntimeWarning,
-            stacklevel=4,
+            stacklevel=4,  # the line of the user that made the core
         )

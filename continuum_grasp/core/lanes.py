@@ -6,93 +6,42 @@ instructions and writes them for the vector types that gcc and clang share.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import casadi as ca
 
 from continuum_grasp.core.precision import literal
 from continuum_grasp.errors import InputError
 
-_PRELUDE = """
-#if defined(__AVX512F__)
-#define CG_BYTES 64
-#elif defined(__AVX__)
-#define CG_BYTES 32
-#else
-#define CG_BYTES 16
-#endif
-#define CG_LANES (CG_BYTES / (int)sizeof(cg_real))
-typedef cg_real cg_lanes __attribute__((vector_size(CG_BYTES)));
-#define CG_EACH(name, call) \\
-  static inline cg_lanes name(cg_lanes a) { \\
-    for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l]); \\
-    return a; \\
-  }
-#define CG_EACH2(name, call) \\
-  static inline cg_lanes name(cg_lanes a, cg_lanes b) { \\
-    for (int l = 0; l < CG_LANES; ++l) a[l] = call(a[l], b[l]); \\
-    return a; \\
-  }
-#define CG_COMPARE(name, sign) \\
-  static inline cg_lanes name(cg_lanes a, cg_lanes b) { \\
-    for (int l = 0; l < CG_LANES; ++l) a[l] = a[l] sign b[l] ? (cg_real)1 : (cg_real)0; \\
-    return a; \\
-  }
-CG_COMPARE(cg_lt, <) CG_COMPARE(cg_le, <=) CG_COMPARE(cg_eq, ==) CG_COMPARE(cg_ne, !=)
-CG_COMPARE(cg_and, != 0 &&) CG_COMPARE(cg_or, != 0 ||)
-static inline cg_lanes cg_if(cg_lanes a, cg_lanes b) {
-  for (int l = 0; l < CG_LANES; ++l) a[l] = a[l] != 0 ? b[l] : (cg_real)0;
-  return a;
+_FORMS = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "(cg_real)1 / {0}",
+    ca.OP_ASSIGN: "{0}",
 }
-static inline cg_lanes cg_not(cg_lanes a) { return cg_eq(a, (cg_lanes){0}); }
-static inline cg_lanes cg_sign(cg_lanes a) { return cg_lt((cg_lanes){0}, a) - cg_lt(a, (cg_lanes){0}); }
-CG_EACH(cg_sqrt, sqrt) CG_EACH(cg_exp, exp) CG_EACH(cg_fabs, fabs) CG_EACH(cg_sin, sin) CG_EACH(cg_cos, cos)
-CG_EACH2(cg_fmin, fmin) CG_EACH2(cg_fmax, fmax) CG_EACH2(cg_pow, pow) CG_EACH(cg_log, log)
-"""
-
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+"""C by operation, of scalars and vectors alike."""
 _NAMES = "sqrt exp fabs sin cos fmin fmax pow log lt le eq ne and or not sign"
 _CALLS = {getattr(ca, f"OP_{name.upper()}"): f"cg_{name}" for name in _NAMES.split()}
 _CALLS |= {ca.OP_CONSTPOW: "cg_pow", ca.OP_IF_ELSE_ZERO: "cg_if"}
-_UNARY: dict[int, Callable[[str], str]] = {
-    ca.OP_NEG: lambda a: f"-{a}",
-    ca.OP_SQ: lambda a: f"{a} * {a}",
-    ca.OP_TWICE: lambda a: f"{a} + {a}",
-    ca.OP_INV: lambda a: f"(cg_real)1 / {a}",
-    ca.OP_ASSIGN: lambda a: a,
-}
-
-
-def lane_prelude(real: str) -> str:
-    """C that must stand before lane functions, whose lanes are ``real``: double or float."""
-    return f"#include <tgmath.h>\ntypedef {real} cg_real;\n{_PRELUDE}"
+"""Functions of ``templates/lanes.h`` by operation."""
 
 
 def lane_function(function: ca.Function, real: str = "double") -> str:
-    """C of ``static void NAME_lanes(const cg_lanes *const in[], cg_lanes *const out[])``.
+    """C of ``static void NAME_lanes(const cg_lanes *const in[], cg_lanes *const out[])`` from a dense SX function.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        A dense SX function.
-    real : {"double", "float"}
-        Type of the lanes.
-
-    Returns
-    -------
-    str
-        The function's C source; ``lane_prelude`` must stand before it.
-
-    Raises
-    ------
-    InputError
-        If the function has an operation that is not known here, or a constant that the type cannot hold.
+    ``lane_prelude`` must stand before it. InputError where an operation has no vector code, or the type ``real``
+    (double or float) cannot hold a constant.
     """
     lines = [f"static void {function.name()}_lanes(const cg_lanes *const in[], cg_lanes *const out[])", "{"]
     lines += [
         f"  for (int k = 0; k < {function.nnz_out(i)}; ++k) out[{i}][k] = (cg_lanes){{0}};"
         for i in range(function.n_out())
     ]
+    # CasADi's instructions name places of a work vector, each of which holds what was written to it last. Those in
+    # ``constants`` hold scalars, which C's vector arithmetic spreads over the lanes, but function calls do not.
     values: dict[int, str] = {}
     constants: set[int] = set()
     for k in range(function.n_instructions()):
@@ -123,14 +72,11 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
 
 
 def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:
-    if operation in _BINARY:
-        return f"{operands[0]} {_BINARY[operation]} {operands[1]}"
-    if operation in _UNARY:
-        return _UNARY[operation](operands[0])
-    if operation in _CALLS:
-        vectors = [
-            f"(cg_lanes){{0}} + {operand}" if constant else operand
-            for operand, constant in zip(operands, fixed, strict=True)
-        ]
-        return f"{_CALLS[operation]}({', '.join(vectors)})"
-    raise InputError(f"no vector code for CasADi operation {operation}")
+    if operation in _FORMS:
+        return _FORMS[operation].format(*operands)
+    if operation not in _CALLS:
+        raise InputError(f"no vector code for CasADi operation {operation}")
+    pairs = zip(operands, fixed, strict=True)
+    return (
+        f"{_CALLS[operation]}({', '.join(f'(cg_lanes){{0}} + {one}' if is_fixed else one for one, is_fixed in pairs)})"
+    )

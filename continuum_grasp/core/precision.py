@@ -17,24 +17,18 @@ PRECISIONS = ("double", "float")
 
 _GREATEST = float(np.finfo(np.float32).max)
 _LEAST = float(np.finfo(np.float32).tiny)
-_ROUNDING = 0.5 * float(np.finfo(np.float32).eps)
+_ROUNDING = 0.5 * float(np.finfo(np.float32).eps)  # unit roundoff 2^-24
 
-_TOKEN = re.compile(
-    r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|[A-Za-z_]\w*"
-    r"|(?P<real>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?P<suffix>[fFlL]?)|\d\w*",
+TOKEN = re.compile(
+    r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
     re.DOTALL,
 )
-"""C tokens in which digits may stand: comments, texts, names, real numbers, whole numbers."""
+"""C tokens in which digits may stand: comments, texts, names, real numbers without a suffix, all other numbers."""
 
 
 def precision_of(given: Any) -> str:
-    """The C type itself.
-
-    Raises
-    ------
-    InputError
-        If it is none that a core computes in.
-    """
+    """The name of a C type itself; InputError if a core does not compute in it."""
     if not isinstance(given, str) or given not in PRECISIONS:
         raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}, got {given!r:.60}")
     return given
@@ -44,24 +38,13 @@ def single(source: str) -> str:
     """C that CasADi generated, with ``float`` as its real type, literals of that type, and its mathematical functions.
 
     Setting ``casadi_real`` alone would leave every literal and every call of the library in double precision.
-
-    Raises
-    ------
-    InputError
-        If a constant is outside the range of single precision.
     """
-    tokens = _TOKEN.sub(lambda m: literal(float(m["real"]), "float", m["real"]) if m["real"] else m[0], source)
+    tokens = TOKEN.sub(lambda m: literal(float(m["number"]), "float", m["number"]) if m["number"] else m[0], source)
     return "#define casadi_real float\n" + tokens.replace("#include <math.h>", "#include <tgmath.h>")
 
 
 def literal(value: float, real: str, text: str | None = None) -> str:
-    """A constant as a literal of a C type, written as ``text`` where that is given.
-
-    Raises
-    ------
-    InputError
-        If it is outside the range of single precision.
-    """
+    """A constant as a literal of a C type, written as ``text`` where given; InputError if float cannot hold it."""
     text = repr(value) if text is None else text
     if real == "double":
         return text
@@ -75,13 +58,11 @@ def literal(value: float, real: str, text: str | None = None) -> str:
 
 
 def check_solvable(model: FingerModel) -> None:
-    """Whether single precision leaves accelerations any digit, at the straight finger.
+    """Refuse a model of whose accelerations single precision leaves no digit, at the straight finger.
 
-    Raises
-    ------
-    InputError
-        If rounding times the condition of the mass matrix, with a diagonal of ones as the factorization sees it,
-        exceeds one.
+    That is where rounding times the condition of the mass matrix, its diagonal scaled to ones, exceeds one. Scaling
+    leaves a factorization without pivoting as it is, and this one is within a factor n of the best (A. van der Sluis,
+    doi:10.1007/BF02165096).
     """
     mass = np.array(model.mass_matrix(np.zeros(model.n), np.zeros(model.nu), model.p_nominal))
     scale = 1.0 / np.sqrt(np.diag(mass))
@@ -94,13 +75,7 @@ def check_solvable(model: FingerModel) -> None:
 
 
 def check_single(name: str, labels: Sequence[str], arrays: Sequence[NDArray[np.float64] | None]) -> None:
-    """Refuse inputs of a function or call that single precision cannot hold; NaN and infinity are no concern here.
-
-    Raises
-    ------
-    InputError
-        If a finite number is too large.
-    """
+    """Refuse inputs of a function or call that single precision cannot hold; NaN and infinity are no concern here."""
     for label, array in zip(labels, arrays, strict=True):
         if array is None or not array.size or np.abs(array).max() <= _GREATEST:
             continue

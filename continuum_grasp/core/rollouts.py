@@ -38,14 +38,11 @@ class Rollouts:
     def __init__(self, step: ca.Function, library: ctypes.CDLL | None, single: bool) -> None:
         self._step = step
         self._single = single
-        self._code = self._levels = None
+        self._code = None
         self._chains: dict[int, ca.Function] = {}
         if library is not None:
-            if single:
-                self._levels = getattr(library, f"{step.name()}_levels")
-                self._levels.restype = None
-            self._code = getattr(library, f"{step.name()}_rollout{'' if single else 's'}")
-            self._code.restype = ctypes.c_longlong if single else None
+            self._code = getattr(library, f"{step.name()}_{'levels' if single else 'rollouts'}")
+            self._code.restype = None
 
     @classmethod
     def of(cls, step: ca.Function, compiled: bool = True) -> Rollouts:
@@ -65,26 +62,25 @@ class Rollouts:
     def __call__(
         self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array
     ) -> tuple[Array, NDArray[np.int64]]:
+        """States (rollouts, keep + 1, nx) from x0 (rollouts, nx), and how many after the first are finite, of each."""
+        if self._single:
+            (one,), valid = self.levels(x0, (1,), 1, keep, sub, h, u, w, p)
+            return one[None], valid
         states = np.full((len(x0), keep + 1, x0.shape[1]), np.nan)
         valid = np.zeros(len(x0), dtype=np.int64)
         if self._code is None:
             for r, start in enumerate(x0):
+                # One signal for all rollouts, or one each.
                 own = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
                 valid[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *own, p)
             return states, valid
-        whole, real = ctypes.c_longlong, ctypes.c_double
-        work = np.empty(max(self._step.sz_w(), 1))
-        integers = np.empty(max(self._step.sz_iw(), 1), dtype=np.int64)
-        tail = (pointer(p), ctypes.c_void_p(integers.ctypes.data), pointer(work), pointer(states))
-        begin = (whole(keep), whole(sub), real(h), pointer(x0))
-        if self._single:
-            signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
-            valid[0] = self._code(*begin, *signals, *tail)
-        else:
-            own_u = (pointer(u.rows), whole(u.in_time), whole(u.per_rollout))
-            own_w = (pointer(w.rows), whole(w.in_time), whole(w.per_rollout))
-            valid_at = ctypes.c_void_p(valid.ctypes.data)
-            self._code(whole(len(x0)), *begin, *own_u, *own_w, *tail, valid_at)
+        whole = ctypes.c_longlong
+        begin = (whole(len(x0)), whole(keep), whole(sub), ctypes.c_double(h), pointer(x0))
+        own_u = (pointer(u.rows), whole(u.in_time), whole(u.per_rollout))
+        own_w = (pointer(w.rows), whole(w.in_time), whole(w.per_rollout))
+        integers, work = self._scratch()
+        tail = (pointer(p), _whole_numbers(integers), pointer(work), pointer(states), _whole_numbers(valid))
+        self._code(*begin, *own_u, *own_w, *tail)
         return states, valid
 
     def levels(
@@ -101,28 +97,15 @@ class Rollouts:
     ) -> tuple[list[Array], NDArray[np.int64]]:
         """The same motion in steps of several lengths, in one call.
 
-        Parameters
-        ----------
-        x0 : (levels, nx) ndarray
-            State at the start, of each level.
-        ratios : sequence of int
-            Length of the steps of each level, per h; 1 for the first.
-        every : int
-            Stored states of the first level from one that the others store to the next.
-        keep, sub, h, u, w, p
-            As for one rollout; rows of u and w are at half steps of h.
-
-        Returns
-        -------
-        list of ndarray
-            States of each level.
-        valid : (levels,) ndarray
-            How many of them are finite, after the first.
+        x0 (levels, nx) is where each level starts, ``ratios`` the length of its steps per h, 1 for the first, and
+        ``every`` the stored states of the first level from one that the others store to the next. The other arguments
+        are those of one rollout, rows of u and w at half steps of h. Results: the states of each level, and how many
+        of them are finite after the first (levels,).
         """
-        whole, counts = ctypes.c_longlong, [keep if r == 1 else keep // every for r in ratios]
+        counts = [keep if r == 1 else keep // every for r in ratios]
         states = [np.full((count + 1, x0.shape[1]), np.nan) for count in counts]
         valid = np.zeros(len(states), dtype=np.int64)
-        if self._levels is None:
+        if self._code is None:
             for k, (r, count) in enumerate(zip(ratios, counts, strict=True)):
                 own = sub if r == 1 else sub * every // r
                 us, ws = (one.rows[0][:: r if one.in_time else 1] for one in (u, w))
@@ -130,20 +113,22 @@ class Rollouts:
                 if count:
                     valid[k] = self._on_virtual_machine(states[k], x0[k], count, own, h * r, us, ws, p)
             return states, valid
-        work = np.empty(max(self._step.sz_w(), 1))
-        integers = np.empty(max(self._step.sz_iw(), 1), dtype=np.int64)
-        lengths, places = np.array(ratios, dtype=np.int64), pointers(states)
-        begin = (whole(len(ratios)), ctypes.c_void_p(lengths.ctypes.data), whole(every), whole(keep), whole(sub))
+        whole, start, lengths = ctypes.c_longlong, np.ascontiguousarray(x0), np.array(ratios, dtype=np.int64)
+        begin = (whole(len(ratios)), _whole_numbers(lengths), whole(every), whole(keep), whole(sub), ctypes.c_double(h))
         signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
-        tail = (pointer(p), ctypes.c_void_p(integers.ctypes.data), pointer(work), places)
-        start = np.ascontiguousarray(x0)
-        valid_at = ctypes.c_void_p(valid.ctypes.data)
-        self._levels(*begin, ctypes.c_double(h), pointer(start), *signals, *tail, valid_at)
+        integers, work = self._scratch()
+        tail = (pointer(p), _whole_numbers(integers), pointer(work), pointers(states), _whole_numbers(valid))
+        self._code(*begin, pointer(start), *signals, *tail)
         return states, valid
+
+    def _scratch(self) -> tuple[NDArray[np.int64], Array]:
+        """Work space of whole and of real numbers, for each call its own, so that calls may overlap in threads."""
+        return np.empty(max(self._step.sz_iw(), 1), dtype=np.int64), np.empty(max(self._step.sz_w(), 1))
 
     def _on_virtual_machine(
         self, states: Array, x0: Array, keep: int, sub: int, h: float, u: Array, w: Array, p: Array
     ) -> int:
+        # One function of a whole chunk: a call per step would spend most of its time in Python.
         chunk = max(1, min(keep, _CHUNK // sub))
         states[0] = x0
         for k in range(0, keep, chunk):
@@ -151,7 +136,7 @@ class Rollouts:
             # Making a chain takes as long as running it, and the windows of a motion have few lengths.
             if length not in self._chains:
                 self._chains[length] = self._step.mapaccum("chain", length)
-            at = 2 * k * sub
+            at = 2 * k * sub  # rows are at half steps: start, middle and end of step i are rows 2i, 2i + 1, 2i + 2
             samples = [
                 rows[at + i : at + i + 2 * length - 1 : 2].T if len(rows) > 1 else np.repeat(rows.T, length, axis=1)
                 for rows in (u, w)
@@ -168,14 +153,12 @@ class Rollouts:
         return keep
 
 
-def row(name: str, value: ArrayLike, size: int) -> Array:
-    """A vector (size,).
+def _whole_numbers(array: NDArray[np.int64]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
 
-    Raises
-    ------
-    InputError
-        If it has another size, or is not finite.
-    """
+
+def row(name: str, value: ArrayLike, size: int) -> Array:
+    """A vector (size,)."""
     array = real_array(name, value).reshape(-1)
     if array.size != size:
         raise InputError(f"{name}: expected {size} entries, got {array.size}")
@@ -183,13 +166,7 @@ def row(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> Signal:
-    """Rows over half steps, for one rollout (``count`` None) or for many.
-
-    Raises
-    ------
-    InputError
-        If the shape fits no meaning, or two of them, or if an entry is not finite.
-    """
+    """Rows over half steps, for one rollout (``count`` None) or for many."""
     if value is None:
         return Signal(np.zeros((1, 1, size)), 0, 0)
     array = finite(name, real_array(name, value))

@@ -5,39 +5,34 @@ All of it takes and gives doubles; ``real`` is what it computes in.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
 
 import casadi as ca
 
-from continuum_grasp.core.lanes import lane_function, lane_prelude
+from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
 
-_BATCH = """
-static void cg_gather(const double *from, long long stride, long long count, int size, cg_lanes *to)
-{
-  for (int l = 0; l < CG_LANES; ++l) {
-    const double *row = from + (l < count ? l : count - 1) * stride;
-    for (int j = 0; j < size; ++j) to[j][l] = (cg_real)row[j];
-  }
-}
-static void cg_scatter(const cg_lanes *from, long long stride, long long count, int size, double *to)
-{
-  for (long long l = 0; l < count; ++l)
-    for (int j = 0; j < size; ++j) to[l * stride + j] = (double)from[j][l];
-}
-"""
+_PLACE = re.compile(r"<<(\w+)>>")
+_BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
 
-_DOUBLE_INPUTS = """
-      arg[1] = u; arg[2] = u + us; arg[3] = u + 2 * us;
-      arg[4] = w; arg[5] = w + ws; arg[6] = w + 2 * ws;
-      arg[7] = p; arg[8] = &h;"""
-_FLOAT_INPUTS = """
-      for (int a = 0; a < 3; ++a) {{
-        for (int j = 0; j < {nu}; ++j) vu[a][j] = (float)u[a * us + j];
-        for (int j = 0; j < {nw}; ++j) vw[a][j] = (float)w[a * ws + j];
-        arg[1 + a] = vu[a]; arg[4 + a] = vw[a];
-      }}
-      arg[7] = vp; arg[8] = &vh;"""
+
+def filled(text: str, words: Mapping[str, object]) -> str:
+    """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty."""
+    text = _BLOCK.sub(lambda match: match[2] if words[match[1]] else "", text)
+    return _PLACE.sub(lambda match: str(words[match[1]]), text)
+
+
+@cache
+def template(package: str, name: str) -> str:
+    """Text of a file in the folder ``templates`` of a package."""
+    return files(f"continuum_grasp.{package}").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _fill(file: str, /, **words: object) -> str:
+    return filled(template("core", file), words)
 
 
 def entry(function: ca.Function, real: str) -> str:
@@ -47,40 +42,47 @@ def entry(function: ca.Function, real: str) -> str:
 
 def function_source(function: ca.Function, real: str = "double") -> str:
     """CasADi's C of a function, with its own arguments; its symbol is given by ``entry``."""
+    code = generated(function.name(), function)
     if real == "double":
-        return generated(function.name(), function)
-    sizes_in, sizes_out = ([size(k) for k in range(count)] for size, count in _interface(function))
-    declared = "\n".join(
-        f"  float {letter}{k}[{max(size, 1)}];"
-        for letter, sizes in (("i", sizes_in), ("o", sizes_out))
-        for k, size in enumerate(sizes)
+        return code
+    inputs, outputs = _sizes(function)
+    declared = [f"  float i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)]
+    declared += [f"  float o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)]
+    return f"{single(code)}\n" + _fill(
+        "on_doubles.c",
+        **_names(function),
+        entry=entry(function, real),
+        declared="\n".join(declared),
+        narrow=_each("  for (int j = 0; j < {size}; ++j) i{k}[j] = (float)from[{k}][j];", inputs),
+        widen=_each("  for (int j = 0; j < {size}; ++j) to[{k}][j] = (double)o{k}[j];", outputs),
     )
-    narrow = "\n".join(
-        f"  for (int j = 0; j < {size}; ++j) i{k}[j] = (float)from[{k}][j];" for k, size in enumerate(sizes_in) if size
-    )
-    widen = "\n".join(
-        f"  for (int j = 0; j < {size}; ++j) to[{k}][j] = (double)o{k}[j];" for k, size in enumerate(sizes_out) if size
-    )
-    return f"""{single(generated(function.name(), function))}
-int {entry(function, real)}(const double **from, double **to, long long *iw, double *work, int mem)
-{{
-{declared}
-  const float *arg[{function.sz_arg()}] = {{{", ".join(f"i{k}" for k in range(len(sizes_in)))}}};
-  float *res[{function.sz_res()}] = {{{", ".join(f"o{k}" for k in range(len(sizes_out)))}}};
-{narrow}
-  const int failed = {function.name()}(arg, res, iw, (float *)work, mem);
-{widen}
-  return failed;
-}}
-"""
 
 
-def _interface(function: ca.Function) -> tuple[tuple[Callable[[int], int], int], ...]:
-    return (function.nnz_in, function.n_in()), (function.nnz_out, function.n_out())
+def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
+    """Sizes of inputs and outputs."""
+    inputs = [function.nnz_in(k) for k in range(function.n_in())]
+    return inputs, [function.nnz_out(k) for k in range(function.n_out())]
+
+
+def _each(pattern: str, sizes: Sequence[int]) -> str:
+    """A line for every argument that is not empty."""
+    return "\n".join(pattern.format(k=k, size=size) for k, size in enumerate(sizes) if size)
+
+
+def _names(function: ca.Function) -> dict[str, object]:
+    """Words about a function that the templates share."""
+    return {
+        "name": function.name(),
+        "vi": ", ".join(f"i{k}" for k in range(function.n_in())),
+        "vo": ", ".join(f"o{k}" for k in range(function.n_out())),
+        "sz_arg": function.sz_arg(),
+        "sz_res": function.sz_res(),
+    }
 
 
 def generated(name: str, *functions: ca.Function) -> str:
     """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
+    # static_aux: CasADi's help functions are static, so that several generated sources link.
     options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{name}.c", options)
     for function in functions:
@@ -88,37 +90,36 @@ def generated(name: str, *functions: ca.Function) -> str:
     return str(generator.dump())
 
 
+def lane_prelude(real: str) -> str:
+    """C that must stand before lane functions, whose lanes are ``real``: double or float."""
+    # <tgmath.h>: sin and the like of the lanes' own type, so that float lanes do not go through double.
+    return f"#include <tgmath.h>\ntypedef {real} cg_real;\n\n{template('core', 'lanes.h')}"
+
+
+def _in_lanes(function: ca.Function, real: str) -> str:
+    """A function on vectors of lanes, with what loads and stores them."""
+    return f"{lane_prelude(real)}\n{template('core', 'gather.c')}\n{lane_function(function, real)}"
+
+
 def batch_source(function: ca.Function, real: str = "double") -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
-    name, sizes = function.name(), [function.nnz_in(i) for i in range(function.n_in())]
-    outputs = [function.nnz_out(i) for i in range(function.n_out())]
-    inputs = "\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(sizes))
-    results = "\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs))
-    gather = "\n".join(
-        f"    if (!b || stride[{k}]) cg_gather(in[{k}] + b * stride[{k}], stride[{k}], m, {size}, i{k});"
-        for k, size in enumerate(sizes)
-        if size
+    inputs, outputs = _sizes(function)
+    gather = "    if (!b || stride[{k}]) cg_gather(in[{k}] + b * stride[{k}], stride[{k}], m, {size}, i{k});"
+    return f"{_in_lanes(function, real)}\n" + _fill(
+        "batch.c",
+        **_names(function),
+        inputs="\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)),
+        results="\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)),
+        gather=_each(gather, inputs),
+        scatter=_each("    cg_scatter(o{k}, {size}, m, {size}, out[{k}] + b * {size});", outputs),
     )
-    scatter = "\n".join(
-        f"    cg_scatter(o{k}, {size}, m, {size}, out[{k}] + b * {size});" for k, size in enumerate(outputs) if size
-    )
-    return f"""{lane_prelude(real)}{_BATCH}
-{lane_function(function, real)}
-int {name}_batch(long long count, const double *const *in, const long long *stride, double *const *out)
-{{
-{inputs}
-{results}
-  const cg_lanes *const vi[] = {{{", ".join(f"i{k}" for k in range(len(sizes)))}}};
-  cg_lanes *const vo[] = {{{", ".join(f"o{k}" for k in range(len(outputs)))}}};
-  for (long long b = 0; b < count; b += CG_LANES) {{
-    const long long m = count - b < CG_LANES ? count - b : CG_LANES;
-{gather}
-    {name}_lanes(vi, vo);
-{scatter}
-  }}
-  return 0;
-}}
-"""
+
+
+def _step_words(step: ca.Function) -> dict[str, object]:
+    """Words of a step's templates: sizes of x, u, w and p, and of their arrays, which in C have an entry at least."""
+    nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
+    least = {"nu1": max(nu, 1), "nw1": max(nw, 1), "np1": max(n_p, 1)}
+    return {**_names(step), "nx": nx, "nu": nu, "nw": nw, "np": n_p, **least}
 
 
 def rollout_source(step: ca.Function, real: str = "double") -> str:
@@ -130,48 +131,9 @@ def rollout_source(step: ca.Function, real: str = "double") -> str:
     ``real`` from step to step. ``NAME_levels`` does the same with steps of several lengths: ``ratio`` times h, the
     longer ones stored at every ``every``-th instant only.
     """
-    nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
-    code, before, inputs = generated(step.name(), step), "", _DOUBLE_INPUTS
-    if real == "float":
-        code, inputs = single(code), _FLOAT_INPUTS
-        before = f"""
-  float vu[3][{max(nu, 1)}], vw[3][{max(nw, 1)}], vp[{max(n_p, 1)}];
-  const float vh = (float)h;
-  for (int j = 0; j < {n_p}; ++j) vp[j] = (float)p[j];"""
-    return f"""{code}
-long long {step.name()}_rollout(long long keep, long long sub, double h, const double *x0,
-    const double *u, long long us, const double *w, long long ws, const double *p,
-    long long *iw, double *work, double *X)
-{{
-  {real} x[{nx}], next[{nx}];
-  const {real} *arg[{step.sz_arg()}];
-  {real} *res[{step.sz_res()}];{before}
-  for (int j = 0; j < {nx}; ++j) X[j] = (double)(x[j] = ({real})x0[j]);
-  for (long long k = 0; k < keep; ++k) {{
-    for (long long i = 0; i < sub; ++i) {{
-      arg[0] = x;{inputs.format(nu=nu, nw=nw)}
-      res[0] = next;
-      if ({step.name()}(arg, res, iw, ({real} *)work, 0)) return k;
-      for (int j = 0; j < {nx}; ++j) x[j] = next[j];
-      u += 2 * us;
-      w += 2 * ws;
-    }}
-    for (int j = 0; j < {nx}; ++j) if (!(x[j] - x[j] == 0)) return k;
-    for (int j = 0; j < {nx}; ++j) X[(k + 1) * {nx} + j] = (double)x[j];
-  }}
-  return keep;
-}}
-void {step.name()}_levels(long long levels, const long long *ratio, long long every, long long keep, long long sub,
-    double h, const double *x0, const double *u, long long us, const double *w, long long ws, const double *p,
-    long long *iw, double *work, double *const *X, long long *valid)
-{{
-  for (long long l = 0; l < levels; ++l) {{
-    const long long r = ratio[l], e = r == 1 ? 1 : every;
-    valid[l] = {step.name()}_rollout(keep / e, sub * e / r, h * (double)r, x0 + l * {nx}, u, us * r, w, ws * r, p,
-        iw, work, X[l]);
-  }}
-}}
-"""
+    code = generated(step.name(), step)
+    words = {"real": real, "single": real == "float", "double": real == "double"}
+    return f"{single(code) if real == 'float' else code}\n" + _fill("rollout.c", **_step_words(step), **words)
 
 
 def rollouts_source(step: ca.Function, real: str = "double") -> str:
@@ -180,48 +142,6 @@ def rollouts_source(step: ca.Function, real: str = "double") -> str:
     As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``valid`` receives the
     result of each.
     """
-    nx, nu, nw, n_p = (step.nnz_in(k) for k in (0, 1, 4, 7))
-    name = step.name()
-    head = f"""
-void {name}_rollouts(long long count, long long keep, long long sub, double h, const double *x0,
-    const double *u, long long us, long long ur, const double *w, long long ws, long long wr, const double *p,
-    long long *iw, double *work, double *X, long long *valid)
-{{"""
-    if not step.is_a("SXFunction"):
-        return f"""{rollout_source(step, real)}{head}
-  for (long long r = 0; r < count; ++r)
-    valid[r] = {name}_rollout(keep, sub, h, x0 + r * {nx}, u + r * ur, us, w + r * wr, ws, p, iw, work,
-        X + r * (keep + 1) * {nx});
-}}
-"""
-    return f"""{lane_prelude(real)}{_BATCH}
-{lane_function(step, real)}{head}
-  cg_lanes x[{nx}], next[{nx}], vp[{max(n_p, 1)}], vh[1], vu[3][{max(nu, 1)}], vw[3][{max(nw, 1)}];
-  const cg_lanes *const in[] = {{x, vu[0], vu[1], vu[2], vw[0], vw[1], vw[2], vp, vh}};
-  cg_lanes *const out[] = {{next}};
-  const long long row = (keep + 1) * {nx};
-  (void)iw; (void)work; (void)u; (void)us; (void)ur; (void)w; (void)ws; (void)wr; (void)p;
-  cg_gather(p, 0, 1, {n_p}, vp);
-  cg_gather(&h, 0, 1, 1, vh);
-  for (long long b = 0; b < count; b += CG_LANES) {{
-    const long long m = count - b < CG_LANES ? count - b : CG_LANES;
-    cg_gather(x0 + b * {nx}, {nx}, m, {nx}, x);
-    cg_scatter(x, row, m, {nx}, X + b * row);
-    for (long long l = 0; l < m; ++l) valid[b + l] = keep;
-    for (long long k = 0, t = 0; k < keep; ++k) {{
-      for (long long i = 0; i < sub; ++i, t += 2) {{
-        for (int a = 0; a < 3; ++a) {{
-          if (us || !t) cg_gather(u + b * ur + (t + a) * us, ur, m, {nu}, vu[a]);
-          if (ws || !t) cg_gather(w + b * wr + (t + a) * ws, wr, m, {nw}, vw[a]);
-        }}
-        {name}_lanes(in, out);
-        for (int j = 0; j < {nx}; ++j) x[j] = next[j];
-      }}
-      cg_scatter(x, row, m, {nx}, X + b * row + (k + 1) * {nx});
-      for (long long l = 0; l < m; ++l)
-        for (int j = 0; j < {nx}; ++j)
-          if (valid[b + l] == keep && !(x[j][l] - x[j][l] == 0)) valid[b + l] = k;
-    }}
-  }}
-}}
-"""
+    if not step.is_a("SXFunction"):  # has calls and branches of its own, which lanes cannot take together
+        return f"{rollout_source(step, real)}\n" + _fill("rollouts.c", **_step_words(step))
+    return f"{_in_lanes(step, real)}\n" + _fill("lane_rollouts.c", **_step_words(step))

@@ -14,7 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import arguments_of, reach_of, split
+from continuum_grasp.export.vectors import reach_of, split
 
 Array = NDArray[Any]
 
@@ -34,21 +34,14 @@ _MARGIN = 2.0
 
 @dataclass(frozen=True)
 class OutputError:
-    """Rounding error of one field of an output.
-
-    Attributes
-    ----------
-    name, unit : str
-    bound : float
-        Greatest difference from double precision, in the unit of the field.
-    greatest : float
-        Greatest absolute value within the ranges.
-    """
+    """Rounding error of one field of an output."""
 
     name: str
     unit: str
     bound: float
+    """Greatest difference from double precision, in the unit of the field."""
     greatest: float
+    """Greatest absolute value within the ranges."""
 
     @property
     def relative(self) -> float:
@@ -60,24 +53,20 @@ def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple
     """Bound the rounding errors of a function in single precision, per field of its output.
 
     The bound is twice the greatest error of some ten thousand rows that cover the ranges and their corners, rounded up.
-    What has no range is sampled up to the size of usual values (``Field.scale``).
-
-    Parameters
-    ----------
-    subject : Subject
-    narrow, wide : Call
-        The function in single and in double precision.
-    seed : int
+    What has no range is sampled up to the size of usual values (``Field.scale``). ``narrow`` and ``wide`` are the
+    function in single and in double precision.
     """
     rng = np.random.default_rng((seed, 1))
-    arguments = arguments_of(subject, narrow)
-    chunks = [sampled_rows(arguments, rng, _CHUNK, ends=k >= _UNIFORM) for k in range(_UNIFORM + _ENDS)]
+    arguments = subject.passed_to(narrow)
+    low, high = reach_of(arguments)
+    chunks = [_drawn(low, high, rng, ends=k >= _UNIFORM) for k in range(_UNIFORM + _ENDS)]
     best: list[list[tuple[float, Array]]] = [[] for _ in range(narrow.output.size)]
-    greatest, low_high = np.zeros(narrow.output.size), reach_of(arguments)
+    greatest = np.zeros(narrow.output.size)
     for k in range(_UNIFORM + _ENDS + _CLIMBS):
-        rows = chunks[k] if k < len(chunks) else _around([row for held in best for _, row in held], *low_high, rng)
+        rows = chunks[k] if k < len(chunks) else _around([row for held in best for _, row in held], low, high, rng)
         rows = rows.astype(subject.real.dtype)
-        off, size = differences(subject, narrow, wide, rows)
+        # The rows themselves are in single precision: the error is that of the function, not of its inputs.
+        off, size = _differences(narrow, wide, rows, arguments)
         greatest = np.maximum(greatest, size.max(axis=0))
         for j, held in enumerate(best):
             held += [(float(off[i, j]), rows[i]) for i in np.argsort(off[:, j])[-_BEST:]]
@@ -86,25 +75,22 @@ def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple
     return _by_field(narrow.output, np.array([held[0][0] for held in best]), greatest)
 
 
-def sampled_rows(arguments: Sequence[Argument], rng: np.random.Generator, count: int, *, ends: bool) -> Array:
-    """Rows over the ranges of the arguments, drawn uniformly or with half of the entries at the ends."""
-    low, high = reach_of(arguments)
-    rows = rng.uniform(low, high, (count, len(low)))
+def _drawn(low: Array, high: Array, rng: np.random.Generator, *, ends: bool) -> Array:
+    """Rows over ranges, drawn uniformly or with half of the entries at the ends, where rounding is often greatest."""
+    rows = rng.uniform(low, high, (_CHUNK, len(low)))
     if not ends:
         return rows
     picked = rng.integers(0, 4, rows.shape)
     return np.where(picked == 0, low, np.where(picked == 1, high, rows))
 
 
-def differences(subject: Subject, narrow: Call, wide: Call, rows: Array) -> tuple[Array, Array]:
+def _differences(narrow: Call, wide: Call, rows: Array, arguments: list[Argument]) -> tuple[Array, Array]:
     """Absolute differences and absolute values in double (count, outputs).
 
     Zero in rows that are refused, and in those of which a code warns that they are out of range or leave it.
     """
-    arguments = arguments_of(subject, narrow)
-    given = split(rows, list(arguments))
-    found, codes = narrow.reference(given)
-    true, _ = wide.reference(split(rows.astype(REALS["double"].dtype), list(arguments)))
+    found, codes = narrow.reference(split(rows, arguments))
+    true, _ = wide.reference(split(rows.astype(REALS["double"].dtype), arguments))
     good = ((codes >= 0) & (codes != Code.WARN_LEFT_RANGE))[:, None]
     with np.errstate(invalid="ignore"):
         return np.where(good, np.abs(found - true), 0.0), np.where(good, np.abs(true), 0.0)
@@ -128,32 +114,20 @@ def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputErro
 
 
 def _rounded_up(value: float) -> float:
-    """Two digits."""
+    """Two digits, upwards, since it is to remain a bound."""
     if not value > 0.0:
         return 0.0
     digits = 1 - math.floor(math.log10(value))
     return float(f"{math.ceil(value * 10.0**digits) / 10.0**digits:.2g}")
 
 
-def worst_of(errors: Mapping[str, tuple[OutputError, ...]]) -> dict[str, float]:
-    """Greatest relative error of each function."""
-    return {name: max(one.relative for one in outputs) for name, outputs in errors.items()}
-
-
-def check_errors(real: Real, errors: Mapping[str, float], asked: float) -> None:
-    """Whether the functions are as accurate as asked.
-
-    Raises
-    ------
-    InputError
-        If one is not.
-    """
-    if not errors:
-        return
-    worst = max(errors, key=lambda name: errors[name])
-    if errors[worst] > asked:
+def check_errors(real: Real, errors: Mapping[str, tuple[OutputError, ...]], asked: float) -> None:
+    """Refuse functions of which one has a greater relative error than asked."""
+    found = {name: max(one.relative for one in outputs) for name, outputs in errors.items()}
+    worst = max(found, key=lambda name: found[name], default="")
+    if found and found[worst] > asked:
         raise InputError(
-            f"{real.name} gives {worst} a relative error of {errors[worst]:.1g} within the ranges, "
+            f"{real.name} gives {worst} a relative error of {found[worst]:.1g} within the ranges, "
             f"{asked:.1g} was asked for: take real='double', or a smaller bending_range, or fewer elements",
             key="error",
         )

@@ -14,12 +14,10 @@ import casadi as ca
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
 from continuum_grasp.export.package import Package
-from continuum_grasp.export.source import Given, prefix_of, source_of
-from continuum_grasp.model import FingerModel
+from continuum_grasp.export.source import Given, chosen, prefix_of, source_of
 from continuum_grasp.model.finger_model import FUNCTIONS
 
 STEP = "rk4_step"
@@ -76,15 +74,11 @@ def export_casadi(
     """
     model = source_of(given, REALS["double"]).model
     known = (*FUNCTIONS, STEP)
-    names = known if functions is None else tuple(functions)
-    for name in names:
-        if name not in known:
-            raise InputError(f"expected some of {', '.join(known)}, got {name!r:.60}", key="functions")
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"expected one function or more, each once, got {list(names)}", key="functions")
+    names = chosen(known if functions is None else functions, known, "function", "functions")
     prefix = prefix_of(prefix)
-    chosen = {name: _renamed(_function(model, name), f"{prefix}_{name}") for name in names}
-    source, header = _generated(prefix, chosen.values())
+    asked = {name: step_function(model, "rk4") if name == STEP else getattr(model, name) for name in names}
+    renamed = {name: _renamed(function, f"{prefix}_{name}") for name, function in asked.items()}
+    source, header = _generated(prefix, renamed.values())
     files = {f"{prefix}.c": source, f"{prefix}.h": header}
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     manifest = {
@@ -92,7 +86,7 @@ def export_casadi(
         "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
         "configuration_hash": digests[f"{prefix}.c"][:16],
         "model": model_description(model),
-        "functions": {name: _interface(function) for name, function in chosen.items()},
+        "functions": {name: _interface(function) for name, function in renamed.items()},
         "sha256": digests,
     }
     files[MANIFEST] = manifest_text(manifest)
@@ -100,11 +94,8 @@ def export_casadi(
     return Package(Path(folder), tuple(sorted(files)), manifest)
 
 
-def _function(model: FingerModel, name: str) -> ca.Function:
-    return step_function(model, "rk4") if name == STEP else getattr(model, name)
-
-
 def _renamed(function: ca.Function, name: str) -> ca.Function:
+    # An SX function stays one: called with MX symbols its C would be a wrapper around another function.
     symbols: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     return ca.Function(name, symbols, function.call(symbols), function.name_in(), function.name_out())
 
@@ -119,13 +110,7 @@ def _interface(function: ca.Function) -> dict[str, Any]:
 
 
 def _generated(prefix: str, functions: Any) -> tuple[str, str]:
-    """Source and header.
-
-    Raises
-    ------
-    OSError
-        The files are not whole: CasADi writes to files alone, and reports nothing where the disk is full.
-    """
+    """Source and header; OSError where the disk is full."""
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
     for function in functions:
@@ -133,6 +118,7 @@ def _generated(prefix: str, functions: Any) -> tuple[str, str]:
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
         texts = [(Path(folder) / f"{prefix}.{suffix}").read_text() for suffix in ("c", "h")]
+    # CasADi writes to files alone, and reports nothing where the disk is full.
     if not all(text.endswith("#endif\n") for text in texts):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
     return texts[0], texts[1]

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.core.precision import literal, precision_of
+from continuum_grasp.core.precision import literal
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,6 @@ class Real:
     def width(self) -> int:
         """Bits of a number."""
         return 8 * int(np.dtype(self.dtype).itemsize)
-
-    @property
-    def bits_suffix(self) -> str:
-        """Behind the u of a literal of so many bits."""
-        return "" if self.width == 32 else "ll"
 
     @property
     def exponent_mask(self) -> int:
@@ -56,15 +52,17 @@ class Real:
         return float(self.dtype(value))
 
     def literal(self, value: float) -> str:
-        """C that means exactly ``rounded(value)``, in parentheses where negative.
-
-        Raises
-        ------
-        InputError
-            If it is outside the range of single precision.
-        """
+        """C that means exactly ``rounded(value)``; negative ones in parentheses, so that -(-1) is no decrement."""
         text = literal(float(value), self.name, str(self.dtype(value)))
         return f"({text})" if text.startswith("-") else text
+
+    def finite_literal(self, value: float) -> str:
+        """The literal of the nearest finite number: C99 has none of infinity."""
+        return self.literal(min(max(float(value), -self.greatest), self.greatest))
+
+    def bit_pattern(self, bits: int) -> str:
+        """Unsigned literal of C for the bits of a number."""
+        return f"{hex(bits)}u{'' if self.width == 32 else 'll'}"
 
     def hexadecimal(self, value: float) -> str:
         """The number as a hexadecimal floating literal of C99."""
@@ -75,17 +73,6 @@ REALS = {
     "float": Real("float", np.float32, np.uint32, 23, 127, float(np.finfo(np.float32).eps)),
     "double": Real("double", np.float64, np.uint64, 52, 1023, float(np.finfo(np.float64).eps)),
 }
-
-
-def real_of(name: Any) -> Real:
-    """The type of a name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    return REALS[precision_of(name)]
 
 
 _LINE = 115
@@ -111,6 +98,13 @@ class Field:
     def size(self) -> int:
         """Count of numbers."""
         return math.prod(self.shape)
+
+    @property
+    def limits(self) -> str:
+        """The range in words; empty where any finite number will do."""
+        if self.high < math.inf:
+            return f"{self.low:.6g} to {self.high:.6g}"
+        return f"{self.low:.6g} or more" if self.low > -math.inf else ""
 
     def within(self, low: float, high: float, scale: float) -> Field:
         """The same with a range and the size of usual values."""
@@ -147,19 +141,32 @@ class Struct:
     def reader(self, prefix: str) -> str:
         """C that copies the struct to an array."""
         lines = [f"  to[{k}] = from->{place};" for k, place in enumerate(self._places())]
-        head = f"{prefix.upper()}_API static void read_{self.name}(const {prefix}_{self.name} *from, {prefix}_real *to)"
-        return "\n".join([head, "{", *lines, "}", ""])
+        return _function(prefix, f"read_{self.name}(const {prefix}_{self.name} *from, {prefix}_real *to)", lines)
 
     def writer(self, prefix: str) -> str:
         """C that copies an array to the struct."""
         lines = [f"  to->{place} = from[{k}];" for k, place in enumerate(self._places())]
-        head = (
-            f"{prefix.upper()}_API static void write_{self.name}(const {prefix}_real *from, {prefix}_{self.name} *to)"
-        )
-        return "\n".join([head, "{", *lines, "}", ""])
+        return _function(prefix, f"write_{self.name}(const {prefix}_real *from, {prefix}_{self.name} *to)", lines)
 
     def _places(self) -> list[str]:
-        return [field.name + index for field in self.fields for index in _indices(field.shape)]
+        """Members and entries of arrays, the last index fastest, as in C."""
+        return [
+            field.name + "".join(f"[{k}]" for k in index)
+            for field in self.fields
+            for index in itertools.product(*map(range, field.shape))
+        ]
+
+
+def _function(prefix: str, signature: str, lines: Sequence[str]) -> str:
+    return "\n".join([f"{prefix.upper()}_API static void {signature}", "{", *lines, "}", ""])
+
+
+def each_once(structs: Iterable[Struct]) -> list[Struct]:
+    """Structs by their names, the first of each."""
+    found: dict[str, Struct] = {}
+    for struct in structs:
+        found.setdefault(struct.name, struct)
+    return list(found.values())
 
 
 def outside(struct: Struct, rows: NDArray[Any]) -> NDArray[np.bool_]:
@@ -168,22 +175,7 @@ def outside(struct: Struct, rows: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(((rows < low) | (rows > high)).any(axis=1))
 
 
-def fields_of(labels: Sequence[str]) -> tuple[Field, ...]:
-    """Entries of a model's vector, from its labels ``name [unit]``."""
-    pairs = (label.removesuffix("]").split(" [", 1) for label in labels)
-    return tuple(Field(name, unit) for name, unit in pairs)
-
-
 def _comment(field: Field) -> str:
-    limits = "" if field.low == -math.inf and field.high == math.inf else f", {field.low:.6g} to {field.high:.6g}"
-    if field.high == math.inf and field.low > -math.inf:
-        limits = f", {field.low:.6g} or more"
+    limits = f", {field.limits}" if field.limits else ""
     text = f"; {field.text}" if field.text else ""
     return f"/* [{field.unit}]{limits}{text} */"
-
-
-def _indices(shape: tuple[int, ...]) -> list[str]:
-    places = [""]
-    for count in shape:
-        places = [f"{place}[{k}]" for place in places for k in range(count)]
-    return places

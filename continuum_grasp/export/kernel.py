@@ -78,31 +78,17 @@ _SHOWN = {"SQ": "*", "MUL": "*", "ADD": "+", "SUB": "-", "TWICE": "+", "DIV": "/
 
 
 class Kernel:
-    """A CasADi function as C without a library.
+    """A CasADi function as C without a library: an SX function with named inputs and outputs.
 
-    Parameters
-    ----------
-    name : str
-        Name in C, behind the prefix of the package.
-    function : casadi.Function
-        An SX function with named inputs and outputs.
-    text : str
-        What it computes, in one line.
-
-    Attributes
-    ----------
-    inputs, outputs : dict of str to int
-        Sizes by name; inputs that the function does not read are left out.
-
-    Raises
-    ------
-    InputError
-        If the function needs an operation that has no strict C here.
+    ``name`` stands behind the prefix of the package, ``text`` is what it computes, in one line. ``inputs`` and
+    ``outputs`` are sizes by name; inputs that the function does not read are left out. InputError where an operation
+    has no strict C here.
     """
 
     def __init__(self, name: str, function: ca.Function, text: str) -> None:
         self.name, self.text = name, text
         symbols = function.sx_in()
+        # Structural zeros too are written: outputs are arrays and structs, of which C must fill every entry.
         dense = [ca.densify(value) for value in function.call(symbols)]
         self._function = f = ca.Function(name, symbols, dense, function.name_in(), function.name_out())
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
@@ -138,13 +124,7 @@ class Kernel:
         return f"{prefix}_kernel_{self.name}({given});"
 
     def c_source(self, prefix: str, real: Real) -> str:
-        """The C definition.
-
-        Raises
-        ------
-        InputError
-            If a constant is outside the range of single precision.
-        """
+        """The C definition."""
         return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
 
     def lane_source(self, real: Real) -> str:
@@ -168,10 +148,11 @@ class Kernel:
     def _body(self, kind: str, real: Real, expressions: dict[int, str]) -> list[str]:
         """C between the braces, in single assignments of the type ``kind``."""
         f, lanes = self._function, kind == "lanes"
+        # By places of CasADi's work vector, which are used again: each holds the name that was written to it last.
+        values: dict[int, str] = {}
+        constants: set[int] = set()  # places of literals, which functions of lanes take as vectors
         loads: dict[tuple[int, int], str] = {}
         lines: list[str] = []
-        values: dict[int, str] = {}
-        constants: set[int] = set()
         words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
         for k, operation in enumerate(self._operations):
             arguments, results = f.instruction_input(k), f.instruction_output(k)
@@ -196,24 +177,12 @@ class Kernel:
             lines.append(f"  const {kind} a{k} = {text};")
             values[results[0]] = f"a{k}"
             constants.discard(results[0])
+        # All inputs are read before the first output is written, so that outputs may be the inputs themselves.
         inputs = [f"  const {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
         return ["{", *inputs, *lines, "}"]
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
-        """What the C computes, to the last bit, for many rows of inputs.
-
-        Parameters
-        ----------
-        real : Real
-            What to compute in.
-        **rows : (count, size) ndarray
-            Inputs by name; more than it reads may be given.
-
-        Returns
-        -------
-        dict of str to ndarray
-            (count, size) by name.
-        """
+        """What the C computes, to the last bit, for rows (count, size) of inputs by name; outputs of the same form."""
         f, t = self._function, real.dtype
         columns = {name: np.asarray(rows[name], dtype=t) for name in self.inputs}
         count = len(next(iter(rows.values())))

@@ -15,9 +15,7 @@ from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.layer import calls_of, codes_of_package, kernels_of, stateful_of, structs_of
-from continuum_grasp.export.part import Part
-from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.layer import Contents
 from continuum_grasp.model import FingerModel
 
 FLAGS = {
@@ -29,10 +27,8 @@ fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-
 
 
 def manifest(
-    subject: Subject,
-    parts: Sequence[Part],
+    contents: Contents,
     *,
-    words: Mapping[str, str],
     target: str,
     files: Mapping[str, str],
     errors: Mapping[str, tuple[OutputError, ...]],
@@ -41,7 +37,7 @@ def manifest(
     configuration: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """All of it, as plain values."""
-    model = subject.model
+    subject, model, words = contents.subject, contents.subject.model, contents.words
     return {
         "name": subject.prefix,
         "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
@@ -49,11 +45,11 @@ def manifest(
         "configuration_hash": words["hash"],
         "real": subject.real.name,
         "target": target,
-        "parts": [part.name for part in parts],
+        "parts": [part.name for part in contents.parts],
         "model": model_description(model),
         "flags": FLAGS,
-        "dimensions": {"n": subject.n, "nx": subject.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
-        "structs": {s.name: [_entry(field) for field in s.fields] for s in structs_of(subject, parts)},
+        "dimensions": {"n": subject.model.n, "nx": subject.model.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
+        "structs": {s.name: [_entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": dict(
             zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)
         ),
@@ -64,7 +60,7 @@ def manifest(
                 "test_cases": vectors[call.name],
                 **_errors(errors.get(call.name, ()), "bound"),
             }
-            for call in calls_of(parts)
+            for call in contents.calls
         }
         | {
             function.name: {
@@ -74,11 +70,12 @@ def manifest(
                 **_errors(errors.get(function.name, ()), "greatest_seen"),
                 "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
             }
-            for function in stateful_of(parts)
+            for function in contents.stateful
         },
-        "codes": {code.name: {"value": int(code), "text": code.text} for code in codes_of_package(parts)},
-        "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in kernels_of(parts)},
+        "codes": {code.name: {"value": int(code), "text": code.text} for code in contents.codes},
+        "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in contents.kernels},
         "stability": {
+            # Rounded: the last digits of eigenvalues differ from one LAPACK to the next.
             "greatest_rate_1_per_s": float(f"{subject.radius:.6g}"),
             "substeps": subject.substeps,
             "longest_step_s": subject.longest_step,
@@ -131,13 +128,18 @@ def _entry(field: Field) -> dict[str, Any]:
 MANIFEST = "MANIFEST.json"
 
 
-def write_package(folder: Path, files: Mapping[str, str]) -> None:
-    """Every file whole, the manifest last; files of an earlier package that are of no more use are removed.
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write files into a temporary folder, by their paths in it."""
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
 
-    Raises
-    ------
-    InputError
-        If a file of that name is there that no export wrote, or that was changed since; nothing is written then.
+
+def write_package(folder: Path, files: Mapping[str, str]) -> None:
+    """Write every file whole, the manifest last; remove files of an earlier package that are of no more use.
+
+    InputError, before anything is written, if a file of that name is there that no export wrote or that was changed.
     """
     from continuum_grasp.results import kind_of_run, write_text
 
@@ -151,6 +153,7 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
             raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
     for name in earlier.keys() - files.keys():
         path = folder / name
+        # A manifest may have been edited: what it lists outside of the folder, or was changed since, is not ours.
         if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) == earlier[name]:
             path.unlink()
     for name, text in files.items():

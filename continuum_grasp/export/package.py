@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds, worst_of
+from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.control.replay import SIZES, UNKNOWN, stateful_usage, stateful_vectors
-from continuum_grasp.export.fields import REALS, real_of
-from continuum_grasp.export.layer import abi_of, calls_of, library_files, stateful_of
+from continuum_grasp.export.control.replay import stateful_vectors
+from continuum_grasp.export.control.source import SIZES, UNKNOWN
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
-from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
+from continuum_grasp.export.source import Given, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.targets import Target, example_files, measure, target_of
-from continuum_grasp.export.template import fill
+from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 
 _ASKED_ERROR = 1e-2
@@ -116,61 +116,50 @@ def export_c(
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     asked = positive(error, "error")
-    aim = target_of(target)
-    kind = real_of(aim.real(real))
+    target, computed_in = target_of(target, real)
+    kind = REALS[computed_in]
     source = source_of(given, kind)
     names = parts_of(what, source)
-    longest = positive(step, "step") if step is not None else source.step
-    subject = Subject.of(
-        source.model,
-        prefix_of(prefix),
-        kind,
-        ranges or {},
-        longest if "step" in names else None,
-        count_of(substeps),
-    )
+    longest = source.step if step is None else positive(step, "step")
+    if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
+        longest = None
+    subject = Subject.of(source.model, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
     if source.loop is not None:
-        loop = Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS])
-        subject = replace(subject, loop=loop)
+        subject = replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))
     parts = [PARTS[name](subject) for name in names]
-    wide = [PARTS[part.name](replace(subject, real=REALS["double"])) for part in parts]
+    # The same in double: the truth for the errors of single precision.
+    wide = [PARTS[name](replace(subject, real=REALS["double"])) for name in names]
+    contents = _contents(subject, parts, source.title)
     errors: dict[str, tuple[OutputError, ...]] = {}
     if kind.name == "float":
-        errors = {
-            narrow.name: error_bounds(subject, narrow, true, seed)
-            for seed, (narrow, true) in enumerate(zip(calls_of(parts), calls_of(wide), strict=True))
-        }
+        exact = (call for part in wide for call in part.calls)
+        for seed, (narrow, true) in enumerate(zip(contents.calls, exact, strict=True)):
+            errors[narrow.name] = error_bounds(subject, narrow, true, seed)
     limit = _ASKED_ERROR if asked is None else asked
-    check_errors(kind, worst_of(errors), limit)
-    vectors = vectors_of(subject, calls_of(parts)) if calls_of(parts) else []
-    words = _common_words(subject, parts, source)
-    files = library_files(subject, parts, words)
-    if stateful_of(parts):
-        added, more = stateful_vectors(subject, parts, wide, files, words)
-        check_errors(kind, worst_of(more), limit)
+    check_errors(kind, errors, limit)
+    vectors = vectors_of(subject, contents.calls)
+    files = library_files(contents)
+    if contents.stateful:
+        added, more = stateful_vectors(contents, wide, files)
+        check_errors(kind, more, limit)
         vectors += added
         errors |= more
-        files = library_files(subject, parts, words)
-    files |= _further_files(subject, parts, aim, vectors, words)
-    target_folder = Path(folder)
+        files = library_files(contents)  # again: now with the bytes of the memory
+    files |= _further_files(contents, target, vectors)
     counts = {v.name: v.count for v in vectors}
-    found = measure(files, prefix, aim) if measured else None
+    found = measure(files, target) if measured else None
     files["README.md"] = readme(
-        subject,
-        parts,
-        words=words,
+        contents,
         errors=errors,
         vectors=counts,
         measured=found,
         source=source.name,
-        wasm=aim.name == "wasm",
-        touching=source.touching,
+        wasm=target == "wasm",
+        touching=(source.configuration or {}).get("object") is not None,
     )
     values = manifest(
-        subject,
-        parts,
-        words=words,
-        target=aim.name,
+        contents,
+        target=target,
         files=files,
         errors=errors,
         vectors=counts,
@@ -178,79 +167,56 @@ def export_c(
         configuration=source.configuration,
     )
     files[MANIFEST] = manifest_text(values)
-    write_package(target_folder, files)
-    return Package(target_folder, tuple(sorted(files)), values)
+    write_package(Path(folder), files)
+    return Package(Path(folder), tuple(sorted(files)), values)
 
 
-def _further_files(
-    subject: Subject, parts: Sequence[Part], target: Target, vectors: Sequence[Vectors], words: dict[str, str]
-) -> dict[str, str]:
+def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:
     """Tests, examples, and what builds and finds the library."""
-    prefix = subject.prefix
+    prefix = contents.subject.prefix
     files = {
-        "tests/vectors.h": vectors_source(subject, vectors, words),
-        "tests/check.c": check_source(subject, vectors, words),
-        f"examples/python/{prefix}.py": python_binding(subject, parts, words),
-        f"{prefix}.pc.in": fill("pkgconfig.pc.in", words),
-        **{f"tests/{name}": fill(f"tests/{name}", words) for name in ("main.c", "fuzz.c", "threads.c")},
-        **{f"cmake/{name}": fill(f"cmake/{name}", words) for name in _CMAKE},
-        **{name: fill(name, words) for name in ("CMakeLists.txt", "LICENSE", "package.xml")},
-        **example_files(subject, parts, target, words),
+        "tests/vectors.h": vectors_source(contents, vectors),
+        "tests/check.c": check_source(contents, vectors),
+        f"examples/python/{prefix}.py": python_binding(contents),
+        f"{prefix}.pc.in": contents.fill("pkgconfig.pc.in"),
+        **{name: contents.fill(name) for name in _AS_THEY_ARE},
+        **example_files(contents, target),
     }
-    if target.name == "wasm":
-        files |= wasm_files(subject, parts, words)
-    return files
+    return files | (wasm_files(contents) if target == "wasm" else {})
 
 
-_CMAKE = ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")
+_AS_THEY_ARE = (
+    *(f"tests/{name}" for name in ("main.c", "fuzz.c", "threads.c")),
+    *(f"cmake/{name}" for name in ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")),
+    *("CMakeLists.txt", "LICENSE", "package.xml"),
+)
 
 
-def _common_words(subject: Subject, parts: Sequence[Part], source: Source) -> dict[str, str]:
-    """What the templates have in common."""
-    number = re.match(r"\d+(\.\d+)*", __version__)
-    words = {
-        "p": subject.prefix,
-        "P": subject.prefix.upper(),
-        "version": __version__,
-        "number": number[0] if number else "0",
-        "version3": ".".join([*(number[0] if number else "0").split("."), "0", "0"][:3]),
-        "real": subject.real.name,
-        "title": source.title,
-        "sources": " ".join(_library_sources(subject.prefix, parts)),
-        "count": str(len(calls_of(parts)) + len(stateful_of(parts))),
-        "check_memory": "".join(
-            f"\n  {subject.prefix}_{name} {name};" for function in stateful_of(parts) for name in function.types
-        )
-        or "\n  int nothing;",
-        **dict.fromkeys(SIZES, UNKNOWN),
-        "adds_up": "10" if subject.real.name == "float" else "1000",
-        "tolerance": "2e-3" if subject.real.name == "float" else "1e-11",
-        "usage": _usage(subject, parts),
-    }
-    return words | {"abi": abi_of(subject, parts, words)}
-
-
-def _library_sources(prefix: str, parts: Sequence[Part]) -> list[str]:
-    """C files of the library below ``src``, without their suffix."""
-    paths = dict.fromkeys(path for part in parts for path in part.sources)
-    own = [path for path in paths if path.startswith("src/") and path.endswith(".c")]
-    return [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in own)]
-
-
-def _usage(subject: Subject, parts: Sequence[Part]) -> str:
-    """C of a first call."""
-    if not calls_of(parts):
-        return stateful_usage(subject.prefix, stateful_of(parts)[-1])
-    prefix, call = subject.prefix, next((c for c in calls_of(parts) if c.name == "step"), calls_of(parts)[0])
-    lines = [f"{prefix}_model model;"]
-    lines += [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in call.inputs if a.is_struct]
-    if call.output.kind.name != "state":
-        lines.append(f"{prefix}_{call.output.kind.name} {call.output.name};")
-    numbers = [f"&{a.name}" if a.is_struct else f"{subject.accurate_step:g}" for a in call.inputs]
-    last = "&state" if call.output.kind.name == "state" else f"&{call.output.name}"
-    lines += [
-        f"int code = {prefix}_init(&model);",
-        f"code = {prefix}_{call.name}({', '.join(['&model', *numbers, last])});",
-        f"if (code < 0) report({prefix}_strerror(code));",
-    ]
-    return "\n".join(lines)
+def _contents(subject: Subject, parts: Sequence[Part], title: str) -> Contents:
+    """Parts with what their templates have in common."""
+    match = re.match(r"\d+(\.\d+)*", __version__)
+    prefix, number, single = subject.prefix, match[0] if match else "0", subject.real.name == "float"
+    contents = Contents(subject, parts, {})
+    own = [path for path in contents.sources if path.startswith("src/") and path.endswith(".c")]
+    sources = [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in own)]
+    memory = "".join(f"\n  {prefix}_{name} {name};" for function in contents.stateful for name in function.types)
+    contents.words.update(
+        {
+            "p": prefix,
+            "P": prefix.upper(),
+            "version": __version__,
+            "number": number,
+            "version3": ".".join([*number.split("."), "0", "0"][:3]),  # package.xml of ROS asks for three numbers
+            "real": subject.real.name,
+            "title": title,
+            "sources": " ".join(sources),
+            "count": str(len(contents.calls) + len(contents.stateful)),
+            "check_memory": memory or "\n  int nothing;",  # C takes no empty struct
+            **dict.fromkeys(SIZES, UNKNOWN),
+            # Of fast builds: -ffast-math reorders sums, and rounding adds up along the calls of an episode.
+            "adds_up": "10" if single else "1000",
+            "tolerance": "2e-3" if single else "1e-11",
+        }
+    )
+    contents.words["abi"] = abi_of(contents)
+    return contents

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.export.control.host import Host
-from continuum_grasp.export.fields import Field, Struct
+from continuum_grasp.export.fields import Field, Struct, each_once
 from continuum_grasp.export.kernel import Kernel
 
 Array = NDArray[Any]
@@ -33,7 +32,7 @@ class Code(IntEnum):
     text: str
 
     def __new__(cls, value: int, text: str) -> Code:
-        """A code with its explanation."""
+        """Make a code with its explanation."""
         made = int.__new__(cls, value)
         made._value_ = value
         made.text = text
@@ -67,6 +66,11 @@ class Bad:
     code: Code
 
 
+ROW_FLAGS = 4
+"""Numbers before the others of a row of a stateful function: begin anew, late, whether something else was applied, and
+the kind of the call."""
+
+
 @dataclass(frozen=True)
 class Vectors:
     """Rows of one function: inputs (count, inputs), outputs (count, outputs), codes (count); and bad inputs."""
@@ -83,8 +87,7 @@ class Vectors:
     close: int
     """Count of the outputs, the first ones, that must agree where rounding may differ."""
     stateful: bool = False
-    """Whether a row depends on those before: of the memory of the function; such rows have four flags first, of
-    which the first says whether the function begins anew, and the last of which kind the call is."""
+    """Whether a row depends on those before, by the memory of the function; such rows have ``ROW_FLAGS`` first."""
 
     @property
     def count(self) -> int:
@@ -114,6 +117,11 @@ class Argument:
     def fields(self) -> tuple[Field, ...]:
         """Its numbers."""
         return self.kind.fields if isinstance(self.kind, Struct) else (self.kind,)
+
+    @property
+    def numbers(self) -> list[Field]:
+        """The field of each of its numbers."""
+        return [field for field in self.fields for _ in range(field.size)]
 
     @property
     def size(self) -> int:
@@ -168,8 +176,6 @@ class Stateful:
     """C of the check program that runs it on a row."""
     types: tuple[str, ...]
     """Types of what it keeps and works in; the check program has one of each, of the same name."""
-    vectors: Callable[[Host, str], Vectors]
-    """Its vectors by the strict build of this machine, with the runner."""
     inputs: tuple[str, ...]
     output: str
     methods: tuple[Method, ...] = ()
@@ -180,7 +186,6 @@ class Part:
     """One entry of ``--what``."""
 
     name: str
-    text: str
     kernels: tuple[Kernel, ...]
     calls: tuple[Call, ...]
     constants: Mapping[str, str] = field(default_factory=dict)
@@ -201,11 +206,5 @@ class Part:
     @property
     def structs(self) -> list[Struct]:
         """Structs of its functions, each once."""
-        found: dict[str, Struct] = {}
-        for call in self.calls:
-            for argument in (*call.inputs, call.output):
-                if isinstance(argument.kind, Struct):
-                    found.setdefault(argument.kind.name, argument.kind)
-        for struct in self.further:
-            found.setdefault(struct.name, struct)
-        return list(found.values())
+        kinds = [argument.kind for call in self.calls for argument in (*call.inputs, call.output)]
+        return each_once([*(kind for kind in kinds if isinstance(kind, Struct)), *self.further])

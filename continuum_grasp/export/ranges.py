@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Field, fields_of
+from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
@@ -27,19 +27,10 @@ _SIGNED = ("base_angle", "gravity", "rest_curvature")
 
 
 def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -> tuple[Field, ...]:
-    """Entries of the parameters.
+    """Entries of the parameters, in ranges (least, greatest) that are given by name, or in usual ones.
 
-    Parameters
-    ----------
-    model : FingerModel
-    given : mapping
-        Ranges by the name of an entry, least and greatest.
-
-    Raises
-    ------
-    InputError
-        If a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
-        parameter, or is missing where the nominal value of zero tells nothing.
+    InputError if a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
+    parameter, or is missing where the nominal value of zero gives no scale.
     """
     found = []
     for field, nominal in zip(_fields(model, model.p_names), model.p_nominal, strict=True):
@@ -61,6 +52,7 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
     """Entries of the state: bends within the declared range, rates of any size."""
     reach = _reach(model, parameters)
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
+    # E I / L times an angle is the moment that bends the whole rod by it.
     usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for k, field in enumerate(_fields(model, model.x_names)):
@@ -96,7 +88,9 @@ def force_fields(model: FingerModel) -> tuple[Field, ...]:
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
-    return [replace(field, text=describe(model, field.name)) for field in fields_of(labels)]
+    """Entries of a model's vector, from its labels ``name [unit]``."""
+    pairs = (label.removesuffix("]").split(" [", 1) for label in labels)
+    return [Field(name, unit, _description(model, name)) for name, unit in pairs]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
@@ -121,7 +115,7 @@ def _given(name: str, pair: Sequence[float]) -> tuple[float, float]:
 def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]:
     if name == "base_angle":
         return -2.0 * math.pi, 2.0 * math.pi
-    if name.startswith("gravity"):
+    if name.startswith("gravity"):  # twice the earth's, either way
         return -max(20.0, 2.0 * abs(nominal)), max(20.0, 2.0 * abs(nominal))
     if name == "tendon_friction":
         return 0.0, max(0.5, _SPREAD * nominal)
@@ -137,21 +131,14 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class TipRange:
-    """What keeps the tip's curvature in its range.
-
-    Attributes
-    ----------
-    guard : Kernel or None
-        (x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same.
-    limits : dict of str to tuple of float
-        That range, by the name of the number.
-    notes : dict of str to str
-        The condition as a sentence with the numbers of nominal parameters, by the struct that it is of, state or input.
-    """
+    """What keeps the tip's curvature in its range."""
 
     guard: Kernel | None = None
+    """(x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same."""
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    """That range, by the name of the number."""
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
+    """The condition as a sentence with the numbers of nominal parameters, by the struct (state, input) it is of."""
 
     @staticmethod
     def of(model: FingerModel, equations: Equations) -> TipRange:
@@ -164,9 +151,10 @@ class TipRange:
         zero = np.zeros(given.numel())
         slope, rest = (np.array(value).ravel() for value in slopes(zero, model.p_nominal))
         names = [label.split(" ")[0] for label in (*model.x_names, *model.u_names)]
+        # The curvature is linear in state and input: its range is that of one number, or a half-space condition.
         acting = np.flatnonzero(slope)
         if len(acting) == 1 and not ca.depends_on(use, equations.p):
-            at = acting[0]
+            at = acting[0]  # -1 <= rest + slope x <= 1, solved for x
             low, high = sorted(((-1.0 - rest[0]) / slope[at], (1.0 - rest[0]) / slope[at]))
             return TipRange(limits={names[at]: (float(low), float(high))})
         function = ca.Function("tip_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
@@ -179,9 +167,9 @@ class TipRange:
 
     def bounded(self, fields: tuple[Field, ...]) -> tuple[Field, ...]:
         """Entries of a struct, with the range of the number that sets the curvature."""
-        limits = self.limits
         return tuple(
-            replace(f, low=limits[f.name][0], high=limits[f.name][1]) if f.name in limits else f for f in fields
+            replace(f, low=self.limits[f.name][0], high=self.limits[f.name][1]) if f.name in self.limits else f
+            for f in fields
         )
 
 
@@ -216,7 +204,7 @@ _PATTERNS = (
 )
 
 
-def describe(model: FingerModel, name: str) -> str:
+def _description(model: FingerModel, name: str) -> str:
     """What a number is; empty where its name says it."""
     contact = re.fullmatch(r"contact_(\d+)_[xy]", name)
     if contact:
@@ -229,8 +217,3 @@ def describe(model: FingerModel, name: str) -> str:
         if match:
             return text.format(*(group or "" for group in match.groups()))
     return ""
-
-
-def rate_unit(unit: str) -> str:
-    """Unit of the rate of something."""
-    return unit[:-2] + "/s2" if unit.endswith("/s") else f"{unit}/s"

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.layer import calls_of, codes_of_package, kernels_of, stateful_of, structs_of
-from continuum_grasp.export.part import Part
+from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
-from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
-from continuum_grasp.scene.controller import Controller
 
 
 def readme(
-    subject: Subject,
-    parts: Sequence[Part],
+    contents: Contents,
     *,
-    words: Mapping[str, str],
     errors: Mapping[str, tuple[OutputError, ...]],
     vectors: Mapping[str, int],
     measured: Mapping[str, Any] | None,
@@ -28,20 +24,18 @@ def readme(
     touching: bool,
 ) -> str:
     """The text."""
-    prefix, model = subject.prefix, subject.model
-    calls = calls_of(parts)
+    subject, calls, stateful = contents.subject, contents.calls, contents.stateful
+    prefix, model, note = subject.prefix, subject.model, moment_note(subject)
+    both: list[Call | Stateful] = [*calls, *stateful]
     functions = _table(
         ("function", "gives", "test cases"),
-        [
-            (f"`{prefix}_{name}`", text.removesuffix(moment_note(subject)).rstrip(), str(vectors[name]))
-            for name, text in [(f.name, f.text) for f in calls] + [(f.name, f.text) for f in stateful_of(parts)]
-        ],
+        [(f"`{prefix}_{f.name}`", f.text.removesuffix(note).rstrip(), str(vectors[f.name])) for f in both],
     )
     structs = _table(
         ("struct", "field", "unit", "range"),
         [
-            (f"`{prefix}_{s.name}`", f"`{f.name}{''.join(f'[{n}]' for n in f.shape)}`", f.unit, _range(f.low, f.high))
-            for s in structs_of(subject, parts)
+            (f"`{prefix}_{s.name}`", f"`{f.name}{''.join(f'[{n}]' for n in f.shape)}`", f.unit, f.limits or "finite")
+            for s in contents.structs
             for f in s.fields
         ],
     )
@@ -49,199 +43,149 @@ def readme(
         ("kernel", "computes", "+ and -", "*", "/", "other"),
         [
             (k.name, k.text, str(o["+"] + o["-"]), str(o["*"]), str(o["/"]), _other(o))
-            for k in kernels_of(parts)
+            for k in contents.kernels
             for o in [k.operations]
         ],
     )
-    codes = _table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in codes_of_package(parts)])
-    more = {
-        "source": source,
-        "family": model.family,
-        "elements": " + ".join(f"{h:g}" for h in model.lengths),
-        "ranges": ", ".join(f"{r:.4g}" for r in model.ranges),
-        "functions": functions,
-        "structs": structs,
-        "operations": operations,
-        "codes": codes,
-        "measured": _measured(measured),
-        "error_note": _error_note(subject, parts, errors),
-        "loops": "Loops have bounded counts." if stateful_of(parts) else "Loops have fixed counts.",
-        "expected": _expected(parts),
-        "promise": _CHECKED if calls else "",
-        "stateful": _stateful(subject, parts, words) if stateful_of(parts) else "",
-        "examples": _examples(prefix, {part.name for part in parts}),
-        "stability": (_stability(subject) + _moment(subject) if calls else "")
-        + (_OBJECT if calls and touching else ""),
-        "wasm": _WASM if wasm else "",
-        "cases": str(sum(vectors.values())),
-    }
-    return fill("README.md", {**words, **more})
-
-
-_CHECKED = """\
-- Every number that comes in is checked for NaN, infinity and range, every one that goes out for NaN and infinity, by
-  its bits, so that `-ffast-math` does not drop the check. On an error outputs are left alone. Nothing is clamped.
-"""
-_OBJECT = """
-
-The object of the scene is no part of the functions that take the model: what it presses with is given to them as
-forces.
-"""
-_PYTHON = "- `examples/python/{p}.py`: the library by ctypes.\n"
-_STEPPING = """\
-- `examples/loop.c`: a plain loop that writes CSV; `examples/cuda/batch.cu`: many fingers on a GPU.
-- `examples/ros2`: a node that simulates the finger; `examples/simulink/sfun_{p}.c`: the same as an S-function. Run-time
-  parameters are parameters of node and block.
-"""
-_CONTROLLING = """\
-- `examples/control_loop.c`: measurements come in line by line, commands go out as CSV.
-- `examples/ros2_control`: the controller as a node; `examples/simulink/sfun_{p}_control.c`: the same as an S-function.
-  Settings, and what is known of the finger, are parameters of node and block.
-"""
-_SKELETONS = """\
-- `package.xml`, here and of the nodes: side by side in a workspace, colcon builds the library first.
-- Nodes and S-functions are skeletons: they were compiled against stand-ins of ROS 2 and Simulink, not run in them.
-"""
-
-
-def _examples(prefix: str, names: set[str]) -> str:
-    found = _PYTHON + _STEPPING * ("step" in names) + _CONTROLLING * ("mpc" in names)
-    return (found + _SKELETONS * bool({"step", "mpc"} & names)).format(p=prefix)
-
-
-def _stability(subject: Subject) -> str:
-    return (
-        f" The fastest motion within these ranges\n(and those of the parameters) changes at {subject.radius:.4g} 1/s: "
-        f"steps up to {subject.longest_step:g} s are stable, up to {subject.accurate_step:g} s accurate (a\n"
-        "warning says when they are not). Velocities and forces are left out of that estimate."
+    names = {part.name for part in contents.parts}
+    return contents.fill(
+        "README.md",
+        source=source,
+        family=model.family,
+        elements=" + ".join(f"{h:g}" for h in model.lengths),
+        ranges=", ".join(f"{r:.4g}" for r in model.ranges),
+        functions=functions,
+        structs=structs,
+        operations=operations,
+        codes=_table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in contents.codes]),
+        measured=measured is not None,
+        unmeasured=measured is None,
+        **(_measured(measured) if measured is not None else {}),
+        **_rounding(contents, errors),
+        **_usage(contents),
+        loops="Loops have bounded counts." if stateful else "Loops have fixed counts.",
+        calls=calls,
+        replayed=not calls,
+        mixed=calls and stateful,
+        independent=not stateful,
+        stateful=_stateful(contents),
+        step="step" in names,
+        mpc="mpc" in names,
+        skeletons={"step", "mpc"} & names,
+        radius=f"{subject.radius:.4g}",
+        longest=f"{subject.longest_step:g}",
+        accurate=f"{subject.accurate_step:g}",
+        note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
+        touching=calls and touching,
+        wasm=wasm,
+        cases=sum(vectors.values()),
     )
 
 
-def _moment(subject: Subject) -> str:
-    """What a caller must know of a tip moment that changes."""
-    note = moment_note(subject)
-    return "\n\n" + textwrap.fill(note, 118) if note else ""
+_BEGIN_NOTES = {
+    "measurement": "nothing measured: NaN",
+    "reference": "the setpoints of the scene, at all nodes",
+    "command": "what was applied before",
+}
 
 
-def _expected(parts: Sequence[Part]) -> str:
-    """Where the expected numbers of the vectors come from."""
-    if not calls_of(parts):
-        return "; the expected numbers are those of a build on\n  the machine that made the package."
-    if stateful_of(parts):
-        return (
-            "; the expected numbers of estimator and\n  controller are those of a build on the machine that made "
-            "the package, the others were not\n  computed by this code."
-        )
-    return ", of which the expected numbers were not computed by this code."
+def _usage(contents: Contents) -> dict[str, object]:
+    """Words of a first call: of the step, else of any function of the model, else of the last one with memory."""
+    prefix = contents.subject.prefix
+    if contents.calls:
+        call = next((c for c in contents.calls if c.name == "step"), contents.calls[0])
+        inputs = [a for a in call.inputs if a.is_struct]
+        # A state is stepped in place; numbers are steps and positions, of which an accurate step will do.
+        output = "state" if call.output.kind.name == "state" else call.output.name
+        declared = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in inputs]
+        declared += [f"{prefix}_{call.output.kind.name} {output};"] if output != "state" else []
+        passed = [f"&{a.name}" if a.is_struct else f"{contents.subject.accurate_step:g}" for a in call.inputs]
+        words = {"name": call.name, "passed": ", ".join([*passed, f"&{output}"])}
+    else:
+        function = contents.stateful[-1]
+        names = (*function.types, *function.inputs, function.output)
+        declared = [f"static {prefix}_{name} {name};" for name in names]
+        begun = [
+            f"if (code >= 0) code = {prefix}_{name}_init(&{name}); /* {_BEGIN_NOTES[name]} */"
+            for name in function.inputs
+        ]
+        words = {"name": function.name, "passed": ", ".join(f"&{name}" for name in names)}
+        words |= {"owner": function.types[0], "begun": "\n".join(begun)}
+    return {"use_declared": "\n".join(declared), **{f"use_{key}": value for key, value in words.items()}}
 
 
-def _stateful(subject: Subject, parts: Sequence[Part], words: Mapping[str, str]) -> str:
+def _stateful(contents: Contents) -> str:
     """What estimator and controller need, and what they do."""
-    loop = subject.loop
-    if loop is None:
+    loop, words = contents.subject.loop, contents.words
+    if loop is None or not contents.stateful:
         return ""
-    owners = [name for function in stateful_of(parts) for name in function.types]
-    rows = [(f"`{subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
-    more = {
-        **words,
-        "period": f"{loop.period:g}",
-        "memory": _table(("memory", "bytes"), rows),
-        "n": str(loop.stages.stages),
-        "stage": f"{loop.stages.stage:g}",
-        "iterations": _iterations(loop.scene.controller),
-        "interior": str(loop.scene.controller.iterations),
-        "safe": loop.safe,
-    }
-    controlled = fill("control/controlled.md", more) if "mpc" in loop.parts else ""
-    observed = fill("control/observed.md", more) if loop.estimation is not None else ""
-    return fill("control/README.md", {**more, "controlled": controlled, "observed": observed})
-
-
-def _iterations(controller: Controller) -> str:
-    """How often a call linearizes the problem."""
-    usual, first = controller.sqp_iterations, controller.start_iterations
-    return f"{_times(usual)} at the last plan, or {_times(first)} where there is none: at first, and after blindness"
+    owners = [name for function in contents.stateful for name in function.types]
+    rows = [(f"`{contents.subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
+    limits = loop.scene.controller
+    usual, first = _times(limits.sqp_iterations), _times(limits.start_iterations)
+    return contents.fill(
+        "control/README.md",
+        period=f"{loop.period:g}",
+        memory=_table(("memory", "bytes"), rows),
+        n=loop.stages.stages,
+        stage=f"{loop.stages.stage:g}",
+        iterations=f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
+        interior=limits.iterations,
+        safe=loop.safe,
+        mpc="mpc" in loop.parts,
+        observed=loop.estimation is not None,
+    )
 
 
 def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-_WASM = """
-WebAssembly, with clang and lld alone: `sh wasm/build.sh`, then `node wasm/test.mjs` runs the vectors and the wrapper.
-"""
+def _rounding(contents: Contents, errors: Mapping[str, tuple[OutputError, ...]]) -> dict[str, object]:
+    """Words of what is known of rounding: bounds of functions of the model, differences seen of those with memory."""
+    subject = contents.subject
+    single = subject.real.name == "float"
 
-
-def _error_note(subject: Subject, parts: Sequence[Part], errors: Mapping[str, tuple[OutputError, ...]]) -> str:
-    """What is known of rounding."""
-    if subject.real.name == "double":
-        return "They compute what the Python core computes, to the rounding of double precision."
-    texts, calls = [], calls_of(parts)
-    if calls:
-        rows = [
-            (f"`{subject.prefix}_{call.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
-            for call in calls
-            for one in errors[call.name]
-        ]
-        usual = ", ".join(
-            f"{field.name} {field.scale:.2g} {field.unit}"
-            for struct in (subject.state, subject.input, *([subject.forces] if subject.forces else []))
-            for field in struct.fields
-            if not -float("inf") < field.low <= field.high < float("inf")
-        )
-        where = f" and, where there is no range, up to these sizes: {usual}" if usual else ""
-        texts.append(
-            "Rounding of single precision, per output: no result without WARN_LEFT_RANGE differs by more from double "
-            f"precision{where}. Each bound is twice the greatest difference of some ten thousand rows that cover the "
-            "ranges and their corners.\n\n"
-            + _table(("function", "output", "unit", "error at most", "greatest value"), rows)
-        )
-    stateful = stateful_of(parts)
-    if stateful:
+    def table(functions: Sequence[Call | Stateful], what: str) -> str:
         rows = [
             (f"`{subject.prefix}_{f.name}`", f"`{one.name}`", one.unit, f"{one.bound:.2g}", f"{one.greatest:.2g}")
-            for f in stateful
+            for f in functions
             for one in errors[f.name]
         ]
-        texts.append(
-            "Of estimator and controller there is no bound: where rounding decides whether a measurement is left out, "
-            "or which bounds hold in a plan, results jump. The greatest differences from double precision over the "
-            "usual rows of their vectors:\n\n"
-            + _table(("function", "output", "unit", "difference", "greatest value"), rows)
-        )
-    return "\n\n".join(texts)
+        return _table(("function", "output", "unit", what, "greatest value"), rows)
+
+    usual = ", ".join(
+        f"{field.name} {field.scale:.2g} {field.unit}"
+        for struct in (subject.state, subject.input, *([subject.forces] if subject.forces else []))
+        for field in struct.fields
+        if not (math.isfinite(field.low) and math.isfinite(field.high))
+    )
+    return {
+        "exact": not single,
+        "bounds": table(contents.calls, "error at most") if single and contents.calls else "",
+        "differences": table(contents.stateful, "difference") if single and contents.stateful else "",
+        "both_errors": single and contents.calls and contents.stateful,
+        "unbounded": f" and, where there is no range, up to these sizes: {usual}" if usual else "",
+    }
 
 
-def _measured(measured: Mapping[str, Any] | None) -> str:
-    if measured is None:
-        return (
-            "Not measured for this package. `sh examples/baremetal/run.sh` prints the size of the code and, per "
-            "function, the least, mean and most instructions over the test vectors and the bytes of stack; "
-            "`continuum-grasp export-c --measure` puts them here."
-        )
+def _measured(measured: Mapping[str, Any]) -> dict[str, object]:
+    """Words of what an emulated board counted."""
     rows = [
         (name, *(str(v[f"{which}_instructions"]) for which in ("least", "mean", "most")), str(v["stack_bytes"]))
         for name, v in measured["functions"].items()
     ]
-    table = _table(("function", "least instructions", "mean", "most", "stack [bytes]"), rows)
-    sizes = _table(
-        ("object", "code and constants [bytes]", "data", "bss"),
-        [(name, str(v["text"]), str(v["data"]), str(v["bss"])) for name, v in measured["sizes"].items()],
-    )
-    where = f"On an emulated {measured['core']} ({measured['compiler']}; {measured['emulator']})"
-    note = "Instructions are counted, not cycles: neither flash wait states nor caches are emulated."
-    return f"{where}, {measured['failures']} vectors failed:\n\n{table}\n\n{sizes}\n\n{note}"
+    sizes = [(name, str(v["text"]), str(v["data"]), str(v["bss"])) for name, v in measured["sizes"].items()]
+    return {
+        **{name: measured[name] for name in ("core", "compiler", "emulator", "failures")},
+        "instructions": _table(("function", "least instructions", "mean", "most", "stack [bytes]"), rows),
+        "sizes": _table(("object", "code and constants [bytes]", "data", "bss"), sizes),
+    }
 
 
 def _other(operations: Mapping[str, int]) -> str:
     rest = {name: count for name, count in sorted(operations.items()) if name not in "+-*/"}
     return ", ".join(f"{count} {name}" for name, count in rest.items()) or "none"
-
-
-def _range(low: float, high: float) -> str:
-    if low == float("-inf") and high == float("inf"):
-        return "finite"
-    return f"{low:.6g} to {high:.6g}" if high < float("inf") else f"{low:.6g} or more"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -6,7 +6,7 @@ import keyword
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,24 +46,12 @@ class Source:
     loop: ControlScene | None = None
     """The closed loop, where it is one."""
 
-    @property
-    def touching(self) -> bool:
-        """Whether the scene has an object, which is no part of the model."""
-        return self.configuration is not None and self.configuration.get("object") is not None
-
 
 def source_of(given: Given, real: Real) -> Source:
     """The model to export.
 
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
-    otherwise.
-
-    Raises
-    ------
-    InputError
-        If it is nothing that can be exported.
-    SolverError
-        If no model keeps the scene's tolerance.
+    otherwise. SolverError if no model keeps the scene's tolerance.
     """
     if isinstance(given, FingerModel):
         return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
@@ -115,34 +103,23 @@ def _names(scene: Scene | ControlScene) -> tuple[str, str]:
     return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"
 
 
+# Words of C; headers of its library and of the system, in whose place one of that name would be found; libraries that
+# are linked by such names; targets of CMake; first words of other names in a package, and its further headers.
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long main register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
-"""
-"""Of C."""
-_HEADERS = """
 assert complex ctype errno fenv float inttypes iso646 limits locale math pthread setjmp signal stdarg stdbool stddef
 stdint stdio stdlib string tgmath time wchar wctype
+c gcc m rt dl
+all clean help install package test
+accept check read run vectors write
 """
-"""Of its library, and of the system: a header of that name would be found in their place."""
-_LIBRARIES = "c gcc m rt dl"
-"""That are linked by such names."""
-_TARGETS = "all clean help install package test"
-"""Of CMake."""
-_OWN = "accept check read run vectors write"
-"""First words of other names in a package, and its further headers."""
-_TAKEN = {*keyword.kwlist, *" ".join((_WORDS, _HEADERS, _LIBRARIES, _TARGETS, _OWN)).split()}
+_TAKEN = {*keyword.kwlist, *_WORDS.split()}
 """Words that cannot be the prefix."""
 
 
 def prefix_of(given: Any) -> str:
-    """A prefix that C takes.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """A prefix that C takes."""
     if not isinstance(given, str) or not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", given) or given in _TAKEN:
         raise InputError(
             "expected a free C identifier of small letters, digits and single underscores between them, that is no "
@@ -153,47 +130,35 @@ def prefix_of(given: Any) -> str:
 
 
 def count_of(given: Any) -> int:
-    """A number of sub-steps.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """A number of sub-steps."""
     if type(given) is not int or not 1 <= given <= MOST_SUBSTEPS:
         raise InputError(f"expected a whole number from 1 to {MOST_SUBSTEPS}, got {given!r:.60}", key="substeps")
     return given
 
 
 def positive(given: float | None, key: str) -> float | None:
-    """A number above zero, or None.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """A number above zero, or None; InputError for anything else."""
     if given is not None and not (isinstance(given, (int, float)) and 0.0 < given < math.inf):
         raise InputError(f"expected a number above zero, got {given!r:.60}", key=key)
     return given
 
 
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
-    """Names of the parts of a package, in their order; by default those that suit what is exported.
-
-    Raises
-    ------
-    InputError
-        If they are none.
-    """
+    """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
         loop = source.loop
         without = () if loop is None or loop.estimator is not None else ("estimator",)
         what = [name for name in PARTS if (name in OF_LOOPS) == (loop is not None) and name not in without]
-    names = [what] if isinstance(what, str) else list(what)
-    for name in names:
-        if name not in PARTS:
-            raise InputError(f"expected some of {', '.join(PARTS)}, got {name!r:.60}", key="what")
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"expected one part or more, each once, got {names}", key="what")
+    names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
     return [name for name in PARTS if name in names]
+
+
+def chosen(given: Sequence[str], known: Collection[str], kind: str, key: str) -> list[str]:
+    """Names of a kind, each known and given once, one at least; InputError otherwise."""
+    names = list(given)
+    for name in names:
+        if name not in known:
+            raise InputError(f"expected some of {', '.join(known)}, got {name!r:.60}", key=key)
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"expected one {kind} or more, each once, got {names}", key=key)
+    return names

@@ -27,19 +27,37 @@ class _Series:
     """Constants of one precision; all are numbers of that precision."""
 
     half_pi: tuple[float, float, float]
+    """Three parts of pi/2, the first ones of few digits, so that their products with whole numbers are exact."""
     ln2: tuple[float, float]
+    """Two parts of ln 2, the same way."""
     sine: int
-    """Terms of the sine; the cosine has one more."""
+    """Terms of the sine; the cosine has one more. The first left out is below half a rounding at pi / 4."""
     exponential: int
-    """Degree of the exponential."""
+    """Degree of the exponential; the first term left out is below half a rounding at ln 2 / 2."""
     newton: int
-    """Iterations of the square root."""
+    """Iterations of the square root: each turns the relative error e, 0.034 of the guess, into 1.5 e^2."""
     guess: int
-    """Bits of the first guess of 1 / sqrt(x), less half those of x."""
+    """Bits of the first guess of 1 / sqrt(x), less half those of x; of the double by M. Robertson, A Brief History of
+    InvSqrt (2012)."""
     widest: tuple[float, float]
     """Arguments at which the exponential is zero or infinite for certain."""
     scale: tuple[float, float]
     """What brings a subnormal number up for the square root, and what takes the root down again."""
+
+    @property
+    def exponential_series(self) -> list[float]:
+        """Taylor coefficients from the highest power down, as Horner's rule takes them."""
+        return [1.0 / math.factorial(k) for k in range(self.exponential, -1, -1)]
+
+    @property
+    def sine_series(self) -> list[float]:
+        """The same of sin(x) / x in x^2."""
+        return [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(self.sine - 1, -1, -1)]
+
+    @property
+    def cosine_series(self) -> list[float]:
+        """The same of cos(x) in x^2."""
+        return [(-1.0) ** k / math.factorial(2 * k) for k in range(self.sine, -1, -1)]
 
 
 _SERIES = {
@@ -67,71 +85,42 @@ _SERIES = {
 
 
 def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
-    """C of the named functions, in their own precision.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Of ``FUNCTIONS``.
-    real : Real
-        What they compute in.
-    prefix : str
-        Of the package's names.
-    """
+    """C of the named functions (cos, exp, sin, sqrt) in their own precision, for a package's prefix."""
     s, wanted = _SERIES[real.name], sorted(set(names))
+    numbers = {
+        "least": real.least_normal,
+        "up": s.scale[0],
+        "down": s.scale[1],
+        "per_ln2": 1.0 / math.log(2.0),
+        "ln2_1": s.ln2[0],
+        "ln2_2": s.ln2[1],
+        "exp_least": s.widest[0],
+        "exp_most": s.widest[1],
+        "per_half_pi": 2.0 / math.pi,
+        "pi_1": s.half_pi[0],
+        "pi_2": s.half_pi[1],
+        "pi_3": s.half_pi[2],
+        "half": 0.5,
+        "three_halves": 1.5,
+        "zero": 0.0,
+        "one": 1.0,
+    }
+    series = {"exp": s.exponential_series, "sin": s.sine_series, "cos": s.cosine_series}
     words = {
         "p": prefix,
         "P": prefix.upper(),
-        "width": str(real.width),
-        "exponent_mask": hex(real.exponent_mask) + "u" + real.bits_suffix,
-        "guess": hex(s.guess) + "u" + real.bits_suffix,
-        "newton": str(s.newton),
-        "least": real.literal(real.least_normal),
-        "up": real.literal(s.scale[0]),
-        "down": real.literal(s.scale[1]),
-        "per_ln2": real.literal(1.0 / math.log(2.0)),
-        "ln2_1": real.literal(s.ln2[0]),
-        "ln2_2": real.literal(s.ln2[1]),
-        "exp_least": real.literal(s.widest[0]),
-        "exp_most": real.literal(s.widest[1]),
-        "bias": str(real.bias),
-        "mantissa": str(real.mantissa_bits),
-        "exp_series": _braces(_exponential(s), real),
-        "exp_last": str(s.exponential),
-        "per_half_pi": real.literal(2.0 / math.pi),
-        "pi_1": real.literal(s.half_pi[0]),
-        "pi_2": real.literal(s.half_pi[1]),
-        "pi_3": real.literal(s.half_pi[2]),
-        "sin_series": _braces(_sine(s), real),
-        "cos_series": _braces(_cosine(s), real),
-        "sin_last": str(s.sine - 1),
-        "cos_last": str(s.sine),
-        "half": real.literal(0.5),
-        "three_halves": real.literal(1.5),
-        "zero": real.literal(0.0),
-        "one": real.literal(1.0),
+        "width": real.width,
+        "exponent_mask": real.bit_pattern(real.exponent_mask),
+        "guess": real.bit_pattern(s.guess),
+        "newton": s.newton,
+        "bias": real.bias,
+        "mantissa": real.mantissa_bits,
+        **{name: real.literal(value) for name, value in numbers.items()},
+        **{f"{name}_series": f"{{{', '.join(map(real.literal, values))}}}" for name, values in series.items()},
+        **{f"{name}_last": len(values) - 1 for name, values in series.items()},
     }
-    parts = []
-    if {"sin", "cos"} & set(wanted):
-        parts.append(fill("strict/turn.c", words))
-    return "\n".join([*parts, *(fill(f"strict/{name}.c", words) for name in wanted)])
-
-
-def _braces(values: list[float], real: Real) -> str:
-    return "{" + ", ".join(real.literal(v) for v in values) + "}"
-
-
-def _exponential(s: _Series) -> list[float]:
-    """Coefficients from the highest power down."""
-    return [1.0 / math.factorial(k) for k in range(s.exponential, -1, -1)]
-
-
-def _sine(s: _Series) -> list[float]:
-    return [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(s.sine - 1, -1, -1)]
-
-
-def _cosine(s: _Series) -> list[float]:
-    return [(-1.0) ** k / math.factorial(2 * k) for k in range(s.sine, -1, -1)]
+    shared = ["turn"] if {"sin", "cos"} & set(wanted) else []
+    return "\n".join(fill(f"strict/{name}.c", words) for name in (*shared, *wanted))
 
 
 # -- the same on arrays --------------------------------------------------------------------------------------------
@@ -161,9 +150,10 @@ def _exp(x: Array, real: Real) -> Array:
     x = np.where(x < t(s.widest[0]), t(s.widest[0]), np.where(x > t(s.widest[1]), t(s.widest[1]), x))
     k = _nearest(x * t(1.0 / math.log(2.0)))
     r = (x - k * t(s.ln2[0])) - k * t(s.ln2[1])
+    # 2^k in two factors: k is one beyond the exponents of normal numbers where the result is just finite.
     first = np.trunc(k / t(2.0))
     with np.errstate(over="ignore", under="ignore"):
-        return _horner(_exponential(s), r) * _power_of_two(first, real) * _power_of_two(k - first, real)
+        return _horner(s.exponential_series, r) * _power_of_two(first, real) * _power_of_two(k - first, real)
 
 
 def _turn(x: Array, real: Real, quarters: int) -> Array:
@@ -172,7 +162,8 @@ def _turn(x: Array, real: Real, quarters: int) -> Array:
     k = _nearest(x * t(2.0 / math.pi))
     r = ((x - k * t(s.half_pi[0])) - k * t(s.half_pi[1])) - k * t(s.half_pi[2])
     square, at = r * r, (k.astype(np.int64) - quarters) & 3
-    cosine, sine = _horner(_cosine(s), square), r * _horner(_sine(s), square)
+    cosine, sine = _horner(s.cosine_series, square), r * _horner(s.sine_series, square)
+    # cos(r + at pi/2) is cos r, -sin r, -cos r, sin r for at = 0, 1, 2, 3.
     value = np.where(at & 1, sine, cosine)
     return np.where((at == 1) | (at == 2), -value, value)
 
@@ -191,15 +182,14 @@ def _sqrt(x: Array, real: Real) -> Array:
         return np.where(x > 0, root, np.where(x < 0, t(np.nan), x))
 
 
-FUNCTIONS: dict[str, Callable[[Array, Real], Array]] = {
+_FUNCTIONS: dict[str, Callable[[Array, Real], Array]] = {
     "cos": lambda x, real: _turn(x, real, 0),
     "exp": _exp,
     "sin": lambda x, real: _turn(x, real, 1),
     "sqrt": _sqrt,
 }
-"""Functions that kernels may call, by name, on arrays of the precision."""
 
 
 def reference(name: str, x: Array, real: Real) -> Array:
-    """A function on an array of finite numbers."""
-    return FUNCTIONS[name](x, real)
+    """A function that kernels may call on an array of finite numbers of the precision, as its C computes it."""
+    return _FUNCTIONS[name](x, real)

@@ -16,13 +16,11 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Real, Struct, outside
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Code, Rows
+from continuum_grasp.export.part import Argument, Call, Rows
 from continuum_grasp.export.ranges import TipRange, force_fields, input_fields, parameter_fields, state_fields
+from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
-
-_LEAST_PART = 1e-6
-"""Shortest step, per the longest."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +63,7 @@ class Subject:
         step: float | None,
         substeps: int,
     ) -> Subject:
-        """Everything that the parts need to know of a model.
-
-        Raises
-        ------
-        InputError
-            If single precision cannot carry the model, a range is wrong, or the step is too long for the sub-steps.
-        """
+        """Everything that the parts need to know of a model; ``step`` [s] is refused if too long for the sub-steps."""
         if real.name == "float":
             check_solvable(model)
         parameters, forces = parameter_fields(model, ranges), force_fields(model)
@@ -81,7 +73,7 @@ class Subject:
             _check_step(step, substeps, radius)
         equations = Equations(model.structure)
         tip = TipRange.of(model, equations)
-        made = Subject(
+        return Subject(
             model=model,
             equations=equations,
             prefix=prefix,
@@ -96,7 +88,6 @@ class Subject:
             substeps=substeps,
             guard=tip.guard,
         )
-        return made
 
     @property
     def longest_step(self) -> float:
@@ -107,16 +98,6 @@ class Subject:
     def accurate_step(self) -> float:
         """Longest step without a warning [s]."""
         return self.real.rounded(_floor(_ACCURATE * self.substeps / self.radius))
-
-    @property
-    def nx(self) -> int:
-        """Count of states."""
-        return self.model.nx
-
-    @property
-    def n(self) -> int:
-        """Count of bending coordinates."""
-        return self.model.n
 
     def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
         """A function of space-separated inputs of the equations: x, u, w, s, p."""
@@ -134,27 +115,20 @@ class Subject:
             found.append(Argument("forces", self.forces, "w"))
         return tuple(found)
 
-    def step_argument(self) -> Argument:
-        """The step, in its range."""
-        longest = self.longest_step
-        step = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
-        return Argument("h", step, "h", Code.ERR_STEP)
+    def passed_to(self, call: Call) -> list[Argument]:
+        """Parameters and inputs of a function, in the order of the rows of its vectors."""
+        own = [] if self.parameters is None else [Argument("parameters", self.parameters, "p")]
+        return [*own, *call.inputs]
 
     @property
     def guard_function(self) -> str:
         """C of the function that tells a matched tip out of its range."""
         if self.guard is None:
             return ""
-        p, inputs = self.prefix, list(self.guard.inputs)
-        return f"""\
-/* Whether the curvature of the matched tip, which is no coordinate, is out of its range. */
-{p.upper()}_API static int tip_left_range({", ".join(f"const {p}_real *{name}" for name in inputs)})
-{{
-  {p}_real use[1];
-  {self.guard.call(p, **{name: name for name in inputs}, use="use")}
-  return !{p}_is_finite(use) || use[0] < -1 || use[0] > 1;
-}}
-"""
+        p, inputs = self.prefix, self.guard.inputs
+        declared = ", ".join(f"const {p}_real *{name}" for name in inputs)
+        call = self.guard.call(p, **{name: name for name in inputs}, use="use")
+        return fill("guard.c", {"p": p, "P": p.upper(), "declared": declared, "call": call})
 
     @property
     def guard_source(self) -> str:
@@ -179,7 +153,7 @@ class Subject:
         if self.guard is None:
             return np.zeros(count, dtype=bool)
         use = self.guard.evaluate(self.real, **rows)["use"][:, 0]
-        return ~(np.abs(use) <= 1.0)
+        return ~(np.abs(use) <= 1.0)  # not "> 1": NaN is refused too
 
     def out_of_range(self, rows: Rows) -> NDArray[np.bool_]:
         """Rows whose state no step would take under the input of the row."""
@@ -202,7 +176,8 @@ def _floor(value: float) -> float:
 
 
 STABLE = 2.5
-"""Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7."""
+"""Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7, and the radius of
+shapes between those that are looked at may be some percent greater."""
 _ACCURATE = 1.0
 """The same up to which the motion is followed as well as it is resolved."""
 MOST_SUBSTEPS = 1000
@@ -219,22 +194,14 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
     """Greatest spectral radius of the linearized motion [1/s].
 
     Taken at rest, without input and forces, over shapes within the bending range and the corners of the ranges of the
-    parameters (some of them where they are many).
-
-    Raises
-    ------
-    NumericalError
-        If it is not finite.
+    parameters (some of them where they are many). NumericalError where it is not finite.
     """
-    rng = np.random.default_rng(0)
-    u, w = np.zeros(model.nu), np.zeros(model.nw)
-    reach = np.array([field.high for field in states[: model.n]])
-    radius = 0.0
+    rng = np.random.default_rng(0)  # a package must come out the same every time
+    reach, radius = np.array([field.high for field in states[: model.n]]), 0.0
     for p in _corners(model, parameters, rng):
         for shape in _shapes(reach, rng):
-            x = np.zeros(model.nx)
-            x[: model.n] = shape
-            jacobian = np.array(model.linearization(x, u, w, p)[0])
+            x = np.concatenate([shape, np.zeros(model.nx - model.n)])
+            jacobian = np.array(model.linearization(x, np.zeros(model.nu), np.zeros(model.nw), p)[0])
             if not np.isfinite(jacobian).all():
                 raise NumericalError(
                     "the linearized motion is not finite at a corner of the parameters' ranges", state=x
@@ -244,15 +211,10 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
 
 
 def _check_step(step: float, substeps: int, radius: float) -> None:
-    """Whether a step of so many sub-steps is stable.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Refuse a step [s] of so many sub-steps that is not stable."""
     if step * radius <= STABLE * substeps:
         return
+    # Advice that can be followed: the sub-steps that would do, or, where those are too many, the longest step.
     needed = math.ceil(step * radius / STABLE)
     if needed <= MOST_SUBSTEPS:
         advice = f"needs {needed} sub-steps (substeps), or a model with fewer or longer elements"
@@ -270,14 +232,13 @@ def _check_step(step: float, substeps: int, radius: float) -> None:
 
 def _shapes(reach: Array, rng: np.random.Generator) -> Array:
     """Straight, every bend at a limit (half of them, since the others mirror them), and in between."""
-    between = rng.uniform(-1.0, 1.0, (_BETWEEN, len(reach)))
-    return np.vstack([np.zeros(len(reach)), _signs(len(reach), rng), between]) * reach
-
-
-def _signs(count: int, rng: np.random.Generator) -> Array:
+    count = len(reach)
+    between = rng.uniform(-1.0, 1.0, (_BETWEEN, count))
     if 2 ** (count - 1) <= _CORNERS:
-        return np.array([(1.0, *rest) for rest in itertools.product((-1.0, 1.0), repeat=count - 1)])
-    return np.where(rng.integers(0, 2, (_CORNERS, count)) == 1, 1.0, -1.0)
+        signs = np.array([(1.0, *rest) for rest in itertools.product((-1.0, 1.0), repeat=count - 1)])
+    else:
+        signs = np.where(rng.integers(0, 2, (_CORNERS, count)) == 1, 1.0, -1.0)
+    return np.vstack([np.zeros(count), signs, between]) * reach
 
 
 def _corners(model: FingerModel, parameters: Sequence[Field], rng: np.random.Generator) -> list[Array]:

@@ -5,6 +5,7 @@ The outputs come from the kernels' references in numpy, not from the C.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.export.fields import Field, Real
+from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
@@ -38,27 +40,27 @@ _TINY = (0.0, 1e-12, 1e-9)
 
 def vectors_of(subject: Subject, calls: Sequence[Call]) -> list[Vectors]:
     """Vectors of the functions of a package."""
-    count = max(_LEAST, math.ceil(_IN_ALL / len(calls)))
+    count = max(_LEAST, math.ceil(_IN_ALL / max(len(calls), 1)))
     return [_vectors(subject, call, seed, count) for seed, call in enumerate(calls)]
 
 
 def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
     """Vectors of a function: at rest, at tiny bends, overflowing, at limits, over the whole range, and bad ones."""
-    arguments = arguments_of(subject, call)
-    rows = sample(subject, arguments, seed, _DRAWN).astype(subject.real.dtype)
+    arguments = subject.passed_to(call)
+    rows = _sample(subject, arguments, seed).astype(subject.real.dtype)
     outputs, codes = call.reference(split(rows, arguments))
     good, refused = np.flatnonzero(codes >= 0), np.flatnonzero(codes < 0)
     chosen = np.sort(np.concatenate([good[: count - min(_REFUSED, len(refused))], refused[:_REFUSED]]))
     rows, outputs, codes = rows[chosen], outputs[chosen], codes[chosen]
-    base = int(np.flatnonzero(codes >= 0)[0])
+    base = int(np.flatnonzero(codes >= 0)[0])  # a good row, in which one number at a time is made bad
     bad = tuple(_bad(subject.real, arguments, base))
     pointers = 2 + sum(a.is_struct for a in call.inputs)
-    return Vectors(call.name, runner_of(subject, call), rows, outputs, codes, bad, pointers, call.output.size)
+    return Vectors(call.name, _runner(subject, call), rows, outputs, codes, bad, pointers, call.output.size)
 
 
 def reach_of(arguments: Sequence[Argument]) -> tuple[Array, Array]:
     """Least and greatest value of every number: of its range, and of usual values where it has none."""
-    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    fields = [field for a in arguments for field in a.numbers]
     low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
     high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
     return low, high
@@ -75,33 +77,34 @@ def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     return found
 
 
-def sample(subject: Subject, arguments: list[Argument], seed: int, count: int) -> Array:
+def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     """Rows at rest, at tiny bends, overflowing, hard driven, at limits, and over the whole ranges."""
     rng = np.random.default_rng(seed)
-    fields = [field for a in arguments for field in a.fields for _ in range(field.size)]
+    fields = [field for a in arguments for field in a.numbers]
     low, high = reach_of(arguments)
     most = np.array([f.scale for f in fields])
     low, high = np.maximum(low, -most), np.minimum(high, most)
-    rows = rng.uniform(low, high, (count, len(fields)))
+    rows = rng.uniform(low, high, (_DRAWN, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
     nominal, at_rest = np.array(subject.model.p_nominal), np.clip(np.zeros(len(fields)), low, high)
-    state = slice(first, first + subject.nx)
-    sides = rows[5 : 5 + _SIDES].copy()
-    bends = slice(first, first + subject.n)
-    sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.n)) == 1, high[bends], low[bends])
+    state = slice(first, first + subject.model.nx)
+    sides = rows[5 : 5 + _SIDES]
+    bends = slice(first, first + subject.model.n)
+    sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.model.n)) == 1, high[bends], low[bends])
     for k, bend in enumerate(_TINY):
         rows[k] = at_rest
-        rows[k, state][: subject.n] = bend
+        rows[k, state][: subject.model.n] = bend
         rows[k, -1] = high[-1] if not arguments[-1].is_struct else rows[k, -1]
     rows[: len(_TINY), :first] = nominal
-    rows[3, state][subject.n : 2 * subject.n] = 0.5 * subject.real.greatest
-    driven = slice(first + 2 * subject.n, first + subject.nx + subject.model.nu)
+    # Rates whose squares overflow: the function must refuse its own result.
+    rows[3, state][subject.model.n : 2 * subject.model.n] = 0.5 * subject.real.greatest
+    # Moments and inputs that throw a matched tip out of its range, though each is in its own.
+    driven = slice(first + 2 * subject.model.n, first + subject.model.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
     if any(argument.drawn for argument in arguments):
         beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
-        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.nx))
-    rows[5 : 5 + len(sides)] = sides
+        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.model.nx))
     return rows
 
 
@@ -130,68 +133,37 @@ def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code:
 
 def _beyond(real: Real, limit: float, side: float) -> float:
     """The next number beyond a limit; beyond zero the next that is normal, since fast flags drop those below."""
-    if limit == 0.0:
+    if limit == 0.0:  # -ffast-math flushes subnormal numbers to zero
         return side * real.least_normal
     return float(np.nextafter(real.dtype(limit), real.dtype(side * np.inf)))
 
 
-def runner_head(name: str, prefix: str) -> str:
-    """What all of them begin with: null is the number of the pointer that is null, repeat how often it is called."""
-    return (
-        f"static int run_{name}(check_memory *memory, const {prefix}_real *row, {prefix}_real *out, "
-        "uint32_t other_abi, int null,\n"
-        f"{' ' * len(f'static int run_{name}(')}int repeat)"
-    )
-
-
-def arguments_of(subject: Subject, call: Call) -> list[Argument]:
-    """Parameters and inputs of a function, in the order of the rows."""
-    if subject.parameters is None:
-        return list(call.inputs)
-    return [Argument("parameters", subject.parameters, "p"), *call.inputs]
-
-
-def runner_of(subject: Subject, call: Call) -> str:
+def _runner(subject: Subject, call: Call) -> str:
     """C that runs a function without memory on a row."""
-    prefix = subject.prefix
-    declared, copied, passed, at, pointer = [], [], [], 0, 0
-
-    def address(expression: str) -> str:
-        nonlocal pointer
-        pointer += 1
-        return f"null == {pointer} ? 0 : {expression}"
-
-    passed.append(address("&model"))
-    for argument in arguments_of(subject, call):
-        if argument.name == "parameters":
-            copied.append(f"  memcpy(&model.parameters, row + {at}, sizeof model.parameters);")
-        elif argument.is_struct:
-            declared.append(f"  {prefix}_{argument.kind.name} {argument.name};")
-            copied.append(f"  memcpy(&{argument.name}, row + {at}, sizeof {argument.name});")
-            passed.append(address(f"&{argument.name}"))
-        else:
-            passed.append(f"row[{at}]")
+    prefix, inputs, output = subject.prefix, call.inputs, call.output
+    copied, numbers, at = [], {}, 0
+    for argument in subject.passed_to(call):
+        place = "model.parameters" if argument.name == "parameters" else argument.name
+        numbers[argument.name] = f"row[{at}]"
+        if argument.is_struct:
+            copied.append(f"  memcpy(&{place}, row + {at}, sizeof {place});")
         at += argument.size
-    output: Argument = call.output
-    declared.append(f"  {prefix}_{output.kind.name} {output.name};")
-    passed.append(address(f"&{output.name}"))
-    newline = "\n"
-    return f"""\
-{runner_head(call.name, prefix)}
-{{
-  {prefix}_model model;
-{newline.join(declared)}
-  int k, code = {prefix}_init(&model);
-  (void)memory;
-{newline.join(copied)}
-  memcpy(&{output.name}, out, sizeof {output.name});
-  model.abi ^= other_abi;
-  for (k = 0; k < repeat; ++k)
-    code = {prefix}_{call.name}({", ".join(passed)});
-  memcpy(out, &{output.name}, sizeof {output.name});
-  return code;
-}}
-"""
+    # ``null`` is the number of the pointer that is null in this call, counted from one; zero for none.
+    number = itertools.count(1)
+    passed = [
+        f"null == {next(number)} ? 0 : &{name}" if name not in numbers or is_struct else numbers[name]
+        for name, is_struct in [("model", True), *((a.name, a.is_struct) for a in inputs), (output.name, True)]
+    ]
+    words = {
+        "p": prefix,
+        "name": call.name,
+        "indent": " " * len(f"static int run_{call.name}("),
+        "declared": "\n".join(f"  {prefix}_{a.kind.name} {a.name};" for a in (*inputs, output) if a.is_struct),
+        "copied": "\n".join(copied),
+        "output": output.name,
+        "passed": ", ".join(passed),
+    }
+    return fill("tests/run.c", words)
 
 
 _RANDOM = {
@@ -201,14 +173,16 @@ _RANDOM = {
 """C of random bits of a real number."""
 
 
-def vectors_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
-    """Header with the vectors as hexadecimal floating literals."""
-    tables = "\n".join(_tables(v, subject.prefix, subject.real) for v in vectors)
-    return fill("tests/vectors.h", {**words, "tables": tables, "width": str(subject.real.width)})
+def vectors_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
+    """Header with the vectors as hexadecimal floating literals, which are exact."""
+    real = contents.subject.real
+    tables = "\n".join(_tables(v, contents.subject.prefix, real) for v in vectors)
+    return contents.fill("tests/vectors.h", tables=tables, width=str(real.width))
 
 
-def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, str]) -> str:
+def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
     """C that runs the vectors without a library but memcpy."""
+    real = contents.subject.real
     table = ",\n".join(
         f'  {{"{v.name}", run_{v.name}, {v.name}_inputs, {v.name}_outputs, {v.name}_codes, '
         f"{v.name}_bad, "
@@ -216,17 +190,17 @@ def check_source(subject: Subject, vectors: Sequence[Vectors], words: dict[str, 
         f"{v.pointers}, {int(v.stateful)}}}"
         for v in vectors
     )
-    more = {
-        "runners": "\n".join(v.runner for v in vectors),
-        "table": table,
-        "count": str(len(vectors)),
-        "most_inputs": str(max(v.inputs.shape[1] for v in vectors)),
-        "most_outputs": str(max(v.outputs.shape[1] for v in vectors)),
-        "width": str(subject.real.width),
-        "exponent": hex(subject.real.exponent_mask) + "u" + subject.real.bits_suffix,
-        "random_bits": _RANDOM[subject.real.name],
-    }
-    return fill("tests/check.c", {**words, **more})
+    return contents.fill(
+        "tests/check.c",
+        runners="\n".join(v.runner for v in vectors),
+        table=table,
+        count=len(vectors),
+        most_inputs=max(v.inputs.shape[1] for v in vectors),
+        most_outputs=max(v.outputs.shape[1] for v in vectors),
+        width=real.width,
+        exponent=real.bit_pattern(real.exponent_mask),
+        random_bits=_RANDOM[real.name],
+    )
 
 
 def _tables(vectors: Vectors, prefix: str, real: Real) -> str:
@@ -261,4 +235,4 @@ def _rows(rows: np.ndarray, real: Real) -> str:
 
 
 def _bits(value: float, real: Real) -> str:
-    return hex(int(np.array([value], dtype=real.dtype).view(real.bits)[0])) + "u" + real.bits_suffix
+    return real.bit_pattern(int(np.array([value], dtype=real.dtype).view(real.bits)[0]))

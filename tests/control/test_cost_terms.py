@@ -15,7 +15,7 @@ from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import real_of
+from continuum_grasp.export.fields import REALS
 from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
 
 ANGLE = 0.8
@@ -85,7 +85,7 @@ def test_degrees_are_out_of_its_range_and_turns_are_not():
 
 
 def test_the_exported_reference_has_it_with_its_unit():
-    loop = Loop.of(swing_scene(**TURNED), real_of("double"), ("estimator", "mpc"))
+    loop = Loop.of(swing_scene(**TURNED), REALS["double"], ("estimator", "mpc"))
     (field,) = [field for field in loop.reference.fields if field.name == "tip_angle"]
     assert field.unit == "rad"
     assert [f.unit for f in loop.settings.fields if f.name == "weight_tip_angle"] == ["1/rad2"]

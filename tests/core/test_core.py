@@ -435,7 +435,7 @@ MISSING = {
 def test_without_a_compiler_all_runs_on_the_virtual_machine(name, monkeypatch, tmp_path):
     model, compiled = small()
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(core._Warned, "reasons", set())
+    monkeypatch.setattr(core, "_WARNED", set())
     MISSING[name](monkeypatch, tmp_path)
     x0, steps = state(model, 0.3).x, 6
     u, w = signals(model, 2 * steps * 2 + 1, 0.01)
@@ -488,7 +488,7 @@ def test_why_there_is_no_compiler(name, monkeypatch):
         monkeypatch.setenv("CC", named)
     assert find_compiler() is None
     assert words in why_no_compiler()
-    monkeypatch.setattr(core._Warned, "reasons", set())
+    monkeypatch.setattr(core, "_WARNED", set())
     with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
         cg.compile(small()[0], ())
     assert words in str(caught[0].message)
@@ -497,7 +497,7 @@ def test_why_there_is_no_compiler(name, monkeypatch):
 def test_divergence_without_a_compiler(monkeypatch):
     model, compiled = small()
     monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setattr(core._Warned, "reasons", {why_no_compiler()})
+    monkeypatch.setattr(core, "_WARNED", {why_no_compiler()})
     results = []
     for c in (cg.compile(model), compiled):
         with pytest.raises(NumericalError) as caught:
@@ -509,7 +509,7 @@ def test_divergence_without_a_compiler(monkeypatch):
 
 @needs_compiler
 def test_with_a_compiler_nothing_is_said(monkeypatch):
-    monkeypatch.setattr(core._Warned, "reasons", set())
+    monkeypatch.setattr(core, "_WARNED", set())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert cg.compile(small()[0]).compiled

@@ -19,13 +19,12 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.layer import calls_of
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
-from continuum_grasp.export.vectors import arguments_of, reach_of, split
+from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
@@ -134,7 +133,7 @@ def test_functions_are_those_of_the_model(name, real, packages, tmp_path):  # no
 
 def calls_by_name(subject, *parts):
     """Functions of some parts."""
-    return {call.name: call for call in calls_of([PARTS[part](subject) for part in parts])}
+    return {call.name: call for part in parts for call in PARTS[part](subject).calls}
 
 
 def test_the_bound_of_the_tip_is_in_the_header(packages):  # noqa: F811
@@ -160,7 +159,7 @@ def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa:
     rng = np.random.default_rng(20)
     calls = [calls_by_name(s, *(part for part in PARTS if part not in OF_LOOPS)).values() for s in (subject, exact)]
     for call, wide in zip(*calls, strict=True):
-        arguments = arguments_of(subject, call)
+        arguments = subject.passed_to(call)
         low, high = reach_of(arguments)
         worst = np.zeros(call.output.size)
         for k in range(20):

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.core.lanes import lane_function, lane_prelude
+from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
-from continuum_grasp.core.source import generated
+from continuum_grasp.core.source import generated, lane_prelude
 from continuum_grasp.errors import InputError
 
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)

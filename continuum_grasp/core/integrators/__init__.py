@@ -17,20 +17,10 @@ in vector lanes: it has four copies of the dynamics to compile."""
 
 
 def step_function(model: Any, method: str) -> ca.Function:
-    """One step of a method from a state to the next.
+    """``METHOD_step``: (x, u0, um, u1, w0, wm, w1, p, h) -> xn, one step of a method in ``INTEGRATORS``.
 
-    Parameters
-    ----------
-    model : FingerModel, System, PlantModel, or anything that has the functions which the method's file names
-        At least ``forward_dynamics``, (x, u, w, p) -> xd.
-    method : str
-        Name in ``INTEGRATORS``.
-
-    Returns
-    -------
-    casadi.Function
-        ``METHOD_step``: (x, u0, um, u1, w0, wm, w1, p, h) -> xn, with inputs and forces at the start, the middle and
-        the end of the step h [s].
+    Inputs u and forces w are those at the start, the middle and the end of the step h [s]. The model has the functions
+    that the method's file names, at least ``forward_dynamics``, (x, u, w, p) -> xd.
     """
     f: ca.Function = model.forward_dynamics
     nx, nu, nw, n_p = (f.size1_in(k) for k in range(4))
@@ -48,28 +38,11 @@ def step_function(model: Any, method: str) -> ca.Function:
 def differentiated_step(
     method: str, slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """One step and its derivatives, as expressions without loops, branches or pivoting.
+    """One step of a method in ``CONTROL_METHODS``, without loops, branches or pivoting.
 
-    Parameters
-    ----------
-    method : str
-        Name in ``CONTROL_METHODS``.
-    slope : casadi.Function
-        (x, *others) -> rate (n), its Jacobians with respect to the first n entries of x and to what is differentiated
-        for beside them.
-    x : casadi.SX
-        State (n).
-    others : tuple of casadi.SX
-        Further arguments, constant over the step.
-    h : casadi.SX
-        Step [s].
-    held : casadi.SX
-        Constant entries of the first argument after the state.
-
-    Returns
-    -------
-    xn, by_x, by_u : casadi.SX
-        Next state (n), and its derivatives (n, n) and (n, m).
+    ``slope`` is (x, *others) -> rate (n), its Jacobians by the first n entries of x and by the m inputs. Over the step
+    h [s] ``others`` and ``held``, the entries of slope's first argument after the state x (n), are constant. The
+    results are the next state (n) and its derivatives (n, n) and (n, m).
     """
     found: tuple[ca.SX, ca.SX, ca.SX]
     found = import_module(f"{__name__}.{method}").differentiated_step(slope, x, others, h, held)

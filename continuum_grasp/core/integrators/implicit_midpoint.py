@@ -38,6 +38,7 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
     for _ in range(_MOST_ITERATIONS):
         middle, correction = solved(correction > _TOLERANCE, middle, correction, x, u[1], w[1], p, h, start)
     following = 2.0 * middle - x
+    # Momenta are affine in the rates, P = P(rates zero) + M qd, so that one solution gives the rates of the next P.
     following[n : 2 * n] = 0.0
     none, _, mass = momenta(following, u[1], p, still)
     momentum = 2.0 * momenta(middle, u[1], p, still)[0] - start
@@ -60,6 +61,7 @@ def _middle(model: Any) -> ca.Function:
     # The Jacobian without the change of the mass matrix over half a step: the exact one has three times the C (of two
     # arcs 201 instead of 70 kB) and took 17 instead of 12 us a step.
     slope = ca.MX.eye(x.numel()) - 0.5 * h * model.linearization(m, u, w, p)[0]
+    # Unknowns in units of their own size: coordinates [rad] and rates [rad/s] differ by orders of magnitude.
     unit = 1.0 + ca.fabs(x)
     scaled = ca.densify(ca.repmat(1.0 / unit, 1, x.numel()) * slope * ca.repmat(unit.T, x.numel(), 1))
     move = ca.solve(scaled, missing / unit, "qr")

@@ -21,6 +21,7 @@ def differentiated_step(
     such models need shorter steps.
     """
     n = x.numel()
+    # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
     step, ahead = _GAMMA * h, (1.0 - _GAMMA) * h
     start, by_x, by_u = x, ca.SX.eye(n), ca.SX(n, slope.size2_out(2))
     rates: list[tuple[ca.SX, ca.SX, ca.SX]] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -60,49 +61,37 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed loop as its parts see it.
-
-    Attributes
-    ----------
-    parts : tuple of str
-        Of these that the package has: estimator, mpc.
-    periods : int
-        Age of a measurement when it arrives, in periods.
-    members : tuple of Member
-        Numbers of ``controller_settings``.
-    first, before : ndarray
-        State (nz) from which the controller starts, and the input (nu) before.
-    """
+    """A closed loop as its parts see it."""
 
     scene: ControlScene
     parts: tuple[str, ...]
+    """Those that the package has: estimator, mpc."""
     prediction: Prediction
     stages: Stages
     estimation: Estimation | None
     ranges: Ranges
     periods: int
+    """Age of a measurement when it arrives, in periods."""
     members: tuple[Member, ...]
+    """Numbers of ``controller_settings``."""
     first: Array
+    """State (nz) from which the controller starts."""
     before: Array
+    """Input (nu) before."""
 
     @staticmethod
     def of(scene: ControlScene, real: Real, parts: Sequence[str]) -> Loop:
-        """A scene's loop for a package that computes in a type.
-
-        Raises
-        ------
-        InputError
-            If the pieces of the scene do not fit together.
-        """
+        """A scene's loop for a package that computes in a type."""
         model = Prediction(scene)
         stages = stages_of(scene, model)
+        # A plan is followed within its first stage; equal up to the rounding of a duration over a count.
         if scene.controller.step > stages.stage * (1.0 + 1e-9):
             raise InputError(
                 f"{scene.controller.step:g} s is longer than a stage of {stages.stage:g} s", key="controller.period"
             )
         estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
         z = np.zeros(model.nx if estimation is None else estimation.nz)
-        z[: model.nx] = first_state(scene, model)
+        z[: model.nx] = first_state(scene, model)  # disturbances start at zero, as nothing is known of them
         return Loop(
             scene=scene,
             parts=tuple(parts),
@@ -172,9 +161,8 @@ class Loop:
     @cached_property
     def wanted(self) -> Array:
         """Setpoints (nr) with which the scene begins."""
-        found: Array = setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference).rows(
-            0.0
-        )[0]
+        outputs = Outputs.of(self.scene.controller.cost, self.prediction)
+        found: Array = setpoints(outputs, self.scene.reference).rows(0.0)[0]
         return found
 
     @cached_property
@@ -187,15 +175,9 @@ class Loop:
     @cached_property
     def reference(self) -> Struct:
         """Setpoints of all nodes."""
-        nodes = self.stages.stages + 1
-        fields = [
-            Field(name, unit_of(label), "", float(low), float(high), shape=(nodes,))
-            for name, label, (low, high) in zip(
-                identifiers(self.stages.r_names), self.stages.r_names, self.ranges.r, strict=True
-            )
-        ]
+        nodes, fields = self.stages.stages + 1, named_fields(self.stages.r_names, self.ranges.r)
         text = f"Setpoints from now on, one each {self.stages.stage:g} s."
-        return Struct("reference", text, tuple(fields))
+        return Struct("reference", text, tuple(replace(field, shape=(nodes,)) for field in fields))
 
     @cached_property
     def settings(self) -> Struct:
@@ -212,6 +194,7 @@ class Loop:
                 if member in _LIMITS:
                     low, high = float(s.u_min[k]), float(s.u_max[k])
                 elif member in _WEIGHTS:
+                    # A weight times a squared error is a number per second, or a number.
                     unit = f"1/{unit}2" if unit.isalpha() else f"1/({unit})2"
                 elif member in ("c_min", "c_max"):
                     low = -np.inf
@@ -269,11 +252,8 @@ def identifiers(labels: Iterable[str]) -> list[str]:
     for label in labels:
         name = re.sub(r"\W+", "_", label.split(" [")[0], flags=re.ASCII).strip("_")
         name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
-        count = 2
-        unique = name
-        while unique in found:
-            unique, count = f"{name}_{count}", count + 1
-        found.append(unique)
+        further = (f"{name}_{count}" for count in itertools.count(2))
+        found.append(name if name not in found else next(one for one in further if one not in found))
     return found
 
 
@@ -283,10 +263,9 @@ def unit_of(label: str) -> str:
     return found[1] if found else "1"
 
 
-def named_fields(labels: Sequence[str], ranges: Array | None = None, text: str = "") -> tuple[Field, ...]:
+def named_fields(labels: Sequence[str], ranges: Array) -> tuple[Field, ...]:
     """Entries of a vector, with their ranges (size, 2)."""
-    pairs = np.tile([-np.inf, np.inf], (len(labels), 1)) if ranges is None else ranges
     return tuple(
-        Field(name, unit_of(label), text, float(low), float(high))
-        for name, label, (low, high) in zip(identifiers(labels), labels, pairs, strict=True)
+        Field(name, unit_of(label), "", float(low), float(high))
+        for name, label, (low, high) in zip(identifiers(labels), labels, ranges, strict=True)
     )

@@ -1,27 +1,34 @@
 """Test vectors of estimator and controller: calls in their order, on a finger that is simulated along.
 
-The rows hold what is measured, wanted and set; the expected outputs are those of the strict build on this machine.
+The rows hold what is measured, wanted and set; the expected outputs are those of the strict build on this machine,
+which computes to the last bit what every other strict build computes.
 """
 
 from __future__ import annotations
 
+import ctypes
 import math
+import subprocess
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.core.compiler import find_compiler, why_no_compiler
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import REALS, Real, Struct
-from continuum_grasp.export.layer import abi_of, library_files, stateful_of
-from continuum_grasp.export.part import Code, Part, Stateful, Vectors
-from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.control.source import SIZES, UNKNOWN
+from continuum_grasp.export.fields import REALS, Struct
+from continuum_grasp.export.layer import Contents, abi_of, library_files
+from continuum_grasp.export.manifest import FLAGS, write_files
+from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Part, Stateful, Vectors
 from continuum_grasp.export.vectors import bad_entries
 
 Array = NDArray[Any]
@@ -32,8 +39,74 @@ _EPISODES = 3
 """Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
-_FLAGS = 4
-"""Numbers before the others of a row: begin anew, late, whether something else was applied, kind of the call."""
+_TIMEOUT = 600.0
+"""After which a compiler is taken to hang [s]; builds take seconds."""
+
+
+class _Host:
+    """The functions with memory, compiled on this machine with the strict flags, and run row by row.
+
+    ``sizes`` are the bytes of each type of their memory.
+    """
+
+    def __init__(self, contents: Contents, files: Mapping[str, str]) -> None:
+        compiler = find_compiler()
+        if compiler is None:
+            raise InputError(f"the vectors of estimator and controller need a C compiler: {why_no_compiler()}")
+        prefix, self._dtype = contents.subject.prefix, contents.subject.real.dtype
+        owners = list(dict.fromkeys(name for function in contents.stateful for name in function.types))
+        source = contents.fill(
+            "tests/host.c",
+            runners="\n".join(function.runner for function in contents.stateful),
+            exported="".join(
+                f"int host_{f.name}(check_memory *memory, const {prefix}_real *row, {prefix}_real *out)\n"
+                f"{{\n  return run_{f.name}(memory, row, out, 0, 0, 1);\n}}\n"
+                for f in contents.stateful
+            ),
+            sizes=", ".join(f"sizeof({prefix}_{name})" for name in owners),
+        )
+        with tempfile.TemporaryDirectory() as work:
+            write_files(Path(work), {**files, "host.c": source})
+            sources = [name for name in files if name.startswith("src/") and name.endswith(".c")]
+            flags = FLAGS["strict"] + ([] if "clang" in compiler.version.lower() else FLAGS["gcc"])
+            flags = [*flags, "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
+            line = [*compiler.command, *flags, *sources, "host.c", "-o", "host.so"]
+            done = subprocess.run(line, cwd=work, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+            if done.returncode != 0:
+                raise InputError(f"the C compiler refused the package: {done.stderr[:2000]}")
+            self._library = ctypes.CDLL(str(Path(work) / "host.so"))
+        self._library.host_size.restype = ctypes.c_size_t
+        self.sizes = {name: int(self._library.host_size(k)) for k, name in enumerate(owners)}
+        self._memory = ctypes.create_string_buffer(int(self._library.host_size(len(owners))))
+
+    def run(self, name: str, row: Array, outputs: int) -> tuple[int, Array]:
+        """Code and outputs of a row, after those before."""
+        given, out = np.ascontiguousarray(row, dtype=self._dtype), np.zeros(outputs, dtype=self._dtype)
+        run = getattr(self._library, f"host_{name}")
+        return int(run(self._memory, *(ctypes.c_void_p(array.ctypes.data) for array in (given, out)))), out
+
+
+class _Record:
+    """Rows of a function with the codes and outputs that the host gives."""
+
+    def __init__(self, host: _Host, function: Stateful, outputs: int, dtype: Any) -> None:
+        self._host, self._function, self._outputs, self._dtype = host, function, outputs, dtype
+        self._calls: list[tuple[Array, Array, int]] = []
+
+    def call(self, *parts: ArrayLike) -> tuple[int, Array]:
+        """Code and outputs of the row that the parts make up."""
+        row = np.concatenate([np.asarray(part, dtype=float) for part in parts]).astype(self._dtype)
+        code, out = self._host.run(self._function.name, row, self._outputs)
+        self._calls.append((row, out, code))
+        return code, out
+
+    def vectors(self, bad: Sequence[Bad], close: int) -> Vectors:
+        """All rows so far, and bad inputs; the first ``close`` outputs must agree where rounding may differ."""
+        rows, outs, codes = (np.array(column) for column in zip(*self._calls, strict=True))
+        function = self._function
+        return Vectors(
+            function.name, function.runner, rows, outs, codes, tuple(bad), pointers=5, close=close, stateful=True
+        )
 
 
 class _Finger:
@@ -44,6 +117,7 @@ class _Finger:
         s = loop.stages
         self._parts = max(1, math.ceil(s.substeps * loop.period / s.stage - 1e-9))
         self.x = loop.first[: s.nd].copy()
+        # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
         self._mixing = None if loop.estimation is None else np.linalg.pinv(loop.estimation.mixing)
         self._then: list[Array] = []
 
@@ -53,6 +127,7 @@ class _Finger:
         for _ in range(self._parts):
             given = np.concatenate([self.x, held[: s.nx - s.nd]])
             x = np.array(s.step(given, held, s.p_nominal, self._loop.period / self._parts)[0]).ravel()[: s.nd]
+            # A finger that a bad command threw out of the model's range starts again, so that the episode goes on.
             self.x = x if np.isfinite(x).all() else self._loop.first[: s.nd].copy()
 
     def measured(self, u: Array) -> Array:
@@ -69,7 +144,7 @@ class _Finger:
         return found
 
     def kick(self, size: float) -> None:
-        """A push."""
+        """Push it: change the rates of its coordinates at once."""
         n = self._loop.prediction.system.finger_model.n
         self.x[n : 2 * n] += size * self._rng.standard_normal(n)
 
@@ -77,6 +152,7 @@ class _Finger:
 def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator) -> Array:
     """What arrives of a measurement: now and then an entry is missing or infinite, later on all are, or far off."""
     y = y.copy()
+    # Periods without a common divisor (here and of the calls below), so that faults meet in ever new combinations.
     patience = round(loop.stages.stages * loop.stages.stage / loop.period)
     if k % 17 == 9:
         y[rng.integers(len(y))] = np.nan
@@ -84,7 +160,9 @@ def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator
         y[rng.integers(len(y))] = np.inf if k % 2 else -np.inf
     if episode and k % 19 == 13:
         at = rng.integers(len(y))
+        # An outlier: in its range, far from what the filter expects.
         y[at] += 0.4 * (loop.measurement.bounded[at][1] - y[at])
+    # Blind for longer than a plan lasts, late enough for something to be known before.
     start = _EPISODE - 2 * patience - 4 if 2 * patience + 4 < _EPISODE else _EPISODE - 4
     if episode and start <= k < start + patience + 3:
         y[:] = np.nan
@@ -108,12 +186,13 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
     values = loop.nominal_settings.copy()
     if episode == 0 or k < 10:
         return values
-    parts = np.cumsum([0, s.nr, s.nr, s.nu, s.nu, s.nc, s.nc])
+    parts = np.cumsum([0, s.nr, s.nr, s.nu, s.nu, s.nc, s.nc])  # where the members of CHANGEABLE begin
     values[: parts[2]] *= 1.5 if episode == 1 else 0.7
     width = values[parts[3] : parts[4]] - values[parts[2] : parts[3]]
     values[parts[3] : parts[4]] -= 0.3 * width * (episode == 1)
     for low, high in ((parts[4], parts[5]), (parts[5], parts[6])):
         rows = values[low:high]
+        # Infinite bounds are great numbers here, and stay.
         rows[np.abs(rows) < 1e20] *= 0.25 if episode == 2 else 0.6
     return values
 
@@ -125,16 +204,10 @@ def _target(loop: Loop, rng: np.random.Generator) -> Array:
     return found
 
 
-def _kind(episode: int, planned: bool) -> int:
-    """Kind of a call as in ``tests/check.h``: usual, without a plan before, or hard."""
-    return 1 if not planned else 2 if episode else 0
-
-
-def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vectors:
-    """Vectors of the controller."""
-    rng = np.random.default_rng(0)
-    nu, outputs = loop.command.size, loop.command.size + loop.start.size + 5
-    rows, outs, codes = [], [], []
+def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: Stateful) -> Vectors:
+    rng, real = np.random.default_rng(0), contents.subject.real
+    nu = loop.command.size
+    record = _Record(host, function, nu + loop.start.size + 5, real.dtype)
     for episode in range(_EPISODES):
         finger, u, planned = _Finger(loop, rng), loop.before.copy(), False
         later = _target(loop, rng)
@@ -147,31 +220,23 @@ def controller_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vecto
             given = rng.uniform(loop.stages.u_min, loop.stages.u_max) if k % 27 == 5 else u
             if episode and k % 27 == 5:  # off, or beyond what can be commanded
                 given = np.array([pair[k % 2] for pair in loop.applied.bounded]) * (k % 4 > 1)
-            flags = [float(k == 0), float(k % 37 == 8), float(k % 27 in (5, 6)), float(_kind(episode, planned))]
+            # Kind of the call as in tests/check.h: usual, without a plan before, or hard.
+            kind = 1 if not planned else 2 if episode else 0
             settings = _settings(loop, episode, k)
             y = _spoilt(loop, finger.measured(u), episode, k, rng)
             switch = (_HELD - k % _HELD) * loop.period / loop.stages.stage
-            parts = [flags, settings, _known(loop, k), y, wanted, later, [switch], given]
-            row = np.concatenate([np.asarray(part, dtype=float) for part in parts]).astype(real.dtype)
-            code, out = host.run("mpc", row, outputs)
-            planned = code not in (Code.WARN_SAFE_RAMP, *(c for c in Code if c < 0))
-            rows.append(row)
-            outs.append(out)
-            codes.append(code)
+            flags = (k == 0, k % 37 == 8, k % 27 in (5, 6), kind)
+            code, out = record.call(flags, settings, _known(loop, k), y, wanted, later, [switch], given)
+            planned = code >= 0 and code != Code.WARN_SAFE_RAMP
             u = out[:nu].astype(float) if code >= 0 else u
             finger.advance(u)
-    bad = bad_entries(real, loop.settings.fields, 0, _FLAGS, Code.ERR_RANGE)
-    return Vectors(
-        "mpc", runner, np.array(rows), np.array(outs), np.array(codes), tuple(bad), pointers=5, close=nu, stateful=True
-    )
+    return record.vectors(bad_entries(real, loop.settings.fields, 0, ROW_FLAGS, Code.ERR_RANGE), close=nu)
 
 
-def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vectors:
-    """Vectors of the estimator."""
-    rng = np.random.default_rng(1)
+def _estimator_vectors(contents: Contents, loop: Loop, host: _Host, function: Stateful) -> Vectors:
+    rng, real = np.random.default_rng(1), contents.subject.real
     nz, low, high = loop.estimate.size, loop.stages.u_min, loop.stages.u_max
-    outputs = 2 * nz + 1
-    rows, outs, codes = [], [], []
+    record = _Record(host, function, 2 * nz + 1, real.dtype)
     for episode in range(_EPISODES):
         finger, u = _Finger(loop, rng), loop.before.copy()
         for k in range(_EPISODE):
@@ -179,105 +244,60 @@ def estimator_vectors(loop: Loop, real: Real, host: Host, runner: str) -> Vector
                 target = low + (high - low) * rng.uniform(0.0, 0.3, len(low))
             u = u + 0.3 * (target - u)
             y = _spoilt(loop, finger.measured(u), episode, k, rng)
-            flags = [float(k == 0), 0.0, 0.0, 0.0]
-            p = np.array(loop.stages.p_nominal, dtype=float) if k % 31 == 20 else _known(loop, k)
-            row = np.concatenate([flags, p, y, u]).astype(real.dtype)
-            code, out = host.run("estimator_step", row, outputs)
-            rows.append(row)
-            outs.append(out)
-            codes.append(code)
+            # The estimator refuses parameters that are none, which is among the bad entries.
+            p = loop.stages.p_nominal if k % 31 == 20 else _known(loop, k)
+            record.call((k == 0, 0, 0, 0), p, y, u)
             finger.advance(u)
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
     known = loop.known.fields if loop.known is not None else ()
-    bad = bad_entries(real, known, 0, _FLAGS, Code.ERR_RANGE)
-    at = _FLAGS + loop.stages.np + loop.measurement.size
+    bad = bad_entries(real, known, 0, ROW_FLAGS, Code.ERR_RANGE)
+    at = ROW_FLAGS + loop.stages.np + loop.measurement.size
     bad += bad_entries(real, loop.applied.fields, 0, at, Code.ERR_RANGE)
-    return Vectors(
-        "estimator_step",
-        runner,
-        np.array(rows),
-        np.array(outs),
-        np.array(codes),
-        tuple(bad),
-        pointers=5,
-        close=nz,
-        stateful=True,
-    )
+    return record.vectors(bad, close=nz)
 
 
-def _replayed(loop: Loop, vectors: Vectors, host: Host, real: Real) -> tuple[Array, Array]:
-    """Codes and outputs that a wider build gives for the same rows.
-
-    Limits of the input, which rounding may have moved out of range, are those of the loop again.
-    """
-    rows = vectors.inputs.astype(real.dtype)
-    for limit in (*loop.stages.u_min, *loop.stages.u_max):
-        rows[vectors.inputs == vectors.inputs.dtype.type(limit)] = limit
-    codes, outputs = zip(*(host.run(vectors.name, row, vectors.outputs.shape[1]) for row in rows), strict=True)
-    return np.array(codes), np.array(outputs)
-
-
-SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
-"""Places of the header for what is known once it was compiled."""
-UNKNOWN = "0x7fffffff"
-"""What stands there before."""
+_VECTORS = {"mpc": _controller_vectors, "estimator_step": _estimator_vectors}
 
 
 def stateful_vectors(
-    subject: Subject,
-    parts: Sequence[Part],
-    wide: Sequence[Part],
-    files: Mapping[str, str],
-    words: dict[str, str],
+    contents: Contents, wide: Sequence[Part], files: Mapping[str, str]
 ) -> tuple[list[Vectors], dict[str, tuple[OutputError, ...]]]:
-    """Vectors of all such functions by a build on this machine, and their rounding errors; writes the sizes to words.
+    """Vectors of all such functions by a build on this machine, and their rounding errors; adds the sizes to the words.
 
     The error is the greatest difference of the first outputs (command, estimate) in usual rows from a build in double
     that is given the same rows. It is no bound: where a measurement is left out by one build alone, or another active
     set ends the iterations, outputs jump.
     """
-    functions = stateful_of(parts)
-    host = _host(subject, functions, files)
-    words |= {f"{name}_bytes": str(size) for name, size in host.sizes.items()}
-    vectors = [function.vectors(host, function.runner) for function in functions]
-    errors: dict[str, tuple[OutputError, ...]] = {}
-    if subject.real.name == "float" and subject.loop is not None:
-        double = replace(subject, real=REALS["double"])
-        written = {**words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
-        written["abi"] = abi_of(double, wide, written)
-        other = _host(double, functions, library_files(double, wide, written))
-        structs = {struct.name: struct for part in parts for struct in part.structs}
-        for v, function in zip(vectors, functions, strict=True):
-            output = structs[function.output]
-            errors[v.name] = _differences(v, output, *_replayed(subject.loop, v, other, double.real))
-    return vectors, errors
-
-
-def stateful_usage(prefix: str, function: Stateful) -> str:
-    """C of a first call."""
-    owner = function.types[0]
-    structs = [*function.inputs, function.output]
-    lines = [f"static {prefix}_{name} {name};" for name in (*function.types, *structs)]
-    passed = ", ".join(f"&{name}" for name in (*function.types, *structs))
-    lines.append(f"int code = {prefix}_{owner}_init(&{owner});")
-    notes = {
-        "measurement": " /* nothing measured: NaN */",
-        "reference": " /* the setpoints of the scene, at all nodes */",
-        "command": " /* what was applied before */",
+    subject, loop = contents.subject, contents.subject.loop
+    if loop is None:
+        return [], {}
+    host = _Host(contents, files)
+    contents.words.update((f"{name}_bytes", str(size)) for name, size in host.sizes.items())
+    vectors = [_VECTORS[function.name](contents, loop, host, function) for function in contents.stateful]
+    if subject.real.name != "float":
+        return vectors, {}
+    words = {**contents.words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
+    double = Contents(replace(subject, real=REALS["double"]), wide, words)
+    words["abi"] = abi_of(double)
+    other = _Host(double, library_files(double))
+    structs = {struct.name: struct for part in contents.parts for struct in part.structs}
+    return vectors, {
+        v.name: _differences(v, structs[function.output], *_replayed(loop, v, other))
+        for v, function in zip(vectors, contents.stateful, strict=True)
     }
-    for name in function.inputs:
-        lines.append(f"if (code >= 0) code = {prefix}_{name}_init(&{name});{notes[name]}")
-    lines.append("/* every period: write what was measured into the measurement, leave the rest NaN; then */")
-    lines.append(f"if (code >= 0) code = {prefix}_{function.name}({passed});")
-    lines.append(f"if (code < 0) report({prefix}_strerror(code)); /* above zero: a warning, see the table of codes */")
-    return "\n".join(lines)
 
 
-def _host(subject: Subject, functions: Sequence[Stateful], files: Mapping[str, str]) -> Host:
-    runners = {function.name: function.runner for function in functions}
-    owners = list(dict.fromkeys(name for function in functions for name in function.types))
-    return Host(files, subject.prefix, subject.real, runners, owners)
+def _replayed(loop: Loop, vectors: Vectors, host: _Host) -> tuple[Array, Array]:
+    """Codes and outputs that the build in double gives for the same rows.
+
+    Limits of the input, which rounding may have moved out of range, are those of the loop again.
+    """
+    rows = vectors.inputs.astype(float)  # the same numbers, so that the difference is that of the arithmetic
+    for limit in (*loop.stages.u_min, *loop.stages.u_max):
+        rows[vectors.inputs == vectors.inputs.dtype.type(limit)] = limit
+    codes, outputs = zip(*(host.run(vectors.name, row, vectors.outputs.shape[1]) for row in rows), strict=True)
+    return np.array(codes), np.array(outputs)
 
 
 def _differences(vectors: Vectors, output: Struct, codes: np.ndarray, other: np.ndarray) -> tuple[OutputError, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -12,13 +13,17 @@ from continuum_grasp.control.compiled.source import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
-from continuum_grasp.export.fields import Real, Struct
+from continuum_grasp.export.fields import Real, Struct, each_once
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
 _STUBS = ("stage_step", "stage_cost", "terminal_cost")
 _OF_ESTIMATOR = ("estimator_step", "estimator_outputs", "estimator_flow", "estimated_parameters")
+SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
+"""Places of the header for what is known once it was compiled."""
+UNKNOWN = "0x7fffffff"
+"""What stands there before: more than any memory, so that the checks of the sizes in the C hold."""
 ANOMALIES = {
     "MISSING": "an entry of the measurement is not there",
     "ABSURD": "one is infinite or out of its range",
@@ -45,17 +50,13 @@ class _Writer:
     def __init__(self, loop: Loop, prefix: str, real: Real) -> None:
         self.loop, self.prefix, self.real = loop, prefix, real
         self.mpc, self.filter = "mpc" in loop.parts, loop.estimation is not None
-        self.functions = (*_STUBS, *_OF_ESTIMATOR)
 
     def renamed(self, text: str) -> str:
-        return renamed(text, self.prefix, self.real.name, self.functions)
-
-    def literals(self, values: Iterable[float]) -> str:
-        greatest = self.real.greatest
-        return ", ".join(self.real.literal(min(max(float(v), -greatest), greatest)) for v in values)
+        return renamed(text, self.prefix, self.real.name, (*_STUBS, *_OF_ESTIMATOR))
 
     def array(self, name: str, values: Iterable[float]) -> str:
-        return f"static const {self.prefix}_real {name}[] = {{{self.literals(values)}}};"
+        numbers = ", ".join(map(self.real.finite_literal, values))
+        return f"static const {self.prefix}_real {name}[] = {{{numbers}}};"
 
     def bounds(self, struct: Struct, name: str = "") -> str:
         low, high = zip(*struct.bounded, strict=True)
@@ -69,11 +70,10 @@ class _Writer:
         found = []
         if self.mpc:
             found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
-            found.append("#define RTI_LANES 1")
-            measured = len(loop.measurement_names)
-            found += [f"#define CONTROLLER_ND {s.nd}", f"#define CONTROLLER_NM {measured}"]
-            found.append(f"#define CONTROLLER_ESTIMATES {int(self.filter)}")
-            found.append(f"#define CONTROLLER_NS {0 if e is None else len(e.sensor_names)}")
+            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
+            sizes["NS"] = 0 if e is None else len(e.sensor_names)
+            # Plain C has no vectors: one lane.
+            found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
         if e is not None:
             sizes = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm, "DELAY": loop.periods}
             sizes["NS"] = len(e.sensor_names)
@@ -87,37 +87,30 @@ class _Writer:
         found += ["ekf.h"] if self.filter else []
         return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
-    def memory(self, words: dict[str, str]) -> str:
-        types = [without_prototypes(template(name))[0] for name in self.headers()]
-        memories = []
-        if "estimator" in self.loop.parts:
-            memories.append("typedef struct {\n  ekf_state state;\n  uint32_t anomalies;\n} estimator_memory;")
-        if self.mpc:
-            members = "  controller_state state;\n  controller_output last;\n  int late;\n  real elapsed;\n"
-            memories.append(f"typedef struct {{\n{members}}} controller_memory;")
-        text = self.renamed("\n".join(types + memories)).replace(
-            f"{self.prefix}_loop_memory", f"{self.prefix}_controller_memory"
-        )
-        text = text.replace("} estimator_memory", f"}} {self.prefix}_estimator_memory")
-        return fill("control/memory.h", {**words, "dimensions": self.macros(), "types": text})
+    def memory(self, words: dict[str, object]) -> str:
+        types = self.renamed("\n".join(without_prototypes(template(name))[0] for name in self.headers()))
+        more = {
+            "dimensions": self.macros(),
+            "types": types,
+            "mpc": self.mpc,
+            "estimator": "estimator" in self.loop.parts,
+        }
+        return fill("control/memory.h", {**words, **more})
 
     # -- the source ---------------------------------------------------------------------------------------------------
 
     def adapters(self) -> str:
         loop, s, e = self.loop, self.loop.stages, self.loop.estimation
-        pairs: list[tuple[ca.Function, tuple[Kernel, ...]]] = []
-        if self.mpc:
-            pairs += [(f, loop.problem_kernels) for f in (s.step, s.cost, s.terminal)]
+        functions = [s.step, s.cost, s.terminal] if self.mpc else []
         if e is not None:
-            own = (e.step, e.outputs, e.parameters) if self.mpc else (e.step, e.outputs)
-            pairs += [(f, loop.estimator_kernels) for f in own]
-            if loop.periods:
-                pairs.append((e.flow, loop.estimator_kernels))
-        return "\n".join(self.adapter(function, kernels) for function, kernels in pairs)
+            functions += [e.step, e.outputs, *([e.parameters] if self.mpc else []), *([e.flow] if loop.periods else [])]
+        own = (*(loop.problem_kernels if self.mpc else ()), *loop.estimator_kernels)
+        kernels = {kernel.name: kernel for kernel in own}
+        return "\n".join(self.adapter(function, kernels.get(function.name())) for function in functions)
 
-    def adapter(self, function: ca.Function, kernels: tuple[Kernel, ...]) -> str:
+    def adapter(self, function: ca.Function, kernel: Kernel | None) -> str:
+        """CasADi's calling convention, as ``control/c`` has it, around a kernel; around nothing where there is none."""
         p, name = self.prefix, function.name()
-        kernel = next((k for k in kernels if k.name == name), None)
         further = "" if name in _STUBS else f", int *iw, {p}_real *w, int mem"
         call, unused = "", ["iw", "w", "mem"] if further else []
         if kernel is None:
@@ -154,9 +147,8 @@ class _Writer:
             texts.append(self.array("first_setpoints", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
-            own = [
-                Member(m.member.removeprefix("ekf."), m.values, m.whole) for m in loop.members if m.member[:4] == "ekf."
-            ]
+            own = [m for m in loop.members if m.member.startswith("ekf.")]
+            own = [replace(m, member=m.member.removeprefix("ekf.")) for m in own]
             texts.append(f"static const {p}_ekf_settings ekf_settings = {self.initializer(own)};")
         if "estimator" in loop.parts:
             names = ("MISSING", "ABSURD", "OUTLIER", "REOPENED")
@@ -164,61 +156,55 @@ class _Writer:
             texts.append(f"static const uint32_t anomaly_of_verdict[] = {{{bits}}};")
         return "\n".join(texts)
 
-    def initializer(self, members: Sequence[Member]) -> str:
-        lines = []
-        for member in members:
-            values = np.asarray(member.values)
-            numbers = (
-                [str(int(v)) for v in values.ravel()] if member.whole else [self.literals([v]) for v in values.ravel()]
-            )
-            if values.ndim == 2:
-                width = values.shape[1]
-                rows = [f"{{{', '.join(numbers[k : k + width])}}}" for k in range(0, len(numbers), width)]
-                lines.append(f"  .{member.member} = {{{', '.join(rows)}}}")
-            elif values.ndim == 1:
-                lines.append(f"  .{member.member} = {{{', '.join(numbers) or self.real.literal(0.0)}}}")
-            else:
-                lines.append(f"  .{member.member} = {numbers[0]}")
+    def initializer(self, members: Iterable[Member]) -> str:
+        lines = (f"  .{m.member} = {self.braced(np.asarray(m.values), m.whole)}" for m in members)
         return "{\n" + ",\n".join(lines) + "}"
 
-    def words(self, common: dict[str, str]) -> dict[str, str]:
+    def braced(self, values: np.ndarray, whole: bool) -> str:
+        if values.ndim == 0:
+            return str(int(values)) if whole else self.real.finite_literal(float(values))
+        inside = ", ".join(self.braced(entry, whole) for entry in values)
+        return f"{{{inside or self.real.literal(0.0)}}}"  # C99 takes no empty braces
+
+    def words(self, common: dict[str, object]) -> dict[str, object]:
         loop, p, big = self.loop, self.prefix, self.prefix.upper()
-        known, start = loop.known, loop.start
-        nz, nu, nm = start.size, loop.command.size, loop.measurement.size
-        lines, at = [], 0
+        known = loop.known.size if loop.known is not None else 0
+        start, nx, nz = loop.start, loop.prediction.nx, loop.start.size
+        taken, at = [], 0
         for member in CHANGEABLE:
             count = np.size(getattr(loop.stages, member))
             if count:
-                lines.append(f"  memcpy(to->rti.{member}, numbers + {at}, {count} * sizeof *numbers);")
+                taken.append(f"  memcpy(to->rti.{member}, numbers + {at}, {count} * sizeof *numbers);")
             at += count
-        reading = [
-            f"    work->reference[k][{j}] = reference->{f.name}[k];" for j, f in enumerate(loop.reference.fields)
-        ]
-        nx = loop.prediction.nx
         estimated = [f"  memcpy(z, controller->memory.last.x, {nx} * sizeof *z);"]
         if nz > nx:
             estimated.append(f"  memcpy(z + {nx}, controller->memory.state.ekf.z + {nx}, {nz - nx} * sizeof *z);")
-        found = {
+        names, last = [field.name for field in loop.reference.fields], len(ANOMALIES) - 1
+        quiet_nan = self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)
+        return {
+            **common,
             "period": f"{loop.period:g}",
-            "n": str(loop.stages.stages),
+            "n": loop.stages.stages,
             "stage": f"{loop.stages.stage:g}",
             "start": start.name,
-            "nz": str(nz),
-            "nu": str(nu),
-            "nm": str(nm),
-            "ns": str(loop.settings.size),
-            "np_size": str(max(loop.stages.np, 1)),
-            "take": "\n".join(lines),
-            "read_reference": "\n".join(reading),
+            "nz": nz,
+            "nu": loop.command.size,
+            "nm": loop.measurement.size,
+            "ns": loop.settings.size,
+            "np_size": max(loop.stages.np, 1),
+            "take": "\n".join(taken),
+            "read_reference": "\n".join(
+                f"    work->reference[k][{j}] = reference->{name}[k];" for j, name in enumerate(names)
+            ),
             "first_reference": "\n".join(
-                f"    reference->{f.name}[k] = first_setpoints[{j}];" for j, f in enumerate(loop.reference.fields)
+                f"    reference->{name}[k] = first_setpoints[{j}];" for j, name in enumerate(names)
             ),
             "diagnosis": "\n".join(
                 f"  {f'{p}_real' if kind == 'real' else kind} {name}; /* {text} */" for kind, name, text in DIAGNOSIS
             ),
             "applied_range": ", ".join(f"{f.name} {f.low:.6g} to {f.high:.6g} {f.unit}" for f in loop.applied.fields),
-            "width": str(self.real.width),
-            "missing": hex(self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)) + "u" + self.real.bits_suffix,
+            "width": self.real.width,
+            "missing": self.real.bit_pattern(quiet_nan),
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
             "safe": loop.safe,
@@ -228,53 +214,34 @@ class _Writer:
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
-            "known_member": f"\n  {p}_known known; /* may be changed between calls */" if known else "",
+            "known": known,
             "known_nominal": "known_nominal" if known else "0",
-            "known_nominal_estimator": "\n  write_known(known_nominal, &estimator->known);" if known else "",
-            "known_nominal_controller": "\n  write_known(known_nominal, &controller->known);" if known else "",
-            "known_read_estimator": f"\n  read_known(&estimator->known, p);\n"
-            f"  if ((code = check(p, known_low, known_high, {known.size})) < 0) return code;"
-            if known
-            else "",
-            "known_array": f", p[{known.size}]" if known else "",
-            "known_read_controller": "\n  read_known(&controller->known, p);" if known else "",
             "known_or_null": "p" if known else "0",
-            **{
-                f"{name}_bytes": f"<<{name}_bytes>>"
-                for name in ("estimator", "estimator_work", "controller", "controller_work")
-            },
-            "anomalies": ",\n".join(
-                f"  {big}_ANOMALY_{name} = {2**k} /* {text} */" for k, (name, text) in enumerate(ANOMALIES.items())
+            **{name: f"<<{name}>>" for name in SIZES},
+            "anomalies": "\n".join(
+                f"  {big}_ANOMALY_{name} = {2**k}{',' if k < last else ' '} /* {text} */"
+                for k, (name, text) in enumerate(ANOMALIES.items())
             ),
         }
-        found["anomalies"] = _commas_before_comments(found["anomalies"])
-        return {**common, **found}
 
-    def source(self, words: dict[str, str]) -> str:
+    def source(self, words: dict[str, object]) -> str:
         loop, p = self.loop, self.prefix
-        inputs = [loop.command, loop.measurement, loop.start]
-        inputs += [loop.known] if loop.known else []
-        outputs = [loop.start, loop.measurement, loop.command, *([loop.known] if loop.known else [])]
-        if self.mpc:
-            inputs.append(loop.settings)
-            outputs.append(loop.settings)
-        public = [fill("control/given.c", words)]
-        public += [fill(f"control/{name}.c", words) for name in ("estimator", "controller") if self.has(name)]
+        settings, known = ([loop.settings] if self.mpc else []), ([loop.known] if loop.known else [])
+        inputs = [loop.command, loop.measurement, loop.start, *known, *settings]
+        outputs = [loop.start, loop.measurement, loop.command, *known, *settings]
+        files = ["given", *(["estimator"] if "estimator" in loop.parts else []), *(["controller"] if self.mpc else [])]
         more = {
             "sqrt": c_source({"sqrt"}, self.real, p),
             "prototypes": self.prototypes(),
             "adapters": self.adapters(),
             "bodies": self.bodies(),
             "numbers": self.numbers(),
-            "readers": "\n".join(s.reader(p) for s in _unique(inputs)),
-            "writers": "\n".join(s.writer(p) for s in _unique(outputs)),
+            "readers": "\n".join(s.reader(p) for s in each_once(inputs)),
+            "writers": "\n".join(s.writer(p) for s in each_once(outputs)),
             "check": fill("check_numbers.c", words),
-            "functions": "\n".join(public),
+            "functions": "\n".join(fill(f"control/{name}.c", words) for name in files),
         }
         return fill("control/common.c", {**words, **more})
-
-    def has(self, name: str) -> bool:
-        return {"estimator": "estimator", "controller": "mpc"}[name] in self.loop.parts
 
 
 def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str], dict[str, str]]:
@@ -285,21 +252,8 @@ def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str]
     writer = _Writer(loop, prefix, real)
     words = writer.words({"p": prefix, "P": prefix.upper(), "version": __version__})
     files = {f"include/{prefix}_memory.h": writer.memory(words), f"src/{prefix}_control.c": writer.source(words)}
-    declared = {
-        "estimator": fill("control/estimator.h", words),
-        "mpc": fill("control/controller.h", words),
-    }
+    headers = {"estimator": "estimator", "mpc": "controller"}
+    declared = {name: fill(f"control/{headers[name]}.h", words) for name in loop.parts}
+    # The first part declares what both take.
     first = f'#include "{prefix}_memory.h"\n\n' + fill("control/anomalies.h", words) + fill("control/given.h", words)
-    declared[loop.parts[0]] = f"{first}\n{declared[loop.parts[0]]}"
-    return files, {name: declared[name] for name in loop.parts}
-
-
-def _unique(structs: Sequence[Struct]) -> list[Struct]:
-    return list({struct.name: struct for struct in structs}.values())
-
-
-def _commas_before_comments(text: str) -> str:
-    """Commas of an enumeration that stand behind comments, moved before them."""
-    lines = [line.removesuffix(",").replace(" /*", ", /*", 1) for line in text.splitlines()]
-    lines[-1] = lines[-1].replace(", /*", "  /*", 1)
-    return "\n".join(lines)
+    return files, declared | {loop.parts[0]: f"{first}\n{declared[loop.parts[0]]}"}

@@ -5,13 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from continuum_grasp.core.precision import literal
+from continuum_grasp.core.precision import TOKEN, literal
 
-_TOKEN = re.compile(
-    r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
-    r"|(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])|\d\w*",
-    re.DOTALL,
-)
 _MODULES = {"rti": "rti", "ekf": "ekf", "controller": "loop", "supervisor": "supervisor", "cg": "checks"}
 """What names begin with in ``control/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_MODULES)})_\w+|\b(?:{'|'.join(module.upper() for module in _MODULES)})_\w+")
@@ -24,23 +19,9 @@ _PROTOTYPE = re.compile(
 
 
 def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()) -> str:
-    """C whose names begin with a package's prefix, and whose type and literals are those of a package.
+    """C of ``control/c`` with the names, in comments too, the type and the literals of a package, and without includes.
 
-    Parameters
-    ----------
-    source : str
-        C of ``control/c``.
-    prefix : str
-        Of the package.
-    real : {"double", "float"}
-        What the package computes in.
-    functions : collection of str
-        Names of what calls the kernels, which get ``call_`` behind the prefix.
-
-    Returns
-    -------
-    str
-        Includes of the other files are left out; names in comments are changed too.
+    ``functions`` are the names of what calls the kernels, which get ``call_`` behind the prefix.
     """
 
     def of_package(match: re.Match[str]) -> str:
@@ -63,7 +44,7 @@ def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()
             return f"{prefix}_call_{match[0]}"
         return _NAME.sub(of_package, match[0])
 
-    return _TOKEN.sub(changed, _INCLUDE.sub("", source))
+    return TOKEN.sub(changed, _INCLUDE.sub("", source))
 
 
 def without_prototypes(header: str) -> tuple[str, str]:

@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Mapping
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.control.host import Host
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.control.replay import controller_vectors, estimator_vectors
 from continuum_grasp.export.control.source import control_sources
-from continuum_grasp.export.fields import Real, Struct
-from continuum_grasp.export.part import SECONDS, Code, Method, Part, Stateful, Vectors
+from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.part import ROW_FLAGS, SECONDS, Code, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import runner_head
-
-_Maker = Callable[[Loop, Real, Host, str], Vectors]
+from continuum_grasp.export.template import fill
 
 
 def estimator(subject: Subject) -> Part:
-    """The estimator of a subject's loop.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    """State and disturbances from what is measured."""
     loop = _loop(subject, "estimator")
     if loop.estimation is None:
         raise InputError("this scene has no estimator: leave the part out", key="what")
@@ -35,7 +24,6 @@ def estimator(subject: Subject) -> Part:
         "State and disturbances now, from a measurement and the command that was applied.",
         _estimator_runner(subject.prefix, loop),
         ("estimator", "estimator_work"),
-        partial(estimator_vectors, loop, subject.real),
         ("measurement", "command"),
         "estimate",
         (
@@ -46,17 +34,11 @@ def estimator(subject: Subject) -> Part:
             Method("anomalies", "What was noticed in the last call, bits of ANOMALIES.", counts=True),
         ),
     )
-    return _part(subject, loop, "estimator", structs, (Code.WARN_ESTIMATE_RESTARTED,), function)
+    return _part(subject, "estimator", structs, (Code.WARN_ESTIMATE_RESTARTED,), function)
 
 
 def mpc(subject: Subject) -> Part:
-    """The controller of a subject's loop.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    """Commands by predictive control."""
     loop = _loop(subject, "mpc")
     structs = [loop.measurement, loop.reference, loop.command, loop.start, loop.settings]
     codes = (
@@ -72,7 +54,6 @@ def mpc(subject: Subject) -> Part:
         f"The command for {measured} and setpoints, by one real-time iteration.",
         _controller_runner(subject.prefix, loop),
         ("controller", "controller_work"),
-        partial(controller_vectors, loop, subject.real),
         ("measurement", "reference"),
         "command",
         (
@@ -89,7 +70,7 @@ def mpc(subject: Subject) -> Part:
             Method("diagnosis", "What is known of the last call.", (), "diagnosis"),
         ),
     )
-    return _part(subject, loop, "mpc", structs, codes, function)
+    return _part(subject, "mpc", structs, codes, function)
 
 
 def _loop(subject: Subject, name: str) -> Loop:
@@ -98,114 +79,73 @@ def _loop(subject: Subject, name: str) -> Loop:
     return subject.loop
 
 
-def _part(
-    subject: Subject, loop: Loop, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful
-) -> Part:
+def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
+    loop = _loop(subject, name)
     files, declared = control_sources(loop, subject.prefix, subject.real)
-    if loop.known is not None:
-        structs.append(loop.known)
-    kernels = loop.estimator_kernels if name == "estimator" else (*loop.problem_kernels, *loop.estimator_kernels)
+    kernels = loop.estimator_kernels
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
-        constants["NODES"] = (
-            f"{loop.stages.stages + 1} /* of a reference: from now on, one each {loop.stages.stage:g} s */"
-        )
+        kernels = (*loop.problem_kernels, *kernels)
+        nodes = f"of a reference: from now on, one each {loop.stages.stage:g} s"
+        constants["NODES"] = f"{loop.stages.stages + 1} /* {nodes} */"
     return Part(
         name,
-        {"estimator": "state and disturbances from measurements", "mpc": "predictive control"}[name],
         kernels,
         (),
         constants,
         declarations=declared[name],
         sources=files,
-        further=tuple(structs),
+        further=(*structs, *([loop.known] if loop.known is not None else [])),
         codes=codes,
         stateful=(function,),
     )
 
 
+def _take_known(loop: Loop, owner: str, at: int) -> tuple[str, int]:
+    """C that takes what is known of the finger from a row, where there is any, and where the row goes on."""
+    if loop.known is None:
+        return "", at
+    place = f"memory->{owner}.known"
+    return f"  memcpy(&{place}, row + {at}, sizeof {place});\n", at + loop.known.size
+
+
+def _runner(name: str, prefix: str, words: Mapping[str, object]) -> str:
+    return fill(f"tests/run_{name}.c", {"p": prefix, "P": prefix.upper(), **words})
+
+
 def _estimator_runner(prefix: str, loop: Loop) -> str:
-    p, nz = prefix, loop.estimate.size
-    at = 4
-    known = ""
-    if loop.known is not None:
-        known = f"  memcpy(&memory->estimator.known, row + {at}, sizeof memory->estimator.known);\n"
-        at += loop.known.size
-    return f"""\
-{runner_head("estimator_step", p)}
-{{
-  {p}_measurement measurement;
-  {p}_command applied;
-  {p}_estimate estimate, variance;
-  int k, code = 0;
-  if (row[0] > 0) {p}_estimator_init(&memory->estimator);
-{known}  memcpy(&measurement, row + {at}, sizeof measurement);
-  memcpy(&applied, row + {at + loop.measurement.size}, sizeof applied);
-  memcpy(&estimate, out, sizeof estimate);
-  memory->estimator.abi ^= other_abi;
-  for (k = 0; k < repeat; ++k)
-    code = {p}_estimator_step(null == 1 ? 0 : &memory->estimator, null == 2 ? 0 : &memory->estimator_work,
-                              null == 3 ? 0 : &measurement, null == 4 ? 0 : &applied, null == 5 ? 0 : &estimate);
-  memory->estimator.abi ^= other_abi;
-  memcpy(out, &estimate, sizeof estimate);
-  if (code < 0 || repeat == 0) return code;
-  {p}_estimator_variance(&memory->estimator, &variance);
-  memcpy(out + {nz}, &variance, sizeof variance);
-  out[{2 * nz}] = ({p}_real){p}_estimator_anomalies(&memory->estimator);
-  return code;
-}}
-"""
+    """C that runs a row: flags, what is known, the measurement, what was applied."""
+    nz = loop.estimate.size
+    known, measurement = _take_known(loop, "estimator", ROW_FLAGS)
+    applied = measurement + loop.measurement.size
+    words = {"take_known": known, "measurement": measurement, "applied": applied, "nz": nz, "anomalies": 2 * nz}
+    return _runner("estimator", prefix, words)
 
 
 def _controller_runner(prefix: str, loop: Loop) -> str:
-    p, nu, nr, nodes = prefix, loop.command.size, loop.stages.nr, loop.stages.stages + 1
-    at = 4 + loop.settings.size
-    known = ""
-    if loop.known is not None:
-        known = f"  memcpy(&memory->controller.known, row + {at}, sizeof memory->controller.known);\n"
-        at += loop.known.size
-    wanted = at + loop.measurement.size
-    applied = wanted + 2 * nr + 1
-    low = 4 + 2 * nr
+    """C that runs a row: flags, settings, what is known, the measurement, setpoints now and later, the node from which
+    the later ones hold, what was applied.
+    """
+    nu, nr, nodes = loop.command.size, loop.stages.nr, loop.stages.stages + 1
+    known, measurement = _take_known(loop, "controller", ROW_FLAGS + loop.settings.size)
+    wanted = measurement + loop.measurement.size
+    low = ROW_FLAGS + 2 * nr  # settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE
     end = nu + loop.start.size
-    return f"""\
-{runner_head("mpc", p)}
-{{
-  {p}_measurement measurement;
-  {p}_reference reference;
-  {p}_command command, applied;
-  {p}_{loop.start.name} estimate;
-  {p}_diagnosis diagnosis;
-  {p}_real nodes[{nr * nodes}];
-  int j, k, code = 0;
-  if (row[0] > 0) {p}_controller_init(&memory->controller);
-  memcpy(&memory->controller.settings, row + 4, sizeof memory->controller.settings);
-{known}  memcpy(&measurement, row + {at}, sizeof measurement);
-  for (j = 0; j < {nr}; ++j)
-    for (k = 0; k < {nodes}; ++k)
-      nodes[j * {nodes} + k] = ({p}_real)k < row[{wanted + 2 * nr}] ? row[{wanted} + j] : row[{wanted + nr} + j];
-  memcpy(&reference, nodes, sizeof reference);
-  memcpy(&applied, row + {applied}, sizeof applied);
-  if (row[1] > 0) {p}_controller_late(&memory->controller);
-  if (row[2] > 0) {p}_controller_applied(&memory->controller, &applied);
-  memcpy(&command, out, sizeof command);
-  memory->controller.abi ^= other_abi;
-  for (k = 0; k < repeat; ++k)
-    code = {p}_mpc(null == 1 ? 0 : &memory->controller, null == 2 ? 0 : &memory->controller_work,
-                   null == 3 ? 0 : &measurement, null == 4 ? 0 : &reference, null == 5 ? 0 : &command);
-  memory->controller.abi ^= other_abi;
-  memcpy(out, &command, sizeof command);
-  if (code < 0 || repeat == 0) return code;
-  for (j = 0; j < {nu}; ++j) /* beyond its settings only by its own warning; no code is -128 */
-    if (code < {p.upper()}_WARN_PREVIOUS_PLAN && (out[j] < row[{low} + j] || out[j] > row[{low + nu} + j])) return -128;
-  {p}_controller_estimate(&memory->controller, &estimate);
-  {p}_controller_diagnosis(&memory->controller, &diagnosis);
-  memcpy(out + {nu}, &estimate, sizeof estimate);
-  out[{end}] = ({p}_real)diagnosis.anomalies;
-  out[{end + 1}] = ({p}_real)diagnosis.iterations;
-  out[{end + 2}] = diagnosis.violation;
-  out[{end + 3}] = ({p}_real)diagnosis.health;
-  out[{end + 4}] = diagnosis.mismatch;
-  return code;
-}}
-"""
+    words = {
+        "take_known": known,
+        "measurement": measurement,
+        "start": loop.start.name,
+        "nu": nu,
+        "nr": nr,
+        "nodes": nodes,
+        "nodes_size": nr * nodes,
+        "wanted": wanted,
+        "later": wanted + nr,
+        "switch": wanted + 2 * nr,
+        "applied": wanted + 2 * nr + 1,
+        "low": low,
+        "high": low + nu,
+        "end": end,
+        **{f"end{k}": end + k for k in range(1, 5)},
+    }
+    return _runner("controller", prefix, words)

@@ -5,15 +5,12 @@ A step is one of the classical Runge-Kutta method of order 4, which calls the dy
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
-from continuum_grasp.export.ranges import rate_unit
+from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Reference, Rows
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
@@ -24,38 +21,44 @@ def _dynamics_kernel(subject: Subject) -> Kernel:
     return Kernel("dynamics", subject.model.forward_dynamics, "Rate of change xd of the state x; equation of motion.")
 
 
-def _codes_of(subject: Subject, rows: Rows, result: Array) -> Array:
-    """Codes of a function of the state without warnings of its own."""
-    codes = np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
-    return np.asarray(np.where(subject.refused(rows), Code.ERR_RANGE, codes))
+def _codes_of(result: Array) -> Array:
+    return np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
+
+
+def _refusing(subject: Subject, kernel: Kernel) -> Reference:
+    """Reference of a function that refuses states out of range, and has no warnings; its kernel has one output."""
+    (output,) = kernel.outputs
+
+    def reference(rows: Rows) -> tuple[Array, Array]:
+        result = kernel.evaluate(subject.real, **rows)[output]
+        return result, np.where(subject.refused(rows), Code.ERR_RANGE, _codes_of(result))
+
+    return reference
 
 
 def dynamics(subject: Subject) -> Part:
-    """The part for a subject."""
+    """Rate of change of the state."""
     kernel = _dynamics_kernel(subject)
-    rates = tuple(Field(f.name, rate_unit(f.unit)) for f in subject.state.fields)
+    rates = tuple(
+        Field(f.name, f"{f.unit.removesuffix('/s')}/s2" if f.unit.endswith("/s") else f"{f.unit}/s")
+        for f in subject.state.fields
+    )
     rate = Struct("rate", "Rate of change of each entry of the state.", rates)
-
-    def reference(rows: Rows) -> tuple[Array, Array]:
-        result = kernel.evaluate(subject.real, **rows)["xd"]
-        return result, _codes_of(subject, rows, result)
-
-    body = f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', xd='result')}\n"
     call = Call(
         "dynamics",
         "Rate of change of the state: accelerations of the finger under input and forces.",
         subject.acting(),
         Argument("rate", rate, "result"),
-        body,
-        reference,
+        f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', xd='result')}\n",
+        _refusing(subject, kernel),
         subject.guard_source,
     )
-    return Part("dynamics", "rate of change of the state", (kernel, *subject.kernels), (call,))
+    return Part("dynamics", (kernel, *subject.kernels), (call,))
 
 
 def statics(subject: Subject) -> Part:
-    """The part for a subject."""
-    n, unit = subject.n, subject.model.structure.family.force_unit
+    """Residual of equilibrium and its tangent stiffness."""
+    n, unit = subject.model.n, subject.model.structure.family.force_unit
     balance = Struct(
         "balance",
         "Balance of the finger at rest: what is missing for equilibrium.",
@@ -65,32 +68,27 @@ def statics(subject: Subject) -> Part:
         ),
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
-    x = ca.SX.sym("x", subject.nx)
+    x = ca.SX.sym("x", subject.model.nx)
     missing, stiffness = subject.model.statics(x[:n], u, w, p)
-    both = ca.vertcat(missing, ca.vec(stiffness.T))
+    both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major
     kernel = Kernel(
         "statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics."
     )
-
-    def reference(rows: Rows) -> tuple[Array, Array]:
-        result = kernel.evaluate(subject.real, **rows)["balance"]
-        return result, _codes_of(subject, rows, result)
-
     call = Call(
         "statics",
         "Balance of the finger at rest in a state, whose rates are not read.",
         subject.acting(),
         Argument("balance", balance, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
-        reference,
+        _refusing(subject, kernel),
         subject.guard_source,
     )
-    return Part("statics", "equilibrium residual and tangent stiffness", (kernel, *subject.kernels), (call,))
+    return Part("statics", (kernel, *subject.kernels), (call,))
 
 
 def kinematics(subject: Subject) -> Part:
-    """The part for a subject."""
-    eq, n = subject.equations, subject.n
+    """Position, angle and derivatives of the tip and of any section."""
+    eq, n = subject.equations, subject.model.n
     section = Struct(
         "section",
         "A section of the finger in the world.",
@@ -103,9 +101,14 @@ def kinematics(subject: Subject) -> Part:
         ),
     )
     at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(eq.section_jacobian.T))
+    # The tip is the section at the sum of the lengths, which may be run-time parameters.
     at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
     tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
     section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
+    fields = () if subject.parameters is None else subject.parameters.fields
+    longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
+    length = max(longest, subject.model.finger.rod.length)  # of the longest finger that the parameters may make
+    position = Field("s", "m", "position along the finger", 0.0, length, length)
     acting, output = subject.acting(forces=False, drawn=True), Argument("section", section, "result")
     prefix, codes = subject.prefix, (Code.WARN_LEFT_RANGE,)
     beyond = f"check(u, input_low, input_high, {prefix.upper()}_NU) < 0 || {subject.left_range('x')}"
@@ -118,34 +121,29 @@ def kinematics(subject: Subject) -> Part:
             acting,
             output,
             f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n{warning}",
-            _reference(subject, tip_kernel),
+            _drawing(subject, tip_kernel),
             codes=codes,
         ),
         Call(
             "section_at",
             f"The section at a position s along the finger, from the base.{drawn}",
-            (*acting, Argument("s", _position(subject), "s")),
+            (*acting, Argument("s", position, "s")),
             output,
             f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n{warning}",
-            _reference(subject, section_kernel),
+            _drawing(subject, section_kernel),
             codes=codes,
         ),
     )
     kernels = (tip_kernel, section_kernel, *subject.kernels)
-    return Part("kinematics", "position, angle and Jacobian of any section", kernels, calls)
+    return Part("kinematics", kernels, calls)
 
 
-def _position(subject: Subject) -> Field:
-    fields = () if subject.parameters is None else subject.parameters.fields
-    longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
-    length = max(longest, subject.model.finger.rod.length)
-    return Field("s", "m", "position along the finger", 0.0, length, length)
+def _drawing(subject: Subject, kernel: Kernel) -> Reference:
+    """Reference of a function that warns of states and inputs out of range."""
 
-
-def _reference(subject: Subject, kernel: Kernel) -> Callable[[Rows], tuple[Array, Array]]:
     def reference(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["at"]
-        codes = np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
+        codes = _codes_of(result)
         beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
         return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
 
@@ -171,57 +169,54 @@ def moment_note(subject: Subject) -> str:
 
 
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
+_LEAST_PART = 1e-6
+"""Shortest step, per the longest, so that zero is refused."""
 
 
 def step(subject: Subject) -> Part:
-    """The part for a subject."""
+    """Write the step in time, for one state and for many."""
     kernel, real = _dynamics_kernel(subject), subject.real
-    coarse = real.rounded(subject.accurate_step)
+    coarse, longest = subject.accurate_step, subject.longest_step
+    length = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
 
     def reference(rows: Rows) -> tuple[Array, Array]:
         h = rows["h"]
         result = runge_kutta(rows)
-        codes = _codes_of(subject, rows, result)
+        codes = np.where(subject.refused(rows), Code.ERR_RANGE, _codes_of(result))
         coarse_ones = (codes == Code.OK) & (h[:, 0] > real.dtype(coarse))
         codes = np.where(coarse_ones, Code.WARN_COARSE_STEP, codes)
         left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
         return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
 
     def runge_kutta(rows: Rows) -> Array:
+        # The order of operations is that of step.c and batch.c, for the same bits.
         t = real.dtype
         x, part = rows["x"], rows["h"] / t(subject.substeps)
         half, sixth = t(0.5) * part, part / t(6)
-        for _ in range(subject.substeps):
-            point, total = x, np.zeros_like(x)
-            for weight, ahead in ((1, half), (2, half), (2, part), (1, half)):
-                rate = kernel.evaluate(real, **{**rows, "x": point})["xd"]
-                with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):  # rows that overflow are part of the vectors
+            for _ in range(subject.substeps):
+                point, total = x, np.zeros_like(x)
+                for weight, ahead in ((1, half), (2, half), (2, part), (1, half)):
+                    rate = kernel.evaluate(real, **{**rows, "x": point})["xd"]
                     total = total + t(weight) * rate
                     point = x + ahead * rate
-            with np.errstate(all="ignore"):
                 x = x + sixth * total
         return x
 
-    words = {
+    numbers = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "six": 6.0}
+    numbers |= {"substeps": subject.substeps, "accurate": coarse}
+    words: dict[str, object] = {
         "p": subject.prefix,
         "P": subject.prefix.upper(),
         "dynamics": kernel.call(subject.prefix, x="point", u="u", w="w", p="p", xd="rate"),
-        "zero": real.literal(0.0),
-        "one": real.literal(1.0),
-        "two": real.literal(2.0),
-        "six": real.literal(6.0),
-        "half": real.literal(0.5),
-        "substeps": real.literal(subject.substeps),
-        "accurate": real.literal(coarse),
+        **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),
-        "forces_declared": f"const {subject.prefix}_forces *forces, " if subject.forces else "",
-        "forces_missing": " || !forces" if subject.forces else "",
-        "forces_at": "&forces[at], " if subject.forces else "",
+        "forces": subject.forces is not None,
     }
     call = Call(
         "step",
         " ".join([_STEP, moment_note(subject)]).strip(),
-        (*subject.acting(), subject.step_argument()),
+        (*subject.acting(), Argument("h", length, "h", Code.ERR_STEP)),
         Argument("next", subject.state, "result"),
         fill("step.c", words),
         reference,
@@ -229,13 +224,12 @@ def step(subject: Subject) -> Part:
         (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
     )
     constants = {
-        "SUBSTEPS": f"{subject.substeps}",
-        "LONGEST_STEP": real.literal(subject.longest_step),
+        "SUBSTEPS": str(subject.substeps),
+        "LONGEST_STEP": real.literal(longest),
         "ACCURATE_STEP": real.literal(coarse),
     }
     return Part(
         "step",
-        "one step in time",
         (kernel, *subject.kernels),
         (call,),
         constants,
@@ -244,7 +238,7 @@ def step(subject: Subject) -> Part:
     )
 
 
-def _batch(subject: Subject, kernel: Kernel, words: dict[str, str]) -> str:
+def _batch(subject: Subject, kernel: Kernel, words: dict[str, object]) -> str:
     """Many steps at once."""
     fields = {"x": subject.state, "u": subject.input, "w": subject.forces, "p": subject.parameters}
     held = {name: struct.size for name, struct in fields.items() if struct is not None}

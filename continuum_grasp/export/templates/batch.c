@@ -23,19 +23,19 @@ static inline lanes same(<<p>>_real value)
 
 <<strict>><<helpers>><<kernel>>
 long <<p>>_step_batch(const <<p>>_model *model, const <<p>>_state *states, const <<p>>_input *inputs,
-                      <<forces_declared>><<p>>_real h, <<p>>_state *next, int *codes, long count)
+                      <<if forces>>const <<p>>_forces *forces, <<end>><<p>>_real h, <<p>>_state *next, int *codes, long count)
 {
   <<p>>_real <<arrays>>, result[<<P>>_NX];
   lanes <<lanes>>, rate[<<P>>_NX], point[<<P>>_NX], total[<<P>>_NX];
   const <<p>>_real part = h / <<substeps>>, half = <<half>> * part, sixth = part / <<six>>;
   long first, refused = 0;
-  if (!model || !states || !inputs<<forces_missing>> || !next || !codes) return <<P>>_ERR_NULL;
+  if (!model || !states || !inputs<<if forces>> || !forces<<end>> || !next || !codes) return <<P>>_ERR_NULL;
   for (first = 0; first < count; first += LANES) {
     const int held = count - first < LANES ? (int)(count - first) : LANES;
     int i, k, stage, substep;
     for (k = 0; k < LANES; ++k) { /* the last state fills up the lanes; lanes do not touch each other */
       const long at = first + (k < held ? k : held - 1);
-      codes[at] = accept_step(model, &states[at], &inputs[at], <<forces_at>>h<<passed>>);
+      codes[at] = accept_step(model, &states[at], &inputs[at], <<if forces>>&forces[at], <<end>>h<<passed>>);
       <<gather>>
     }<<spread>>
     for (substep = 0; substep < <<P>>_SUBSTEPS; ++substep) {

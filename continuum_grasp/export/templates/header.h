@@ -3,7 +3,14 @@
  * C99 of a planar continuum finger, made by continuum_grasp <<version>>. No heap, no mathematical library, no writable
  * data of its own: any function may be called from any thread or interrupt, with data that the caller owns.
  *
-<<use>> *
+<<if modeled>> *   <<p>>_model model;
+ *   <<p>>_init(&model);                     once; then change model.parameters, where there are any, as you like
+ *   code = <<p>>_...(&model, ..., &output);
+<<end>><<if replayed>> *   static <<p>>_<<owner>> <<owner>>;
+ *   static <<p>>_<<owner>>_work work;
+ *   <<p>>_<<owner>>_init(&<<owner>>);             once
+ *   code = <<p>>_<<step>>(&<<owner>>, &work, ...);      every period
+<<end>> *
  * SI units, angles in radians, world axes. A struct is its numbers in their order, without padding, so that it may be
  * copied from and to an array. A function returns a code of the table below: zero or above, the output is written;
  * below zero, it was left alone. No input is clamped. Outputs may be the inputs themselves.
@@ -38,7 +45,16 @@ typedef enum {
 } <<p>>_code;
 
 <<structs>>
-<<model>><<functions>>
+<<if modeled>>/* The finger, as every function takes it. */
+typedef struct {
+  uint32_t abi; /* set by <<p>>_init, read by every function */<<parameters>>
+} <<p>>_model;
+
+/* Make a model ready, with the parameters that it was made from. */
+#define <<p>>_init(model) <<p>>_init_abi((model), <<P>>_ABI)
+<<P>>_API int <<p>>_init_abi(<<p>>_model *model, uint32_t abi);
+
+<<end>><<functions>>
 /* What a code means, as a sentence. */
 <<P>>_API const char *<<p>>_strerror(int code);
 /* Version and interface that the library was compiled from, and the hash of what it computes. */

@@ -4,7 +4,7 @@
   for (i = 0; i < <<P>>_NX; ++i) result[i] = x[i];
   for (substep = 0; substep < <<P>>_SUBSTEPS; ++substep) {
     for (i = 0; i < <<P>>_NX; ++i) { point[i] = result[i]; total[i] = 0; }
-    for (stage = 0; stage < 4; ++stage) {
+    for (stage = 0; stage < 4; ++stage) { /* slopes at 0, 1/2, 1/2 and 1 of a sub-step, weighted 1, 2, 2, 1 */
       const <<p>>_real weight = stage == 1 || stage == 2 ? <<two>> : <<one>>;
       const <<p>>_real ahead = stage == 2 ? part : half;
       <<dynamics>>

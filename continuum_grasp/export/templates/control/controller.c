@@ -7,8 +7,9 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memset(controller, 0, sizeof *controller);
   controller->abi = abi;
-  controller->memory.elapsed = -1;
-  write_settings(settings_nominal, &controller->settings);<<known_nominal_controller>>
+  controller->memory.elapsed = -1; /* unknown: the call rate is not judged */
+  write_settings(settings_nominal, &controller->settings);<<if known>>
+  write_known(known_nominal, &controller->known);<<end>>
   <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<known_nominal>>);
   return <<P>>_OK;
 }
@@ -93,13 +94,14 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
 {
   static const signed char codes[] = {
       <<P>>_OK, <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT, <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP};
-  <<p>>_real y[<<nm>>]<<known_array>>;
+  <<p>>_real y[<<nm>>]<<if known>>, p[<<known>>]<<end>>;
   <<p>>_loop_input input;
   int code, k;
   if (!controller || !work || !measurement || !reference || !command) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   if ((code = take_settings(controller, &work->settings)) < 0) return code;
-  read_measurement(measurement, y);<<known_read_controller>>
+  read_measurement(measurement, y);<<if known>>
+  read_known(&controller->known, p);<<end>>
   for (k = 0; k <= <<P>>_RTI_N; ++k) {
 <<read_reference>>
   }

@@ -3,7 +3,8 @@
 /* A controller. The caller owns it, <<p>>_controller_init makes it ready. */
 typedef struct {
   uint32_t abi; /* set by <<p>>_controller_init, read by every function */
-  <<p>>_settings settings; /* may be changed between calls */<<known_member>>
+  <<p>>_settings settings; /* may be changed between calls */<<if known>>
+  <<p>>_known known; /* may be changed between calls */<<end>>
   <<p>>_controller_memory memory; /* its own */
 } <<p>>_controller;
 

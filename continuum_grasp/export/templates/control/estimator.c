@@ -6,7 +6,8 @@ int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi)
   if (!estimator) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memset(estimator, 0, sizeof *estimator);
-  estimator->abi = abi;<<known_nominal_estimator>>
+  estimator->abi = abi;<<if known>>
+  write_known(known_nominal, &estimator->known);<<end>>
   <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);
   return <<P>>_OK;
 }
@@ -36,7 +37,9 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_measurement(measurement, y);
   read_command(applied, u);
-  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;<<known_read_estimator>>
+  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;<<if known>>
+  read_known(&estimator->known, p);
+  if ((code = check(p, known_low, known_high, <<known>>)) < 0) return code;<<end>>
   if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, &report) != <<P>>_EKF_OK)
     code = <<P>>_WARN_ESTIMATE_RESTARTED;
   else if (!<<p>>_ekf_now(&estimator->memory.state, work, &<<estimator_settings>>, p, z)) {

@@ -2,7 +2,8 @@
 
 /* An estimator. The caller owns it, <<p>>_estimator_init makes it ready. */
 typedef struct {
-  uint32_t abi; /* set by <<p>>_estimator_init, read by every function */<<known_member>>
+  uint32_t abi; /* set by <<p>>_estimator_init, read by every function */<<if known>>
+  <<p>>_known known; /* may be changed between calls */<<end>>
   <<p>>_estimator_memory memory; /* its own */
 } <<p>>_estimator;
 

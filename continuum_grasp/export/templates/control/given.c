@@ -5,7 +5,7 @@ int <<p>>_measurement_init_abi(<<p>>_measurement *measurement, uint32_t abi)
   int k;
   if (!measurement) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  missing.bits = <<missing>>; /* NaN */
+  missing.bits = <<missing>>; /* NaN by its bits: C99 has no literal of it without a library */
   for (k = 0; k < <<nm>>; ++k) numbers[k] = missing.value;
   write_measurement(numbers, measurement);
   return <<P>>_OK;

@@ -5,5 +5,15 @@
 
 <<dimensions>>
 
-<<types>>
+<<types>><<if estimator>>
+typedef struct {
+  <<p>>_ekf_state state;
+  uint32_t anomalies;
+} <<p>>_estimator_memory;<<end>><<if mpc>>
+typedef struct {
+  <<p>>_loop_state state;
+  <<p>>_loop_output last;
+  int late;
+  <<p>>_real elapsed;
+} <<p>>_controller_memory;<<end>>
 #endif

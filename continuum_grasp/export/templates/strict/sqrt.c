@@ -9,9 +9,9 @@
     return guess.value;
   }
   if (!(x > <<zero>>)) return x;
-  if (x < <<least>>) scaled = x * <<up>>;
+  if (x < <<least>>) scaled = x * <<up>>; /* the guess reads the exponent, which subnormal numbers do not have */
   guess.value = scaled;
-  guess.bits = <<guess>> - (guess.bits >> 1);
+  guess.bits = <<guess>> - (guess.bits >> 1); /* half the exponent, negated: 1 / sqrt(x) to 3.4 % */
   y = guess.value;
   for (k = 0; k < <<newton>>; ++k) y = y * (<<three_halves>> - <<half>> * scaled * y * y);
   root = scaled * y;

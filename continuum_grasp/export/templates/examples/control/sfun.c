@@ -4,7 +4,7 @@
  *
  * Input ports: measurement (<<nm>>, NaN: not measured), reference (<<nr>>, which holds for the whole horizon). Output ports:
  * command (<<nu>>), code (1). A negative code stops the simulation with its sentence; positive ones warn.
- * Block parameters: settings (<<ns>> numbers in the order of <<p>>_settings, [] for those of the scene)<<known_parameter>>. They may be
+ * Block parameters: settings (<<ns>> numbers in the order of <<p>>_settings, [] for those of the scene)<<if known>>, known (<<known>>, [] as well)<<end>>. They may be
  * tuned while it runs. */
 #define S_FUNCTION_NAME sfun_<<p>>_control
 #define S_FUNCTION_LEVEL 2

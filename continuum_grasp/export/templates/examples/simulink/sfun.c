@@ -3,7 +3,7 @@
  *   mex -I../../include sfun_<<p>>.c ../../src/<<p>>.c ../../src/<<p>>_kernels.c
  *
  * Block parameters: sample time [s], initial state (<<nx>> numbers), run-time parameters (<<np>> numbers in the order of
- * <<p>>_parameters, [] for those that the package was made with). Input ports: input (<<nu>>)<<forces_port>>. Output: state.
+ * <<p>>_parameters, [] for those that the package was made with). Input ports: input (<<nu>>)<<if forces>>, forces (<<nw>>)<<end>>. Output: state.
  * An error of the library stops the simulation with its sentence. */
 #define S_FUNCTION_NAME sfun_<<p>>
 #define S_FUNCTION_LEVEL 2
@@ -37,7 +37,8 @@ static void mdlInitializeSizes(SimStruct *S)
   }
   ssSetNumDiscStates(S, <<P>>_NX);
   if (!ssSetNumInputPorts(S, <<ports>>)) return;
-  ssSetInputPortWidth(S, 0, <<P>>_NU);<<forces_width>>
+  ssSetInputPortWidth(S, 0, <<P>>_NU);<<if forces>>
+  ssSetInputPortWidth(S, 1, <<P>>_NW);<<end>>
   if (!ssSetNumOutputPorts(S, 1)) return;
   ssSetOutputPortWidth(S, 0, <<P>>_NX);
   ssSetNumSampleTimes(S, 1);
@@ -73,7 +74,12 @@ static void read_port(SimStruct *S, int_T port, int_T count, <<p>>_real *to)
 static int make_model(SimStruct *S, <<p>>_model *model)
 {
   const int code = <<p>>_init(model);
-  (void)S;<<sfun_reads>>
+  (void)S;<<if np>>
+  <<p>>_real numbers[PARAMETER_COUNT];
+  size_t k;
+  if (mxGetNumberOfElements(PARAMETERS(S)) == 0) return code;
+  for (k = 0; k < PARAMETER_COUNT; ++k) numbers[k] = (<<p>>_real)mxGetPr(PARAMETERS(S))[k];
+  memcpy(&model->parameters, numbers, sizeof model->parameters);<<end>>
   return code;
 }
 
@@ -82,7 +88,8 @@ static void mdlUpdate(SimStruct *S, int_T tid)
 {
   <<p>>_model model;
   <<p>>_state state;
-  <<p>>_input input;<<forces_declared>>
+  <<p>>_input input;<<if forces>>
+  <<p>>_forces forces;<<end>>
   <<p>>_real numbers[<<most_port>>];
   real_T *x = ssGetRealDiscStates(S);
   int k, code = make_model(S, &model);
@@ -90,8 +97,10 @@ static void mdlUpdate(SimStruct *S, int_T tid)
   for (k = 0; k < <<P>>_NX; ++k) numbers[k] = (<<p>>_real)x[k];
   memcpy(&state, numbers, sizeof state);
   read_port(S, 0, <<P>>_NU, numbers);
-  memcpy(&input, numbers, sizeof input);<<forces_read>>
-  if (code >= 0) code = <<p>>_step(&model, &state, &input<<forces_passed>>, (<<p>>_real)PERIOD(S), &state);
+  memcpy(&input, numbers, sizeof input);<<if forces>>
+  read_port(S, 1, <<P>>_NW, numbers);
+  memcpy(&forces, numbers, sizeof forces);<<end>>
+  if (code >= 0) code = <<p>>_step(&model, &state, &input<<if forces>>, &forces<<end>>, (<<p>>_real)PERIOD(S), &state);
   if (code < 0) {
     ssSetErrorStatus(S, <<p>>_strerror(code));
     return;

@@ -43,7 +43,7 @@ class Node : public rclcpp::Node {
 
   void step()
   {
-<<node_reads>>    const int code = <<p>>_step(&model_, &state_, &input_<<forces_member>>, h_, &state_);
+<<node_reads>>    const int code = <<p>>_step(&model_, &state_, &input_<<if forces>>, &forces_<<end>>, h_, &state_);
     if (code < 0) {
       RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
       timer_->cancel();
@@ -60,7 +60,8 @@ class Node : public rclcpp::Node {
 
   <<p>>_model model_{};
   <<p>>_state state_{};
-  <<p>>_input input_{};<<forces_of_node>>
+  <<p>>_input input_{};<<if forces>>
+  <<p>>_forces forces_{};<<end>>
   <<p>>_real h_;
   int said_ = 0;
   rclcpp::Publisher<Numbers>::SharedPtr published_;

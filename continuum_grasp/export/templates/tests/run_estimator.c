@@ -1,0 +1,23 @@
+static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t other_abi, int null,
+                              int repeat)
+{
+  <<p>>_measurement measurement;
+  <<p>>_command applied;
+  <<p>>_estimate estimate, variance;
+  int k, code = 0;
+  if (row[0] > 0) <<p>>_estimator_init(&memory->estimator);
+<<take_known>>  memcpy(&measurement, row + <<measurement>>, sizeof measurement);
+  memcpy(&applied, row + <<applied>>, sizeof applied);
+  memcpy(&estimate, out, sizeof estimate);
+  memory->estimator.abi ^= other_abi;
+  for (k = 0; k < repeat; ++k)
+    code = <<p>>_estimator_step(null == 1 ? 0 : &memory->estimator, null == 2 ? 0 : &memory->estimator_work,
+                              null == 3 ? 0 : &measurement, null == 4 ? 0 : &applied, null == 5 ? 0 : &estimate);
+  memory->estimator.abi ^= other_abi;
+  memcpy(out, &estimate, sizeof estimate);
+  if (code < 0 || repeat == 0) return code;
+  <<p>>_estimator_variance(&memory->estimator, &variance);
+  memcpy(out + <<nz>>, &variance, sizeof variance);
+  out[<<anomalies>>] = (<<p>>_real)<<p>>_estimator_anomalies(&memory->estimator);
+  return code;
+}
