@@ -8,10 +8,8 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.compiled.source import load_library
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.rti.settings import Settings
-from continuum_grasp.control.rti.source import PROBLEM, library_source
+from continuum_grasp.control.rti.source import PROBLEM, REGULARIZATION, TOLERANCE, library_source, load_library
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 
@@ -36,28 +34,60 @@ _ADVICE = {
 }
 
 
-class Report(NamedTuple):
-    """Outcome of an iteration.
+_ITERATIONS = 40
+"""Default cap of the interior-point method [1], which bounds the time of a call; in the shipped closed loops a QP takes
+at most 32 factorizations in all (configs/mpc/keep_out.yaml)."""
 
-    Attributes
-    ----------
-    status : int
-        Key of ``STATUS``.
-    iterations : int
-        Factorizations beyond that of the preparation; 0 where no bound is active.
-    kkt : float
-        Largest residual of the optimality conditions of the QP, relative.
-    violation : float
-        Largest violation of a soft constraint, in its unit.
-    cost : float
-        Cost of the QP at its solution, penalties included.
-    """
+
+class Report(NamedTuple):
+    """Outcome of an iteration: ``rti_report`` of ``c/rti.h``, its status a key of ``STATUS``."""
 
     status: int
     iterations: int
     kkt: float
     violation: float
     cost: float
+
+
+class Settings:
+    """Bounds, penalty weights and weights, which may be changed between iterations, in the memory layout of the C.
+
+    Attributes are the members of ``rti_settings`` in ``c/rti.h``, at first those of the problem; they read as arrays or
+    numbers and can be assigned, and so can entries of arrays.
+    """
+
+    def __init__(self, stages: Stages, real: Any) -> None:
+        nu, nc, nr = stages.nu, max(stages.nc, 1), max(stages.nr, 1)
+        arrays = {"u_min": nu, "u_max": nu, "c_min": nc, "c_max": nc, "linear": nc, "quadratic": nc}
+        arrays |= {"weights": nr, "terminal_weights": nr}
+        numbers = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
+        numbers += [("tolerance", real), ("regularization", real)]
+        layout = np.dtype([*[(name, real, (size,)) for name, size in arrays.items()], *numbers], align=True)
+        memory = np.zeros((), layout)
+        nominal = {name: getattr(stages, name) for name in arrays}
+        own = {"iterations": _ITERATIONS, "tolerance": TOLERANCE["double" if np.dtype(real) == np.float64 else "float"]}
+        own |= {"regularization": REGULARIZATION, "stage": stages.stage, "substeps": stages.substeps}
+        fields = {name: memory[name] for name in layout.names or ()}
+        # An array without entries has one in C, which has no arrays of length zero.
+        fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
+        self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)
+        self.__dict__["address"] = ctypes.c_void_p(memory.ctypes.data)
+        for name, value in {**nominal, **own}.items():
+            setattr(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        fields = self.__dict__.get("_fields", {})
+        if name not in fields:
+            raise AttributeError(f"no setting {name!r}; there are {', '.join(fields)}")
+        return fields[name] if fields[name].ndim else fields[name].item()
+
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
+        if name not in self._fields:
+            raise InputError(f"unknown setting {name!r}: expected one of {', '.join(self._fields)}", key=name)
+        try:
+            self._fields[name][...] = value
+        except (ValueError, TypeError) as error:
+            raise InputError(f"expected {self._fields[name].shape}, got {value!r:.60}", key=name) from error
 
 
 class RealTimeIteration:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 from collections.abc import Iterable
 from importlib.resources import files
@@ -11,10 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.lanes import lane_function, lane_prelude
 from continuum_grasp.core.precision import single
 from continuum_grasp.core.source import generated
 from continuum_grasp.errors import InputError
+
+TOLERANCE = {"double": 1e-8, "float": 1e-4}
+"""Relative tolerance of the QP's solution [1]: about the square root of the machine epsilon in double; in single
+precision a thousand times the epsilon, since gradients are sums of some hundred rounded terms."""
+REGULARIZATION = 1e-9
+"""Added to the inputs' Hessian [cost per input squared]: keeps Riccati pivots positive where an input has no effect;
+the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
 
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a function in what CasADi writes."""
@@ -27,20 +37,10 @@ PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
 
 
 def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
-    """Write the C of the real-time iterations of a problem.
+    """Write the C of the real-time iterations of a problem, in double or float, as one translation unit.
 
-    Parameters
-    ----------
-    real : {"double", "float"}
-        Floating-point type.
-    lanes : bool
-        Whether stages are linearized side by side in vector lanes (gcc and clang), with the same result to rounding.
-        Models with an operation that vector lanes do not have are linearized stage by stage.
-
-    Returns
-    -------
-    str
-        One translation unit.
+    With ``lanes``, stages are linearized side by side in vector lanes (gcc and clang), with the same result to
+    rounding; models with an operation that vector lanes do not have are linearized stage by stage.
 
     Raises
     ------
@@ -51,6 +51,7 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     _check(stages)
     vector = _lanes(stages, real) if lanes else ""
     functions = stage_functions(stages, real, vector=bool(vector))
+    # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [dimensions(stages, real), width, functions, vector, template("rti.h")]
     return "\n".join([*parts, *iteration_bodies(stages, lanes=lanes)])
@@ -81,6 +82,17 @@ int rti_offset(int which)
 """
 
 
+def load_library(source: str, users: str) -> ctypes.CDLL:
+    """Compile a C source, or find it in the cache, and load it; ``users`` need it, which messages name."""
+    compiler = find_compiler()
+    if compiler is None:
+        raise InputError(f"{users} need a C compiler: {why_no_compiler()}")
+    try:
+        return ctypes.CDLL(str(library_for(source, compiler)))
+    except (CompileError, OSError) as error:
+        raise InputError(f"{users} need a C compiler, and compiling failed: {error}") from error
+
+
 def template(name: str) -> str:
     """Read a C template of this package."""
     return (files("continuum_grasp.control") / "c" / name).read_text(encoding="utf-8")
@@ -109,13 +121,7 @@ def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
 
 
 def _check(stages: Stages) -> None:
-    """Check that the functions are as the template calls them.
-
-    Raises
-    ------
-    InputError
-        If one is not a straight-line function, or an output is not dense and of its size.
-    """
+    """Refuse functions that are not as the template calls them: straight-line, each output dense and of its size."""
     nx, nu, nc, ns = stages.nx, stages.nu, stages.nc, stages.ns
     nz = nx + nu
     sizes = {
