@@ -26,6 +26,8 @@ REGULARIZATION = 1e-9
 """Added to the inputs' Hessian [cost per input squared]: keeps Riccati pivots positive where an input has no effect;
 the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
 
+Pattern = NDArray[np.bool_]
+
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a function in what CasADi writes."""
 
@@ -110,6 +112,8 @@ def dimensions(stages: Stages, real: str) -> str:
 
 def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
     """Write the C of step and costs; of the terminal cost alone where the others are in vector lanes."""
+    # The bodies alone, as functions of arg and res: straight-line code needs none of the work vectors, sparsities and
+    # exported wrappers that CasADi writes around them.
     code = generated("stages", *(() if vector else (stages.step, stages.cost)), stages.terminal)
     begin, _, _ = code.partition("/* Configuration this file was compiled with */")
     bodies = [
@@ -146,10 +150,19 @@ def _lanes(stages: Stages, real: str) -> str:
     return "\n".join([lane_prelude(real), *functions, "#define RTI_VECTOR\n"])
 
 
+def _nonzeros(function: ca.Function, output: int) -> Pattern:
+    """Structural nonzeros of an output."""
+    sparsity = ca.sparsify(function.call(function.sx_in())[output]).sparsity()
+    pattern = np.zeros(sparsity.shape, dtype=bool)
+    pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
+    return pattern
+
+
 def _row_functions(stages: Stages) -> str:
-    """Write the products with the rows' Jacobian, over its structural nonzeros."""
-    nc = stages.nc
-    entries = _pattern(stages)
+    """Write the products with the rows' Jacobian C over its structural nonzeros, at a stage or at the last node."""
+    pattern = _nonzeros(stages.cost, 4)
+    pattern[: stages.ns, : stages.nx] |= _nonzeros(stages.terminal, 4)
+    entries = [np.flatnonzero(row) for row in pattern]
     values = [
         f"  y[{i}] = c[{i}]" + "".join(f" + C[{i}][{j}] * z[{j}]" for j in row) + ";" for i, row in enumerate(entries)
     ]
@@ -160,42 +173,19 @@ def _row_functions(stages: Stages) -> str:
             hessian.append(f"  {{ const real a = C[{i}][{j}] * w[{i}];")
             hessian += [f"    G[{j}][{k}] += a * C[{i}][{k}];" for k in row]
             hessian.append("  }")
-    rows = max(nc, 1)
-    void = "  (void)C; (void)w; "
-    return "\n".join(
-        [
-            f"static inline void rti_row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W],"
-            f" real y[{rows}])",
-            "{",
-            "  (void)c; (void)C; (void)z; (void)y;",
-            *values,
-            "}",
-            f"static inline void rti_row_gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])",
-            "{",
-            f"{void}(void)q;",
-            *gradient,
-            "}",
-            f"static inline void rti_row_hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])",
-            "{",
-            f"{void}(void)G;",
-            *hessian,
-            "}",
-            "",
-        ]
+    rows = max(stages.nc, 1)
+    functions = (
+        (f"values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W], real y[{rows}])", "cCzy", values),
+        (f"gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])", "Cwq", gradient),
+        (f"hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])", "CwG", hessian),
     )
+    lines: list[str] = []
+    for head, arguments, body in functions:
+        # Without rows the bodies are empty, and compilers warn of arguments that nothing reads.
+        unused = " ".join(f"(void){name};" for name in arguments)
+        lines += [f"static inline void rti_row_{head}", "{", f"  {unused}", *body, "}"]
+    return "\n".join([*lines, ""])
 
-
-def _pattern(stages: Stages) -> list[list[int]]:
-    """List the structural nonzeros of each row of C, at a stage or at the last node."""
-    found: list[set[int]] = [set() for _ in range(stages.nc)]
-    for function in (stages.cost, stages.terminal):
-        rows, columns = ca.sparsify(function.call(function.sx_in())[4]).sparsity().get_triplet()
-        for i, j in zip(rows, columns, strict=True):
-            found[i].add(j)
-    return [sorted(row) for row in found]
-
-
-Pattern = NDArray[np.bool_]
 
 _MOST = 1500
 """Multiplications of a product [1] beyond which loops are used: unrolled, they would take over 10 kB."""
@@ -207,35 +197,15 @@ def jacobian_products(stages: Stages) -> str:
     Not for vector lanes, where loops over whole rows are faster.
     """
     rate, driven = (_nonzeros(stages.step, output) for output in (1, 2))
-    return _chain(rate, driven) + _carry(_reached(rate, driven))
+    reached = np.hstack([rate, driven])
+    # Structural nonzeros of [A B] after any number of steps: a path through nx states has nx links at most.
+    for _ in range(len(rate)):
+        reached |= rate @ reached
+    return _chain(rate, driven, reached) + _carry(reached)
 
 
-def _nonzeros(function: ca.Function, output: int) -> Pattern:
-    """Structural nonzeros of an output."""
-    sparsity = ca.sparsify(function.call(function.sx_in())[output]).sparsity()
-    pattern = np.zeros(sparsity.shape, dtype=bool)
-    pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
-    return pattern
-
-
-def _reached(rate: Pattern, driven: Pattern) -> Pattern:
-    """Structural nonzeros of [A B] of a stage after any number of steps."""
-    found = np.hstack([rate, driven])
-    while True:
-        further = found | _product(rate, found)
-        if np.array_equal(further, found):
-            return found
-        found = further
-
-
-def _product(a: Pattern, b: Pattern) -> Pattern:
-    found: Pattern = (a.astype(int) @ b.astype(int)) > 0
-    return found
-
-
-def _chain(rate: Pattern, driven: Pattern) -> str:
+def _chain(rate: Pattern, driven: Pattern, reached: Pattern) -> str:
     """M = A M + [0 B], all by columns: the derivatives after one more step."""
-    reached = _reached(rate, driven)
     lines: list[str] = []
     count, nx = 0, len(rate)
     for j, column in enumerate(reached.T):
