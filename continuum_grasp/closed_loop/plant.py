@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -125,8 +125,7 @@ _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
-@dataclass(frozen=True)
-class Method:
+class Method(NamedTuple):
     """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s]."""
 
     name: str

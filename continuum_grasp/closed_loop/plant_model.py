@@ -124,8 +124,11 @@ class PlantModel(Remade):
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         # The lag of tendons is the system's; that of a tip moment, and any of first order, are the plant's own.
         own_lag = tendons is None and self._lag is not None
+        prompt = self.scene
+        if self._order == 1 and tendons is not None:
+            prompt = prompt.replaced(finger=finger.replaced(tendons=tendons.replaced(time_constant=None)))
         self.system = System(
-            self.scene if self._order == 2 else _without_lag(self.scene),
+            prompt,
             family=family,
             input_rates=(matches_tip and own_lag) or None,
             parameters=parameters,
@@ -330,11 +333,3 @@ class PlantModel(Remade):
     def steady(self) -> bool:
         """Whether no load varies."""
         return self._signals.constant and not self.outside
-
-
-def _without_lag(scene: Scene) -> Scene:
-    """The scene with tendons that follow at once: their drive is the plant's own."""
-    tendons = scene.finger.tendons
-    if tendons is None:
-        return scene
-    return scene.replaced(finger=scene.finger.replaced(tendons=tendons.replaced(time_constant=None)))

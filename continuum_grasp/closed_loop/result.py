@@ -176,10 +176,9 @@ class ControlRun(MotionResult):
     @cached_property
     def _disturbed(self) -> list[tuple[int, int]]:
         """Columns in ``parameters`` and in ``std`` of each disturbance."""
-        plain = {name: _parameter(name) for name in self.estimated_names}
         columns = {name: k for k, name in enumerate(self.p_names)}
-        named = [(columns.get(plain[name]), k) for k, name in enumerate(self.estimated_names)]
-        return [(column, k) for column, k in named if column is not None]
+        added_to = [_parameter(name) for name in self.estimated_names]
+        return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
 
     @property
     def disturbance_names(self) -> tuple[str, ...]:
@@ -192,6 +191,7 @@ class ControlRun(MotionResult):
         columns = [column for column, _ in self._disturbed]
         away = self.parameters[:, columns] - self.given_parameters[:, columns]
         for j, name in enumerate(self.disturbance_names):
+            # An error of the stiffness is relative; forces and moments add to what was given.
             if name.endswith(_RELATIVE):
                 away[:, j] /= self.given_parameters[:, columns[j]]
         return away
@@ -219,10 +219,10 @@ class ControlRun(MotionResult):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user must know: incidents, commands that are not the solver's, bends beyond the plant's range."""
-        worst: dict[str, tuple[float, str]] = {}
+        first: dict[str, str] = {}
         for t, health, text in self.incidents:
-            worst.setdefault(health, (t, text))
-        found = [f"{health} at {t:.3g} s: {text}" for health, (t, text) in worst.items()]
+            first.setdefault(health, f"{health} at {t:.3g} s: {text}")
+        found = list(first.values())
         odd = {word: n for word, n in self.metrics().statuses.items() if word not in _GOOD}
         if odd:
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())

@@ -177,9 +177,7 @@ def estimator_source(
     return "\n".join(
         [
             f"#include <stddef.h>\ntypedef {real} real;",
-            _estimator_dimensions(estimation, periods, nu, np_, real),
-            estimator_functions(estimation, periods, real),
-            _templates("checks.h", "ekf.h", "ekf.c"),
+            *_estimator(estimation, periods, nu, np_, real),
             _setter("ekf_settings", fields),
             _templates("doubles.h", "estimator_python.c"),
         ]
@@ -190,18 +188,16 @@ def controller_source(
     stages: Stages, estimation: Estimation | None, periods: int, fields: Sequence[Field], real: str
 ) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
+    # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
     parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iteration_source(stages, real=real)]
-    measured = stages.nd if estimation is None else estimation.nm
-    if estimation is not None:
-        parts += [
-            _estimator_dimensions(estimation, periods, stages.nu, stages.np, real),
-            "#undef CASADI_PREFIX",
-            estimator_functions(estimation, periods, real),
-            _templates("checks.h", "ekf.h", "ekf.c"),
-        ]
-    else:
+    measured, sensors = stages.nd, 0
+    if estimation is None:
         parts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
-    sensors = 0 if estimation is None else len(estimation.sensor_names)
+    else:
+        measured, sensors = estimation.nm, len(estimation.sensor_names)
+        dimensions, *rest = _estimator(estimation, periods, stages.nu, stages.np, real)
+        # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
+        parts += [dimensions, "#undef CASADI_PREFIX", *rest]
     parts += [
         f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
         f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
@@ -212,14 +208,8 @@ def controller_source(
     return "\n".join(parts)
 
 
-def estimator_functions(estimation: Estimation, periods: int, real: str) -> str:
-    """Write the C of an estimator's functions; that of the step without derivatives only where there is a delay."""
-    flow = [estimation.flow] if periods else []
-    code = generated("estimator", estimation.step, estimation.outputs, estimation.parameters, *flow)
-    return single(code) if real == "float" else code
-
-
-def _estimator_dimensions(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> str:
+def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
+    """Write dimensions, generated functions and templates of an estimator."""
     sizes = {
         "NZ": estimation.nz,
         "NX": estimation.nx,
@@ -231,10 +221,18 @@ def _estimator_dimensions(estimation: Estimation, periods: int, nu: int, np_: in
         "DELAY": periods,
     }
     lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
-    return "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""])
+    # The step without derivatives predicts over the delay, and is not needed without one.
+    flow = [estimation.flow] if periods else []
+    code = generated("estimator", estimation.step, estimation.outputs, estimation.parameters, *flow)
+    return [
+        "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""]),
+        single(code) if real == "float" else code,
+        _templates("checks.h", "ekf.h", "ekf.c"),
+    ]
 
 
 def _templates(*names: str) -> str:
+    """Join templates without their includes of one another."""
     return "\n".join(re.sub(r'#include "\w+\.h"\n', "", template(name)) for name in names)
 
 

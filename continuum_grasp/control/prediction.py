@@ -66,8 +66,6 @@ class Prediction(Remade):
     ----------
     system : System
         Finger and, where the scene has one, object.
-    nx, nu, np : int
-        Numbers of states, inputs and parameters.
     x_names, u_names, p_names : tuple of str
         Name and unit of each entry.
     p_nominal : tuple of float
@@ -148,6 +146,12 @@ class Prediction(Remade):
         u = ca.vertcat(*blocks)[: system.nu]
         return self.x[: system.nx], u, self.p[system.np : system.np + system.nw], self.p[: system.np]
 
+    @property
+    def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """The same without w, on which shapes do not depend."""
+        x, u, _, p = self.arguments
+        return x, u, p
+
     def _function(self, name: str, **outputs: ca.SX) -> ca.Function:
         values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
         return ca.Function(name, [self.x, self.u, self.p], values, ["x", "u", "p"], list(outputs))
@@ -163,33 +167,28 @@ class Prediction(Remade):
     @cached_property
     def tip(self) -> ca.Function:
         """World position of the tip, r (2) [m]."""
-        x, u, _, p = self.arguments
-        return self._function("tip", r=self.system.tip(x, u, p))
+        return self._function("tip", r=self.system.tip(*self._of_system))
 
     def sections(self, at: tuple[float, ...]) -> ca.Function:
         """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
-        x, u, _, p = self.arguments
-        r, angle = self.system.sections(at)(x, u, p)
+        r, angle = self.system.sections(at)(*self._of_system)
         return self._function("sections", r=r, angle=angle)
 
     @cached_property
     def bending(self) -> ca.Function:
         """Bending angle of each element [rad]."""
-        x, u, _, p = self.arguments
-        return self._function("bending", bend=self.system.bending(x, u, p))
+        return self._function("bending", bend=self.system.bending(*self._of_system))
 
     @cached_property
     def bending_rate(self) -> ca.Function:
         """Rate of the bending angle of each element [rad/s]."""
-        x, u, _, p = self.arguments
-        bend = self.system.bending(x, u, p)
+        bend = self.system.bending(*self._of_system)
         return self._function("bending_rate", rate=ca.jtimes(bend, self.x, self.dynamics(self.x, self.u, self.p)))
 
     @cached_property
     def curvature(self) -> ca.Function:
         """Curvature at the nodes of clothoids, or of each arc [1/m]."""
-        x, u, _, p = self.arguments
-        return self._function("curvature", kappa=self.system.curvature(x, u, p))
+        return self._function("curvature", kappa=self.system.curvature(*self._of_system))
 
     @property
     def contact_names(self) -> tuple[str, ...]:
@@ -200,12 +199,10 @@ class Prediction(Remade):
     def contact_force(self) -> ca.Function:
         """Normal force at each place where the finger may touch the object, known forces included [N]."""
         touch, known = self.system.touch(*self.arguments), self.arguments[2]
-        forces = []
-        for k, _ in enumerate(self.contact_names):
-            force = touch[1][k]
-            if known.numel():
-                force = force + ca.dot(touch[6][:, k], known[2 * k : 2 * k + 2])
-            forces.append(force)
+        forces = [touch[1][k] for k in range(len(self.contact_names))]
+        if known.numel():
+            # A force known at the same place stands for contact too: its part along the object's outward normal adds.
+            forces = [f + ca.dot(touch[6][:, k], known[2 * k : 2 * k + 2]) for k, f in enumerate(forces)]
         return self._function("contact_force", f=ca.vertcat(*forces))
 
     # -- states -------------------------------------------------------------------------------------------------------
@@ -214,6 +211,7 @@ class Prediction(Remade):
         """Build the state at rest with coordinates q (n) and a drive settled at the input u (nu)."""
         shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
         own = [] if self._own_lag is None else [inputs[0], 0.0]
+        # The system's inputs may go on with their rates and a missing moment, both zero.
         given = np.zeros(self.system.nu)
         given[: inputs.size] = inputs
         return np.array([*self.system.state(q=shape.tolist(), u=given.tolist()), *own])

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
 CALL_RATE = "call rate"
 """Name of what is supervised beside the sensors."""
 
@@ -155,8 +157,6 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
     }[health]
     return f"{suspect or 'something'} {what}; likely cause: {cause}"
 
-
-Array = NDArray[np.float64]
 
 _RETAINED = 1 << 16
 """Steps whose durations are retained [1]: 11 minutes at 100 Hz, 2 MB."""

@@ -27,23 +27,20 @@ _RESTARTED = 1
 
 
 class Filtered:
-    """Estimate of an estimator after a measurement.
+    """Estimate after a measurement.
 
     Attributes
     ----------
-    z : (nz,) ndarray
-        State and disturbances now.
+    z, then : (nz,) ndarray
+        State and disturbances now, and at the time of the measurement; the same where that has no delay.
     p : (np,) ndarray
         Parameters with the disturbances.
-    then : (nz,) ndarray
-        State and disturbances at the time of the measurement; those of now where it has no delay.
     covariance : (nz, nz) ndarray
         Of ``then``.
     innovation, innovation_variance : (ny,) ndarray
         Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared).
     verdict : tuple of Verdict
         Verdict on each measurement.
-    anomaly : Anomaly
     """
 
     def __init__(self, names: tuple[str, ...], parts: dict[str, Array], restarted: bool) -> None:

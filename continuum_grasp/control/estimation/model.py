@@ -56,6 +56,8 @@ class Estimation:
         (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative.
     parameters : casadi.Function
         (z, p) -> p (np): parameters with the disturbances.
+    z_names, y_names, measurement_names : tuple of str
+        Name and unit of each state with disturbances (nz), compared quantity (ny) and measurement (nm).
     drifts : (nz - nx,) ndarray
         Drift of each disturbance per square root of a second.
     mixing : (ny, nm) ndarray
@@ -79,17 +81,14 @@ class Estimation:
 
     @property
     def nz(self) -> int:
-        """Number of states with disturbances."""
         return len(self.z_names)
 
     @property
     def ny(self) -> int:
-        """Number of compared quantities."""
         return len(self.y_names)
 
     @property
     def nm(self) -> int:
-        """Number of measurements."""
         return len(self.measurement_names)
 
     @property

@@ -35,38 +35,29 @@ degrees is beyond."""
 
 
 class Quantities(Protocol):
-    """What terms are computed from: expressions of a controller's model, or of a plant."""
+    """What terms are computed from: expressions of a controller's model, or of a plant.
+
+    Length of the finger [m]; world position of the tip (2) [m]; bending angle of each element of the controller's model
+    [rad] and its rate [rad/s]; normal force at each tracked contact [N]; tip moment [N m] or tensions [N] (nu) and
+    their change per time; of sections at positions along the finger [m] the world positions (2, K) [m] and angles (K)
+    [rad].
+    """
 
     @property
-    def length(self) -> float:
-        """Length of the finger [m]."""
-
+    def length(self) -> float: ...
     @property
-    def tip(self) -> Any:
-        """World position of the tip (2) [m]."""
-
+    def tip(self) -> Any: ...
     @property
-    def bending(self) -> Any:
-        """Bending angle of each element of the controller's model [rad]."""
-
+    def bending(self) -> Any: ...
     @property
-    def bending_rate(self) -> Any:
-        """Rate of these [rad/s]."""
-
+    def bending_rate(self) -> Any: ...
     @property
-    def contact_force(self) -> Any:
-        """Normal force at each tracked contact [N]."""
-
+    def contact_force(self) -> Any: ...
     @property
-    def input(self) -> Any:
-        """Tip moment [N m] or tensions [N] (nu)."""
-
+    def input(self) -> Any: ...
     @property
-    def input_rate(self) -> Any:
-        """Change of the input per time (nu)."""
-
-    def sections(self, at: Sequence[float]) -> tuple[Any, Any]:
-        """World positions (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
+    def input_rate(self) -> Any: ...
+    def sections(self, at: Sequence[float]) -> tuple[Any, Any]: ...
 
 
 def _unlimited(_: Finger) -> Limits:
@@ -104,22 +95,11 @@ def _rates(cost: Cost, model: Prediction) -> tuple[str, ...]:
 class CostTerm:
     """Half the weighted squared distances of some entries from their setpoints.
 
-    Attributes
-    ----------
-    key : str
-        Its weight in ``controller.cost``; a ``Weight``, or for terms of the input a number.
-    entry : str
-        Name and unit of an entry. ``{place}`` stands for one of ``places``, ``{axis}`` for x and y of a point.
-    value : callable
-        (``Quantities``, cost) -> expression of all entries.
-    places : callable
-        (cost, model) -> what the entries belong to: numbers of elements, names of contacts.
-    reference : str
-        Its setpoint in ``reference``; empty: always zero.
-    limits : callable
-        Finger -> least and greatest setpoint of an entry, one pair for each axis.
-    of_state : bool
-        Whether it depends on the state alone, so that the end of the horizon has it too.
+    ``key`` is its weight in ``controller.cost``, a ``Weight`` or for terms of the input a number. ``entry`` has name
+    and unit of an entry: ``{place}`` stands for one of ``places`` (numbers of elements, names of contacts), ``{axis}``
+    for x and y of a point. ``value`` is the expression of all entries; ``reference`` names the setpoint, always zero
+    where empty; ``limits`` has its least and greatest value, a pair for each axis. ``of_state``: it depends on the
+    state alone, so that the end of the horizon has it too.
     """
 
     key: str
@@ -250,9 +230,8 @@ class _Predicted:
 
     @property
     def contact_force(self) -> ca.SX:
-        tracked = [
-            self.model.contact_names.index(name) for name in self.cost.tracked_contacts(self.model.contact_names)
-        ]
+        names = self.model.contact_names
+        tracked = [names.index(name) for name in self.cost.tracked_contacts(names)]
         return self.model.contact_force(*self._given)[tracked]
 
     @property
@@ -274,7 +253,7 @@ class Outputs:
 
     @staticmethod
     def of(cost: Cost, model: Prediction) -> Outputs:
-        """All terms that have a weight."""
+        """Take all terms that have a weight."""
         return Outputs(cost, model, cost_terms(cost))
 
     @property
@@ -296,5 +275,4 @@ class Outputs:
     def value(self, input_rate: ca.SX | None = None) -> ca.SX:
         """Expression of all entries; ``input_rate`` where the state knows the input before."""
         quantities = _Predicted(self.cost, self.model, input_rate)
-        value: ca.SX = ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms])
-        return value
+        return ca.SX(ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms]))

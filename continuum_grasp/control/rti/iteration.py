@@ -141,6 +141,7 @@ class RealTimeIteration:
         self.settings = Settings(stages, real)
         self._x0, self._p = np.zeros(nx, real), np.array(stages.p_nominal, real)
         self._refs = np.zeros((n + 1, stages.nr), real)
+        # The plan's members lie as in ``rti_plan``: x, u, then what the next QP starts from, zeroed by ``reset``.
         plan = np.zeros(-(-library.rti_sizeof(1) // np.dtype(real).itemsize), real)
         states, inputs = (n + 1) * nx, n * nu
         self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
@@ -150,8 +151,9 @@ class RealTimeIteration:
         sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
         if sizes != tuple(library.rti_sizeof(k) for k in range(4)):
             raise RuntimeError(f"the C compiler has an unexpected layout of structures: {sizes}")
-        self._work_at, self._plan_at = _address(self._work), _address(plan)
-        self._settings_at, self._x0_at, self._p_at = self.settings.address, _address(self._x0), _address(self._p)
+        # Arguments of all calls, built once: a call takes less time than wrapping its pointers.
+        self._plan_at, self._settings_at = _address(plan), self.settings.address
+        self._work_at, self._x0_at, self._p_at = _address(self._work), _address(self._x0), _address(self._p)
         head = self._work_at, self._plan_at, self._settings_at
         self._preparation = *head, self._p_at, _address(self._refs)
         self._answer = *head, self._x0_at, ctypes.byref(self._record)
@@ -168,16 +170,9 @@ class RealTimeIteration:
         return self._x, self._u
 
     def reset(self, x0: ArrayLike, u0: ArrayLike | None = None, *, rollout: bool = False) -> None:
-        """Start a plan that stays at a state, or that an input drives from there.
+        """Start a plan that stays at a state x0 (nx), or with ``rollout`` that the input u0 (nu) drives from there.
 
-        Parameters
-        ----------
-        x0 : (nx,) array_like
-            The state.
-        u0 : (nu,) array_like, optional
-            The input; by default zero, or the nearest bound.
-        rollout : bool
-            True: integrate the states.
+        By default the input is zero, or the nearest bound.
 
         Raises
         ------
@@ -229,15 +224,12 @@ class RealTimeIteration:
             self._take(self._refs, "refs", refs)
         if p is not None:
             self._take(self._p, "p", p)
-        status = self._prepare(*self._preparation)
-        if status < 0:
-            self._must(status)
+        self._must(self._prepare(*self._preparation))
 
     def feedback(self, x0: ArrayLike) -> Report:
         """Solve for a state, and replace the plan; see ``step``."""
         self._take(self._x0, "x0", x0)
-        if self._feedback(*self._answer) < 0:
-            self._must(self._record.status)
+        self._must(self._feedback(*self._answer))
         record = self._record
         return Report(record.status, record.iterations, record.kkt, record.violation, record.cost)
 
@@ -245,14 +237,7 @@ class RealTimeIteration:
         """Shift the plan by a number of stages, whole or not.
 
         States are interpolated between the nodes and inputs averaged over the new stages; beyond the horizon the last
-        ones are repeated.
-
-        Parameters
-        ----------
-        stages : float
-            Shift in stages.
-        rollout : bool
-            True: integrate the states beyond the horizon, with the last input and parameters.
+        ones are repeated, or with ``rollout`` the states integrated with the last input and parameters.
 
         Raises
         ------
@@ -271,11 +256,8 @@ class RealTimeIteration:
     def qp(self) -> dict[str, Array]:
         """Copy the QP of the last preparation; ``control/c/rti.h`` defines it.
 
-        Returns
-        -------
-        dict
-            x (N+1, nx) and u (N, nu), the plan; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1),
-            g (N+1, nz), H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
+        x (N+1, nx) and u (N, nu), the plan; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1), g (N+1, nz),
+        H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
         """
         s = self.stages
         n, nx, nu, nz, nc = s.stages, s.nx, s.nu, s.nx + s.nu, s.nc
@@ -308,6 +290,5 @@ def _address(array: Array) -> ctypes.c_void_p:
 
 def _record(number: Any) -> Any:
     """Memory for a report of the C code."""
-    reals = [(name, number) for name in ("kkt", "violation", "cost")]
-    fields = [("status", ctypes.c_int), ("iterations", ctypes.c_int), *reals]
-    return type("_Record", (ctypes.Structure,), {"_fields_": fields})()
+    kinds = (ctypes.c_int, ctypes.c_int, number, number, number)
+    return type("_Record", (ctypes.Structure,), {"_fields_": list(zip(Report._fields, kinds, strict=True))})()
