@@ -51,23 +51,11 @@ class Times:
 class Metrics:
     """A closed loop in numbers.
 
-    Attributes
-    ----------
-    tracking : tuple of Tracking
-        Per quantity that is followed; distances of points are Euclidean, over all of them for sections.
-    cost : float
-        Sum over the run of the controller's own running cost, on the plant.
-    effort_rms : float
-        Root of the mean square of the input's deviation from the setpoint of effort, or from its least where there is
-        none [N or N m].
-    rate_rms : float
-        Root of the mean square of the input's rate [N/s or N m/s].
-    late : int
-        Steps that took longer than the deadline.
-    statuses, anomalies, health : dict of str to int
-        How often each occurred.
-    mismatch : float
-        Greatest mean squared normalized innovation of a sensor; about 1 where sensors and model agree.
+    ``tracking`` is per quantity that is followed; distances of points are Euclidean, over all of them for sections.
+    ``cost`` is the sum over the run of the controller's own running cost, on the plant. ``effort_rms`` is of the
+    input's deviation from the setpoint of effort, or from its least where there is none [N or N m], ``rate_rms`` of
+    its rate [N/s or N m/s]. ``late`` counts steps that took longer than the deadline; ``mismatch`` is the greatest
+    mean squared normalized innovation of a sensor, about 1 where sensors and model agree.
     """
 
     tracking: tuple[Tracking, ...]

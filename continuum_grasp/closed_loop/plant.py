@@ -49,6 +49,8 @@ class Plant:
     method : Method
         How it is integrated.
     sensors : Sensors
+    compiled : bool
+        Whether the integrator is compiled.
     t : float
         Time since the start [s].
     x : (nx,) ndarray
@@ -68,14 +70,10 @@ class Plant:
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
         self._integration = Integration(self.model, self.method.name)
+        self.compiled = self._integration.compiled
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the integrator is compiled."""
-        return self._integration.compiled
 
     def measure(self) -> Array:
         """Return the measurement that arrives now (ny)."""
@@ -200,16 +198,8 @@ class Sensors:
     """Measurements of a plant: noisy, late, and only what ``estimator.measured`` names.
 
     Without an estimator the controller is given its state, exactly: the one whose section angles and their rates are
-    nearest to the plant's, four sections to an element.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Name and unit of each measured number.
-    delay : float
-        Age of measurements when they arrive [s].
-    std : (ny,) ndarray
-        Standard deviation of each one's noise.
+    nearest to the plant's, four sections to an element. ``names`` has name and unit of each measured number, ``delay``
+    the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise.
     """
 
     def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction, seed: int | None) -> None:

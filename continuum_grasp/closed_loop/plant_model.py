@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,7 +15,7 @@ from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.finger import Finger, PointMass, Rod
+from continuum_grasp.scene.finger import PointMass, Rod
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -30,14 +29,39 @@ def plant_scene(scene: ControlScene) -> Scene:
     """Build the plant's finger in its surroundings, with the input at rest and the loads that the controller does not
     know.
     """
-    tendons = scene.finger.tendons
-    rest = None if tendons is None else Actuation(tensions=(tendons.min_tension, tendons.min_tension))
+    finger, plant = scene.finger, scene.plant
+    rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendons, finger.masses
+    # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
+    # does not depend on its number of elements.
+    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
+    material = damping.material + damping.per_arc * rod.length / len(elements)
+    stiffer = Rod(
+        length=rod.length,
+        diameter=rod.diameter,
+        linear_density=rod.mass_per_length,
+        bending_stiffness=rod.stiffness * plant.stiffness,
+        rotary_inertia=rod.inertia_per_length,
+    )
+    if plant.tip_mass > 0.0:
+        masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
+    rest = None
+    if tendons is not None:
+        rest = Actuation(tensions=(tendons.min_tension, tendons.min_tension))
+        own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
+        tendons = tendons.replaced(**{k: v for k, v in own.items() if v is not None})
+    elif plant.tendon_friction is not None:
+        raise InputError("is for a finger with tendons", key="plant.tendon_friction")
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
     return Scene(
         **around,
         schema_version=1,
         name=scene.name,
-        finger=_plant_finger(scene),
+        finger=finger.replaced(
+            rod=stiffer,
+            damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
+            masses=masses,
+            tendons=tendons,
+        ),
         gravity=scene.gravity,
         contacts=scene.contacts if scene.object is not None else (),
         fidelity=scene.plant.fidelity,
@@ -45,33 +69,6 @@ def plant_scene(scene: ControlScene) -> Scene:
         initial=scene.initial,
         loads=scene.loads,
     )
-
-
-def _plant_finger(scene: ControlScene) -> Finger:
-    finger, plant = scene.finger, scene.plant
-    rod, damping, tendons = finger.rod, finger.damping, finger.tendons
-    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
-    # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
-    # does not depend on its number of elements.
-    material = damping.material + damping.per_arc * rod.length / len(elements)
-    changes: dict[str, Any] = {
-        "rod": Rod(
-            length=rod.length,
-            diameter=rod.diameter,
-            linear_density=rod.mass_per_length,
-            bending_stiffness=rod.stiffness * plant.stiffness,
-            rotary_inertia=rod.inertia_per_length,
-        ),
-        "damping": damping.replaced(material=material * plant.damping, per_arc=0.0),
-    }
-    if plant.tip_mass > 0.0:
-        changes["masses"] = (*finger.masses, PointMass(at=rod.length, mass=plant.tip_mass))
-    if tendons is None and plant.tendon_friction is not None:
-        raise InputError("is for a finger with tendons", key="plant.tendon_friction")
-    if tendons is not None:
-        own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
-        changes["tendons"] = tendons.replaced(**{k: v for k, v in own.items() if v is not None})
-    return finger.replaced(**changes)
 
 
 class PlantModel(Remade):

@@ -140,12 +140,7 @@ def run_closed_loop(
 
 
 def _loop(
-    control: Controls,
-    plant: Plant,
-    plan: Schedule,
-    done: list[_Step],
-    steps: int,
-    progress: Callable[[float], None],
+    control: Controls, plant: Plant, plan: Schedule, done: list[_Step], steps: int, progress: Callable[[float], None]
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
     stages = control.stages

@@ -32,10 +32,8 @@ class Phase:
     ----------
     rows : callable
         Setpoints (T, nr) at instants (T,) since the phase began [s].
-    duration : float
-        Longest time [s].
-    until : callable, optional
-        Whether the phase is over before that; while this is open, the horizon sees the phase go on.
+    duration, until : float, callable
+        Longest time [s], and whether the phase is over before that; while this is open, the horizon sees it go on.
     p : (np,) ndarray, optional
         Parameters of the controller in this phase; nominal where not given.
     begin : callable, optional
@@ -73,32 +71,26 @@ class Schedule:
         """Longest time of all phases [s]."""
         return sum(phase.duration for phase in self.phases)
 
-    def enter(self, t: float, controller: Any, plant: Any) -> None:
-        """Begin the first phase."""
-        self.current, self.start = 0, t
-        self._begin(controller, plant)
+    def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
+        """Begin a phase, at first the first one."""
+        self.current, self.start = phase, t
+        if len(self.phases) > 1:
+            self.events.append((t, self.phase.name))
+        if self.phase.begin is not None:
+            self.phase.begin(controller, plant)
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
-        """Go on to the next phase where the present one is over; False after the last."""
-        phase = self.phase
-        since = t - self.start
+        """Begin the next phase where the present one is over; False after the last."""
+        phase, since = self.phase, t - self.start
         # Times are sums of rounded periods.
         over = since > phase.duration * (1 - 1e-9) - 1e-9
         if not over and phase.until is not None:
             over = phase.until(Moment(since, plant, command))
-        if not over:
-            return True
-        if self.current + 1 == len(self.phases):
+        if over and self.current + 1 == len(self.phases):
             return False
-        self.current, self.start = self.current + 1, t
-        self._begin(controller, plant)
+        if over:
+            self.enter(t, controller, plant, self.current + 1)
         return True
-
-    def _begin(self, controller: Any, plant: Any) -> None:
-        if len(self.phases) > 1:
-            self.events.append((self.start, self.phase.name))
-        if self.phase.begin is not None:
-            self.phase.begin(controller, plant)
 
     def rows(self, t: Array) -> Array:
         """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]."""

@@ -28,10 +28,7 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
 def numbers(value: ArrayLike) -> Array:
     """Copy in double precision; what no double can hold becomes infinite, so that checks of ranges see it.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If it is ragged, or not an array of real numbers (text and complex numbers are not).
+    ``TypeError`` or ``ValueError`` where it is ragged, or not an array of real numbers (text and complex ones are not).
     """
     array = np.asarray(value)
     if array.dtype.kind not in "biufO":

@@ -9,7 +9,6 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -158,7 +157,9 @@ def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimati
         Field("shape", [int(name != "tension") for name in devices] or [0], whole=True),
         # A tension moves with its own command, everything else with all of them.
         Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
+        # Below zero: not tested.
         Field("still", [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names]),
+        # Divisors in the C: not zero where an input cannot move.
         Field("change", np.maximum(rate * period, 1e-12)),
         Field("tip", _first("tip_x [m]", names), whole=True),
         Field("setpoint", _first("tip_x [m]", stages.r_names), whole=True),
@@ -277,15 +278,15 @@ class Compiled:
     """
 
     def __init__(self, source: str, fields: Sequence[Field], given: dict[str, int], parts: dict[str, int]) -> None:
-        self._library = load_library(source, "controllers and estimators")
+        self.library = load_library(source, "controllers and estimators")
         for name in ("cg_size", "cg_state_size"):
-            getattr(self._library, name).restype = ctypes.c_size_t
+            getattr(self.library, name).restype = ctypes.c_size_t
         # The memory's layout depends on the source, what a state means on the settings too.
         self._key = hashlib.sha256(source.encode() + _values(fields).tobytes()).digest()[:16]
-        memory = np.zeros(self._library.cg_size() + _ALIGNMENT, np.uint8)
+        memory = np.zeros(self.library.cg_size() + _ALIGNMENT, np.uint8)
         start = -memory.ctypes.data % _ALIGNMENT
-        self._memory = memory[start : start + self._library.cg_size()]
-        self.state = self._memory[: self._library.cg_state_size()]
+        self._memory = memory[start : start + self.library.cg_size()]
+        self.state = self._memory[: self.library.cg_state_size()]
         self._input, self.output = np.zeros(sum(given.values())), np.zeros(sum(parts.values()))
         self.given = [self._input[part] for part in _slices(given).values()]
         self.parts = _slices(parts)
@@ -297,11 +298,7 @@ class Compiled:
     def configure(self, fields: Sequence[Field]) -> None:
         """Set the settings; the state stays."""
         values = _values(fields)
-        self._library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
-
-    def function(self, name: str) -> Any:
-        """Return a function of the library."""
-        return getattr(self._library, name)
+        self.library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def found(self) -> dict[str, Array]:
         """Copy what the last call wrote, by name."""
@@ -311,7 +308,7 @@ class Compiled:
     def start(self, *arguments: Array) -> None:
         """Start again from the arguments of ``cg_start``."""
         values = np.concatenate(arguments)
-        self._library.cg_start(self.address, ctypes.c_void_p(values.ctypes.data))
+        self.library.cg_start(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def save(self, step: int, flags: int = 0) -> bytes:
         """Serialize the state with two numbers of its owner."""

@@ -153,7 +153,7 @@ class Controller(Remade):
         self._layout = Layout(self._c.parts, s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
-        self._call = self._c.function("cg_controller_step")
+        self._call = self._c.library.cg_controller_step
         self.first = first_state(self.scene, self.prediction)
         self._nz = max(nz, s.nd)
         self.reset()
@@ -261,7 +261,7 @@ class Controller(Remade):
             Whether it was left: only where the command rests, sensors and model agree again, and the trip is not the
             second one within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
         """
-        return bool(self._c.function("cg_rearm")(self._c.address))
+        return bool(self._c.library.cg_rearm(self._c.address))
 
     def change(self, **settings: ArrayLike) -> None:
         """Change weights, bounds or penalty weights from the next step on; all of the arguments, or none.
@@ -291,6 +291,7 @@ class Controller(Remade):
             value = vector(name, given, nominal.size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
                 raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
+            # The safe ramp and the supervisor's scales are those of the scene's limits.
             if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
                 raise InputError("expected entries within the limits of the scene", key=name)
             fields[f"rti.{name}"] = Field(f"rti.{name}", value)

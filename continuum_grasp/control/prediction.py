@@ -55,12 +55,7 @@ class ModelScene(Protocol):
 
 
 class Prediction(Remade):
-    """The model of a controller.
-
-    Parameters
-    ----------
-    scene : ModelScene
-        A scene of a controller or of a plan.
+    """The model of a controller or of a plan, from its scene.
 
     Attributes
     ----------
@@ -242,6 +237,7 @@ class Prediction(Remade):
             pressed = gap + (law.rounding + _PRESSED / law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
         linearized = ca.Function("jacobian", given, [jacobian])
+        # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
         largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
         for shape in self.shapes():
@@ -270,17 +266,17 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
     SolverError
         If an initial equilibrium is not found.
     """
-    finger, initial = model.system.finger_model, scene.initial
-    x = model.at_rest(_shape(scene, model), rest_input(scene))
-    if initial.q is not None and initial.qd is not None and len(initial.q) == len(initial.qd) == finger.n:
-        x[finger.n : 2 * finger.n] = initial.qd
+    n, initial = model.system.finger_model.n, scene.initial
+    fits = initial.q is not None and len(initial.q) == n
+    x = model.at_rest(initial.q if fits and initial.q is not None else _shape(scene, model), rest_input(scene))
+    if fits and initial.qd is not None and len(initial.qd) == n:
+        x[n : 2 * n] = initial.qd
     return x
 
 
 def _shape(scene: ControlScene, model: Prediction) -> Array:
+    """Coordinates of the initial pose by the controller's own elements."""
     finger, initial = model.system.finger_model, scene.initial
-    if initial.q is not None and len(initial.q) == finger.n:
-        return np.array(initial.q)
     held = initial.pose == "equilibrium"
     if initial.pose == "straight" or not (held or scene.finger.rest_curvature != 0.0):
         return np.zeros(finger.n)
@@ -295,7 +291,7 @@ def _shape(scene: ControlScene, model: Prediction) -> Array:
         gravity=scene.gravity if held else (0.0, 0.0),
         loads=loads,
         tip_force=bool(scene.contacts),
-        input_rates=False,
+        input_rates=False,  # nothing moves
     )
     given = {"u": np.zeros(alone.nu), "w": np.zeros(alone.nw)}
     for load, (vector, start) in zip(loads, alone.load_entries, strict=True):

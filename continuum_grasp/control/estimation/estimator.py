@@ -131,7 +131,7 @@ class Estimator(Remade):
         parts |= {"then": nz, "covariance": nz * nz}
         self._c = Compiled(source, fields, {"measurement": nm, "u": nu, "p": np_}, parts)
         self._measurement, self._u, self._p = self._c.given
-        self._call = self._c.function("cg_step")
+        self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
         self.reset()

@@ -166,6 +166,8 @@ def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[fl
     if unit in ("N", "N m"):
         most = _KNOWN * _disturbance_range(scene, name)[1]
         return (-most, most)
+    # Of either sign, or nominally zero.
     if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
         return (-UNLIMITED, UNLIMITED)
+    # Stiffness, masses and the like are positive; one that is nominally zero has no scale of its own.
     return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, UNLIMITED)

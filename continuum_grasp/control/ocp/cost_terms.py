@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -60,10 +60,6 @@ class Quantities(Protocol):
     def sections(self, at: Sequence[float]) -> tuple[Any, Any]: ...
 
 
-def _unlimited(_: Finger) -> Limits:
-    return ((-UNLIMITED, UNLIMITED),)
-
-
 def _near_base(finger: Finger) -> Limits:
     reach = _REACH * finger.rod.length
     x, y = ((base - reach, base + reach) for base in finger.base.position)
@@ -73,10 +69,6 @@ def _near_base(finger: Finger) -> Limits:
 def _turned(finger: Finger) -> Limits:
     most = 2.0 * math.pi * _TURNS
     return ((finger.base.angle - most, finger.base.angle + most),)
-
-
-def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
-    return ("",)
 
 
 def _elements(cost: Cost, model: Prediction) -> tuple[str, ...]:
@@ -89,6 +81,10 @@ def _shape_at(cost: Cost) -> tuple[float, ...]:
 
 def _rates(cost: Cost, model: Prediction) -> tuple[str, ...]:
     return tuple(f"{n.split(' ')[0]}_rate [{n.split('[')[1][:-1]}/s]" for n in model.u_names)
+
+
+def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
+    return ("",)
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,7 @@ class CostTerm:
     value: Callable[[Quantities, Cost], Any]
     places: Callable[[Cost, Prediction], Sequence[str]] = _one
     reference: str = ""
-    limits: Callable[[Finger], Limits] = _unlimited
+    limits: Callable[[Finger], Limits] = lambda finger: ((-UNLIMITED, UNLIMITED),)
     of_state: bool = True
 
     @property
@@ -132,12 +128,14 @@ class CostTerm:
 
     def owns(self, name: str) -> bool:
         """Whether an entry of a run or a package, by name and unit, is one of this term."""
+        # Names of contacts contain dots, but nothing that stands for a place contains a space.
         pattern = re.escape(self.entry).replace(r"\{axis\}", "[xy]").replace(r"\{place\}", "[^ ]+")
         return re.fullmatch(pattern, name) is not None
 
     def weights(self, cost: Cost) -> tuple[float, float]:
         """Running and terminal weight."""
         weight = getattr(cost, self.key)
+        # The end of the horizon has no input.
         return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, 0.0)
 
 
@@ -149,16 +147,10 @@ TERMS = (
         "section_{place}_{axis} [m]",
         lambda q, cost: ca.vec(q.sections(_shape_at(cost))[0]),
         lambda cost, _: [str(k + 1) for k in range(len(_shape_at(cost)))],
-        reference="shape",
-        limits=_near_base,
+        "shape",
+        _near_base,
     ),
-    CostTerm(
-        "tip_angle",
-        "tip_angle [rad]",
-        lambda q, _: q.sections((q.length,))[1],
-        reference="tip_angle",
-        limits=_turned,
-    ),
+    CostTerm("tip_angle", "tip_angle [rad]", lambda q, _: q.sections((q.length,))[1], _one, "tip_angle", _turned),
     CostTerm(
         "contact_force",
         "contact_force_{place} [N]",
@@ -179,8 +171,7 @@ def cost_terms(cost: Cost) -> tuple[CostTerm, ...]:
     return tuple(term for term in TERMS if getattr(cost, term.key))
 
 
-@dataclass(frozen=True)
-class Tracked:
+class Tracked(NamedTuple):
     """Columns of what a controller tracks that belong to one term; of points, x and y alternate."""
 
     label: str
@@ -200,8 +191,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Predicted:
+class _Predicted(NamedTuple):
     """Quantities of a controller's model."""
 
     cost: Cost

@@ -161,6 +161,7 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     def function(name: str, output: str, value: ca.SX) -> ca.Function:
         return ca.Function(name, [x, u, p], [ca.densify(ca.cse([value])[0])], ["x", "u", "p"], [output])
 
+    # Over a stage, which is how long the plan holds an input; a command that is held shorter is limited in the C.
     change = (u - held) / horizon.stage if remembers else None
     tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
     outputs = function("outputs", "y", tracked.value(change))
