@@ -134,6 +134,7 @@ class Converged(Remade):
         x, u = self._last
         ahead = self.period / s.stage
         at = np.minimum(np.arange(s.stages + 1) + ahead, s.stages)
+        # States lie between the nodes, inputs hold from one to the next.
         moved = np.array([np.interp(at, np.arange(s.stages + 1), column) for column in x.T]).T
         return moved, u[np.minimum(at[:-1].astype(int), s.stages - 1)]
 

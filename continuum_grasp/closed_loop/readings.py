@@ -79,6 +79,7 @@ class Readings:
 
     def _map(self, function: ca.Function, x: Array, u: Array, w: Array) -> Array:
         """Rows (K, size) of a function of states, inputs and forces."""
+        # A map takes and returns columns; those of one call with several columns are side by side.
         mapped = function.map(len(x))(x.T, u.T, w.T)
         return np.array(mapped).reshape(-1, len(x), order="F").T
 

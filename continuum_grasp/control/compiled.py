@@ -18,7 +18,7 @@ from continuum_grasp.control.estimation.noise import Ranges, measurement_std, no
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.rti.source import REGULARIZATION, TOLERANCE, iteration_source, load_library, template
+from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.precision import single
 from continuum_grasp.core.source import generated
 from continuum_grasp.errors import InputError
@@ -123,14 +123,13 @@ def controller_fields(
 def _iteration_fields(scene: ControlScene, stages: Stages, precision: str) -> list[Field]:
     """List the members of ``rti_settings``."""
     real = np.float64 if precision == "double" else np.float32
-    arrays = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
     return [
-        *[Field(name, getattr(stages, name)) for name in arrays],
+        *[Field(name, getattr(stages, name)) for name in rti.SETTINGS],
         Field("stage", stages.stage),
         Field("substeps", stages.substeps, whole=True),
         Field("iterations", scene.controller.iterations, whole=True),
-        Field("tolerance", float(real(TOLERANCE[precision]))),
-        Field("regularization", float(real(REGULARIZATION))),
+        Field("tolerance", float(real(rti.TOLERANCE[precision]))),
+        Field("regularization", float(real(rti.REGULARIZATION))),
     ]
 
 
@@ -190,7 +189,7 @@ def controller_source(
 ) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
-    parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iteration_source(stages, real=real)]
+    parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", rti.iteration_source(stages, real=real)]
     measured, sensors = stages.nd, 0
     if estimation is None:
         parts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
@@ -234,7 +233,7 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
 
 def _templates(*names: str) -> str:
     """Join templates without their includes of one another."""
-    return "\n".join(re.sub(r'#include "\w+\.h"\n', "", template(name)) for name in names)
+    return "\n".join(re.sub(r'#include "\w+\.h"\n', "", rti.template(name)) for name in names)
 
 
 def _setter(structure: str, fields: Sequence[Field]) -> str:
@@ -278,7 +277,7 @@ class Compiled:
     """
 
     def __init__(self, source: str, fields: Sequence[Field], given: dict[str, int], parts: dict[str, int]) -> None:
-        self.library = load_library(source, "controllers and estimators")
+        self.library = rti.load_library(source, "controllers and estimators")
         for name in ("cg_size", "cg_state_size"):
             getattr(self.library, name).restype = ctypes.c_size_t
         # The memory's layout depends on the source, what a state means on the settings too.

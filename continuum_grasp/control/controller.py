@@ -60,11 +60,8 @@ class Controller(Remade):
 
     Attributes
     ----------
-    scene : ControlScene
-    prediction : Prediction
-        Its model.
-    stages : Stages
-        Its problem.
+    scene, prediction, stages
+        The scene, its model (``Prediction``) and its problem (``Stages``).
     period : float
         Time from one command to the next [s].
     first : (nx,) ndarray

@@ -79,7 +79,7 @@ class Estimator(Remade):
     Attributes
     ----------
     scene, prediction, estimation
-        The scene, its model, and the functions of the filter.
+        The scene, its model (``Prediction``) and the functions of the filter (``Estimation``).
     period : float
         Time from one measurement to the next [s].
     delay : int

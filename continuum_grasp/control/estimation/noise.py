@@ -96,6 +96,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
         # Without an estimator the state is measured.
         measurement=np.array([_measurable(scene, model, name) for name in measured]) if measured else x,
+        # What drives can have, and at least what can be commanded: one that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
         r=np.vstack([term.ranges(cost, model) for term in cost_terms(cost)]),
         p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(

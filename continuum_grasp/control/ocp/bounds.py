@@ -87,6 +87,7 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
             lengths = model.system.finger_model.lengths
             ends = np.cumsum([0.0, *lengths])
             places = [ends[k] + h * (j + 1) / _PER_ELEMENT for k, h in enumerate(lengths) for j in range(_PER_ELEMENT)]
+        # Sums of element lengths are rounded, and beyond the tip there is no section.
         where = model.sections(tuple(min(s, finger.rod.length) for s in places))(model.x, model.u, model.p)[0]
         # The surface, half a thickness from the backbone, is what must stay outside.
         away = zone.clearance + finger.thickness_radius

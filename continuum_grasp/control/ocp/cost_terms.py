@@ -184,6 +184,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     """What follows setpoints among a controller's outputs (name and unit each); terms of the input are left out."""
     found = []
     for term in TERMS:
+        # Setpoints of the input are what costs no effort, not what is followed.
         columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
         if columns:
             unit = term.entry.split("[")[1][:-1]

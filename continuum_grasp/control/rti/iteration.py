@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.rti.source import PROBLEM, REGULARIZATION, TOLERANCE, library_source, load_library
+from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 
@@ -57,18 +57,19 @@ class Settings:
     """
 
     def __init__(self, stages: Stages, real: Any) -> None:
-        nu, nc, nr = stages.nu, max(stages.nc, 1), max(stages.nr, 1)
-        arrays = {"u_min": nu, "u_max": nu, "c_min": nc, "c_max": nc, "linear": nc, "quadratic": nc}
-        arrays |= {"weights": nr, "terminal_weights": nr}
+        nominal = {name: getattr(stages, name) for name in rti.SETTINGS}
+        # An array without entries has one in C, which has no arrays of length zero.
+        arrays = [(name, real, (max(len(value), 1),)) for name, value in nominal.items()]
         numbers = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
         numbers += [("tolerance", real), ("regularization", real)]
-        layout = np.dtype([*[(name, real, (size,)) for name, size in arrays.items()], *numbers], align=True)
+        layout = np.dtype([*arrays, *numbers], align=True)
         memory = np.zeros((), layout)
-        nominal = {name: getattr(stages, name) for name in arrays}
-        own = {"iterations": _ITERATIONS, "tolerance": TOLERANCE["double" if np.dtype(real) == np.float64 else "float"]}
-        own |= {"regularization": REGULARIZATION, "stage": stages.stage, "substeps": stages.substeps}
+        own = {
+            "iterations": _ITERATIONS,
+            "tolerance": rti.TOLERANCE["double" if np.dtype(real) == np.float64 else "float"],
+        }
+        own |= {"regularization": rti.REGULARIZATION, "stage": stages.stage, "substeps": stages.substeps}
         fields = {name: memory[name] for name in layout.names or ()}
-        # An array without entries has one in C, which has no arrays of length zero.
         fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
         self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)
         self.__dict__["address"] = ctypes.c_void_p(memory.ctypes.data)
@@ -133,8 +134,8 @@ class RealTimeIteration:
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
         self.stages = stages
         self.precision = precision_of(precision)
-        source = library_source(stages, real=self.precision, lanes=lanes)
-        self._library = library = load_library(source, "real-time iterations")
+        source = rti.library_source(stages, real=self.precision, lanes=lanes)
+        self._library = library = rti.load_library(source, "real-time iterations")
         real: Any = np.float64 if self.precision == "double" else np.float32
         self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
         n, nx, nu = stages.stages, stages.nx, stages.nu
@@ -148,6 +149,7 @@ class RealTimeIteration:
         self._warm_start = plan[states + inputs :]
         self._work = np.zeros(library.rti_sizeof(2), np.uint8)
         self._record = _record(self._number)
+        # numpy and ctypes lay structures out as a C compiler does by default; one that packs them is refused.
         sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
         if sizes != tuple(library.rti_sizeof(k) for k in range(4)):
             raise RuntimeError(f"the C compiler has an unexpected layout of structures: {sizes}")
@@ -250,6 +252,7 @@ class RealTimeIteration:
             raise InputError(f"stages: expected a finite number, 0 or more, got {stages!r:.60}", key="stages")
         self._library.rti_shift(self._plan_at, self._settings_at, self._number(stages))
         if rollout:
+            # The last node whose state was within the horizon before.
             last = max(0, int(self.stages.stages - stages))
             self._must(self._library.rti_extend(self._plan_at, self._settings_at, last, self._p_at))
 
@@ -265,7 +268,7 @@ class RealTimeIteration:
         shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (n + 1,)}
         shapes |= {"g": (n + 1, width), "H": (n + 1, nz, width), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
         found = {}
-        for k, name in enumerate(PROBLEM):
+        for k, name in enumerate(rti.PROBLEM):
             where = self._library.rti_offset(k)
             count = int(np.prod(shapes[name])) * self._x.itemsize
             found[name] = self._work[where : where + count].view(self._x.dtype).reshape(shapes[name]).copy()

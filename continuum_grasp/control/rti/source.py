@@ -34,6 +34,9 @@ _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n"
 _ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
 """Templates after the basis and the functions generated for a problem, in their order."""
 
+SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
+"""Arrays of ``rti_settings``, in its order and with the names of ``Stages``."""
+
 PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
 """Members of the workspace that define the QP."""
 
