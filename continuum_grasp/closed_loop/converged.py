@@ -59,13 +59,7 @@ class _Command:
 
 
 class Converged(Remade):
-    """Nonlinear model predictive control without a time limit, of a scene without an estimator.
-
-    Raises
-    ------
-    InputError
-        If the scene has an estimator.
-    """
+    """Nonlinear model predictive control without a time limit, of a scene without an estimator."""
 
     estimated_names: tuple[str, ...] = ()
     _last: tuple[Array, Array] | None

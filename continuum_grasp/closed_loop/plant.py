@@ -161,10 +161,7 @@ class Integration(Remade):
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
         """Compute the states (substeps + 1, nx) at equal instants of a period [s], from x (nx) with constant u (nu).
 
-        Raises
-        ------
-        NumericalError
-            If a state is not finite; it states when, and holds the states before.
+        Where one is not finite, ``NumericalError`` states when, and holds the states before.
         """
         model = self._model
         if model.steady:

@@ -220,12 +220,8 @@ class Prediction(Remade):
     def fastest_rate(self, u_min: Array, u_max: Array) -> float:
         """Find the largest absolute eigenvalue of the linearized motion [1/s], over inputs (nu) within their limits.
 
-        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object.
-
-        Raises
-        ------
-        NumericalError
-            If the model's numbers are not finite.
+        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object;
+        ``NumericalError`` where the model's numbers are not finite.
         """
         given = [self.x, self.u, self.p]
         law = None if self.system.surroundings is None else self.system.surroundings.contact_law
@@ -259,12 +255,7 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
     """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
 
     ``initial.q`` belongs to the plant's model. It is used where the controller's model has as many coordinates;
-    otherwise the state is that of the unloaded shape.
-
-    Raises
-    ------
-    SolverError
-        If an initial equilibrium is not found.
+    otherwise the state is that of the unloaded shape. ``SolverError`` where an initial equilibrium is not found.
     """
     n, initial = model.system.finger_model.n, scene.initial
     fits = initial.q is not None and len(initial.q) == n

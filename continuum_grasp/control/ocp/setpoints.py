@@ -31,13 +31,7 @@ class Setpoints:
         self.names, self._blocks = names, blocks
 
     def rows(self, times: ArrayLike) -> Array:
-        """Evaluate setpoints (len(times), nr) at instants [s].
-
-        Raises
-        ------
-        InputError
-            If a function of time returns another number of entries, or one that is not finite.
-        """
+        """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
 

@@ -64,11 +64,9 @@ class Settings:
         numbers += [("tolerance", real), ("regularization", real)]
         layout = np.dtype([*arrays, *numbers], align=True)
         memory = np.zeros((), layout)
-        own = {
-            "iterations": _ITERATIONS,
-            "tolerance": rti.TOLERANCE["double" if np.dtype(real) == np.float64 else "float"],
-        }
-        own |= {"regularization": rti.REGULARIZATION, "stage": stages.stage, "substeps": stages.substeps}
+        tolerance = rti.TOLERANCE["double" if np.dtype(real) == np.float64 else "float"]
+        own = {"stage": stages.stage, "substeps": stages.substeps, "iterations": _ITERATIONS, "tolerance": tolerance}
+        own |= {"regularization": rti.REGULARIZATION}
         fields = {name: memory[name] for name in layout.names or ()}
         fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
         self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)
@@ -109,7 +107,6 @@ class RealTimeIteration:
 
     Attributes
     ----------
-    stages : Stages
     settings : Settings
         Those of the problem at first.
 

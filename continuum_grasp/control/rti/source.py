@@ -45,13 +45,9 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     """Write the C of the real-time iterations of a problem, in double or float, as one translation unit.
 
     With ``lanes``, stages are linearized side by side in vector lanes (gcc and clang), with the same result to
-    rounding; models with an operation that vector lanes do not have are linearized stage by stage.
-
-    Raises
-    ------
-    InputError
-        If a stage function is not a straight-line SX function of the expected sizes, or has a constant that single
-        precision cannot hold.
+    rounding; models with an operation that vector lanes do not have are linearized stage by stage. ``InputError`` where
+    a stage function is not a straight-line SX function of the expected sizes, or has a constant that single precision
+    cannot hold.
     """
     _check(stages)
     vector = _lanes(stages, real) if lanes else ""
