@@ -24,9 +24,9 @@ import continuum_grasp as cg
 from benchmarks.mpc_cases import CONFIGS
 from benchmarks.report import RESULTS, Report, Table
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
-from continuum_grasp.closed_loop.record import Phase
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs

@@ -21,7 +21,7 @@ from continuum_grasp.control.command import Estimate, Plan
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.status import Status
+from continuum_grasp.control.status import Health, Status
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import function_source
@@ -35,7 +35,7 @@ from continuum_grasp.scene.simulate import Fidelity
 Array = NDArray[np.float64]
 
 _SETTINGS = Settings(tolerance=1e-8, max_iterations=200, tuning={"ipopt": {"mu_strategy": "adaptive"}})
-"""A period that takes more iterations counts as a failure."""
+"""A period that takes more iterations counts as a failure; the tolerance is that of the real-time iteration's QP."""
 
 
 class _Times(NamedTuple):
@@ -52,28 +52,17 @@ class _Command:
     iterations: int
     violation: float
     anomalies: tuple[str, ...] = ()
+    health: Health = Health.OK
+    health_text: str = ""
+    mismatch: float = 0.0
+    activity: float = 0.0
 
 
 class Converged(Remade):
-    """Nonlinear model predictive control without a time limit.
+    """Nonlinear model predictive control without a time limit, of a scene without an estimator."""
 
-    Parameters
-    ----------
-    scene : ControlScene
-        The scene; its estimator must be None.
-
-    Attributes
-    ----------
-    stages : Stages
-    prediction : Prediction
-    period : float
-        [s]
-
-    Raises
-    ------
-    InputError
-        If the scene has an estimator.
-    """
+    estimated_names: tuple[str, ...] = ()
+    _last: tuple[Array, Array] | None
 
     def __init__(self, scene: ControlScene) -> None:
         if scene.estimator is not None:
@@ -82,10 +71,9 @@ class Converged(Remade):
         self.stages = stages_of(scene, self.prediction)
         self.period = scene.controller.step
         self._problem, self._solver = ShootingProblem(self.stages), new_solver(_SETTINGS)
-        self._held = np.array([])
-        self._last: tuple[Array, Array] | None = None
         self.failures = 0
         self.times: list[float] = []
+        self.reset()
 
     def __getstate__(self) -> tuple[Any, ...]:
         return self._held, self._last, self.failures, self.times.copy()
@@ -99,34 +87,22 @@ class Converged(Remade):
         return {"steps": len(self.times), "failures": self.failures, "median_s": float(np.median(self.times or [0.0]))}
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
-        """Forget the last plan; ``u`` (nu) is the input so far."""
+        """Forget the last plan; ``u`` (nu) is the input so far, zero or the nearest bound by default."""
+        s = self.stages
         self._last = None
-        self._held = np.array([]) if u is None else np.array(u, dtype=float)
+        self._held = np.clip(np.zeros(s.nu), s.u_min, s.u_max) if u is None else np.array(u, dtype=float)
 
     def step(self, measurement: ArrayLike, reference: ArrayLike, *, p: ArrayLike | None = None) -> _Command:
-        """Solve for one command.
+        """Solve for one command from the state (nx), setpoints of the nodes (N + 1, nr) and parameters (np).
 
-        Parameters
-        ----------
-        measurement : (nx,) array_like
-            State of the prediction.
-        reference : (N + 1, nr) array_like
-            Setpoints of the nodes.
-        p : (np,) array_like, optional
-            Parameters; nominal where not given.
-
-        Returns
-        -------
-        Command
-            Where the solver did not converge, its status is ``ITERATION_LIMIT``, and the last iterate is applied within
-            limits.
+        Where the solver does not converge, the status is ``ITERATION_LIMIT`` and the last iterate is applied within
+        limits.
         """
         s, began = self.stages, perf_counter()
         state = np.asarray(measurement, dtype=float)
-        held = self._held if self._held.size else np.clip(np.zeros(s.nu), s.u_min, s.u_max)
-        x0 = np.concatenate([state, held[: s.nx - s.nd]])
+        x0 = np.concatenate([state, self._held[: s.nx - s.nd]])
         parameters = s.p_nominal if p is None else np.asarray(p, dtype=float)
-        x, u = self._guess(x0, held)
+        x, u = self._guess(x0)
         start = self._problem.start(x, u, x0, parameters, np.asarray(reference, dtype=float))
         found = self._solver.solve(self._problem.nlp, start, Budget())
         x, u, violation = self._problem.split(found.x)
@@ -144,36 +120,28 @@ class Converged(Remade):
             violation=violation,
         )
 
-    def _guess(self, x0: Array, held: Array) -> tuple[Array, Array]:
+    def _guess(self, x0: Array) -> tuple[Array, Array]:
         """The last plan, moved on by a period; at first the state as it is."""
         s = self.stages
         if self._last is None:
-            return np.tile(x0, (s.stages + 1, 1)), np.tile(held, (s.stages, 1))
+            return np.tile(x0, (s.stages + 1, 1)), np.tile(self._held, (s.stages, 1))
         x, u = self._last
         ahead = self.period / s.stage
         at = np.minimum(np.arange(s.stages + 1) + ahead, s.stages)
+        # States lie between the nodes, inputs hold from one to the next.
         moved = np.array([np.interp(at, np.arange(s.stages + 1), column) for column in x.T]).T
         return moved, u[np.minimum(at[:-1].astype(int), s.stages - 1)]
 
 
 def compared(scene: ControlScene, progress: Callable[[float], None] | None = None) -> dict[str, ControlRun]:
-    """Closed loops of other controllers.
+    """Run the closed loops of other controllers; ``progress`` is called with the share that is done.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the share that is done.
-
-    Returns
-    -------
-    dict of str to ControlRun
-        ``two arcs``: the same problem on the paper's elements, or as many as there are contacts to part. Then, both
-        given the state so that nothing but the solver differs, ``with the state`` and ``converged``.
+    ``two arcs``: the same problem on the paper's elements, or as many as there are contacts to part. Then, both given
+    the state so that nothing but the solver differs, ``with the state`` and ``converged``.
     """
-    tell = progress or (lambda share: None)
 
     def part(k: int) -> Callable[[float], None]:
-        return lambda share: tell((k + share) / 3.0)
+        return lambda share: progress((k + share) / 3.0) if progress else None
 
     arcs = Fidelity(family=PAPER_FAMILY, elements=max(2, len(scene.contacts) + 1))
     on_arcs, known = scene.model_copy(update={"fidelity": arcs}), scene.model_copy(update={"estimator": None})
@@ -208,11 +176,8 @@ class ShootingProblem:
         nodes = [self._z[k * self._nz : min((k + 1) * self._nz, self._count)] for k in range(n + 1)]
         slack = self._z[self._count :]
         weights, end_weights = ca.DM(s.weights), ca.DM(s.terminal_weights)
-        early, gaps, gap_slopes = [nodes[0][: s.nx] - self._p[: s.nx]], [], []
+        gaps, gap_slopes, gradient, hessian, rows = [nodes[0][: s.nx] - self._p[: s.nx]], [], [], [], []
         cost = ca.MX(0)
-        gradient: list[ca.MX] = []
-        hessian: list[ca.MX] = []
-        rows: list[ca.MX] = []
         row_slopes: list[tuple[int, ca.MX]] = []
         for k in range(n):
             x, u = nodes[k][: s.nx], nodes[k][s.nx :]
@@ -220,20 +185,23 @@ class ShootingProblem:
             gaps.append(following - nodes[k + 1][: s.nx])
             gap_slopes.append(ca.horzcat(a, b))
             value, g, h, c, slope = self._cost(x, u, p, refs[:, k], weights)
-            cost, gradient, hessian = cost + value, [*gradient, g], [*hessian, h]
-            if k:
-                rows.append(c[: s.ns])
-                row_slopes.append((k, slope[: s.ns, :]))
-            rows.append(c[s.ns :])
-            row_slopes.append((k, slope[s.ns :, :]))
+            cost += value
+            gradient.append(g)
+            hessian.append(h)
+            # Rows of the state alone do not bound the first node, which is given.
+            first = 0 if k else s.ns
+            rows.append(c[first:])
+            row_slopes.append((k, slope[first:, :]))
         value, g_end, h, c, slope = self._terminal(nodes[n], p, refs[:, n], end_weights)
         rows.append(c)
         row_slopes.append((n, slope))
         linear, quadratic = ca.DM(s.linear[self._order]), ca.DM(s.quadratic[self._order])
         penalty = ca.dot(linear, slack) + 0.5 * ca.dot(quadratic, slack * slack)
         row = ca.vertcat(*rows)
-        f, g = cost + value + penalty, ca.vertcat(*early, *gaps, row - slack, row + slack)
+        # c_min - s <= c <= c_max + s with one slack for both sides: only one can be violated.
+        f, g = cost + value + penalty, ca.vertcat(*gaps, row - slack, row + slack)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+        # Gauss-Newton leaves the curvature of the constraints out, so lam_g does not enter.
         upper_half = ca.triu(lam_f * ca.diagcat(*hessian, h, ca.diag(quadratic)))
         given, names = [self._z, self._p], ["x", "p"]
         every_gradient = ca.vertcat(*gradient, g_end, linear + quadratic * slack)
@@ -265,18 +233,16 @@ class ShootingProblem:
 
         eye = ca.MX(ca.DM.eye(s.nx))
         lines = [placed(eye, 0)]
-        for k, slope in enumerate(gaps):
-            lines.append(placed(ca.horzcat(slope, -eye), k * self._nz))
+        lines += [placed(ca.horzcat(slope, -eye), k * self._nz) for k, slope in enumerate(gaps)]
         row = ca.vertcat(*[placed(slope, k * self._nz) for k, slope in rows])
         own = placed(ca.MX(ca.DM.eye(self._row_count)), self._count)
         return ca.vertcat(*lines, row - own, row + own)
 
     @cached_property
     def _order(self) -> list[int]:
-        """Which row of a node stands where."""
+        """Which row of a node stands where: of the state alone at nodes 1 to N, the others at 0 to N - 1."""
         s = self.stages
-        state, both = list(range(s.ns)), list(range(s.ns, s.nc))
-        return [*both, *(state + both) * (s.stages - 1), *state]
+        return [*range(s.ns, s.nc), *[*range(s.nc)] * (s.stages - 1), *range(s.ns)]
 
     def start(self, x: Array, u: Array, x0: Array, p: Array, refs: Array) -> Start:
         """Start from a guess of states (N + 1, nx) and inputs (N, nu)."""
@@ -301,7 +267,7 @@ class ShootingProblem:
 
 
 def compiled(function: ca.Function) -> ca.Function:
-    """The function in C, where there is a compiler."""
+    """Return the function in C, where there is a compiler."""
     compiler = find_compiler()
     if compiler is None:
         return function

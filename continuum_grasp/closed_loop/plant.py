@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.sensors import Sensors
+from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Measured
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
 
 Array = NDArray[np.float64]
@@ -24,12 +27,15 @@ Array = NDArray[np.float64]
 class Plant:
     """A finger that differs from what its controller knows.
 
+    Commands hold for a period. Measurements are as old as ``sensors.delay``; between the integrator's steps the state
+    is interpolated linearly. Those of before the start show the finger as it was at the start.
+
     Parameters
     ----------
     scene : ControlScene
         The scene.
     prediction : Prediction, optional
-        The controller's model, where it is made already; what is measured without an estimator is its state.
+        The controller's model, where it exists already; what is measured without an estimator is its state.
     period : float, optional
         Control period [s]; that of the scene where not given.
     model : PlantModel, optional
@@ -40,19 +46,15 @@ class Plant:
     Attributes
     ----------
     model : PlantModel
-        Its equations.
     method : Method
         How it is integrated.
     sensors : Sensors
+    compiled : bool
+        Whether the integrator is compiled.
     t : float
         Time since the start [s].
     x : (nx,) ndarray
         State now.
-
-    Notes
-    -----
-    Commands hold for a period. Measurements are as old as ``sensors.delay``; between the integrator's steps the state
-    is interpolated linearly. Those of before the start show the finger as it was at the start.
     """
 
     def __init__(
@@ -68,36 +70,21 @@ class Plant:
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
         self._integration = Integration(self.model, self.method.name)
-        self.x = self.model.start.copy()
-        self.t = 0.0
-        self._u = self.model.rest_input
-        self._past_t, self._past_x = np.zeros(1), self.x[None]
-        self._past_u = self._u[None]
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the integrator is compiled."""
-        return self._integration.compiled
+        self.compiled = self._integration.compiled
+        self.x, self.t = self.model.start.copy(), 0.0
+        # What measurements may still show: instants, states, and the inputs that led to them.
+        self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
 
     def measure(self) -> Array:
-        """The measurement that arrives now (ny)."""
+        """Return the measurement that arrives now (ny)."""
         at = max(self.t - self.sensors.delay, 0.0)
         x = np.array([np.interp(at, self._past_t, column) for column in self._past_x.T])
+        # The input of the step that contains the instant; 1e-12 s: instants are sums of rounded steps.
         k = min(int(np.searchsorted(self._past_t, at - 1e-12)), len(self._past_t) - 1)
         return self.sensors.read(x, self._past_u[k], self.model.forces(at)[0])
 
     def advance(self, u: ArrayLike) -> Array:
-        """Apply a command for one period.
-
-        Parameters
-        ----------
-        u : (nu,) array_like
-            Tensions [N] or tip moment [N m].
-
-        Returns
-        -------
-        (substeps + 1, nx) ndarray
-            States from the beginning to the end of the period.
+        """Apply tensions [N] or a tip moment [N m] (nu) for one period; return its states (substeps + 1, nx).
 
         Raises
         ------
@@ -112,22 +99,18 @@ class Plant:
         substeps = self.method.substeps
         states = self._integration.advance(self.x, command, self.t, self.period, substeps)
         instants = np.asarray(self.t + self.period / substeps * np.arange(1, substeps + 1), dtype=float)
-        self._remember(instants, states[1:], command)
-        self.x, self.t, self._u = states[-1], self.t + self.period, command
+        needed = self._past_t >= instants[0] - self.sensors.delay - self.period
+        needed[-1] = True  # the state before the step, from which ``measure`` interpolates
+        self._past_t = np.concatenate([self._past_t[needed], instants])
+        self._past_x = np.concatenate([self._past_x[needed], states[1:]])
+        self._past_u = np.concatenate([self._past_u[needed], np.tile(command, (substeps, 1))])
+        self.x, self.t = states[-1], self.t + self.period
         return states
 
-    def replayed(self, x: Array, u: Array, start: float, refinement: int = 2) -> Array:
-        """State at the end of a period that began in another state, by finer steps; the plant stays as it is."""
-        found: Array = self._integration.advance(x, u, start, self.period, refinement * self.method.substeps)[-1]
+    def replayed(self, x: Array, u: Array, start: float) -> Array:
+        """Return the end of a period from state x with steps half as long; the plant stays as it is."""
+        found: Array = self._integration.advance(x, u, start, self.period, 2 * self.method.substeps)[-1]
         return found
-
-    def _remember(self, instants: Array, states: Array, u: Array) -> None:
-        """Keep what measurements may still show."""
-        needed = self._past_t >= instants[0] - self.sensors.delay - self.period
-        needed[-1] = True
-        self._past_t = np.concatenate([self._past_t[needed], instants])
-        self._past_x = np.concatenate([self._past_x[needed], states])
-        self._past_u = np.concatenate([self._past_u[needed], np.tile(u, (len(instants), 1))])
 
 
 _EXPLICIT_UP_TO = 40
@@ -140,9 +123,8 @@ _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
-@dataclass(frozen=True)
-class Method:
-    """How a plant is integrated: method of ``core``, steps of it per control period, fastest rate [1/s]."""
+class Method(NamedTuple):
+    """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s]."""
 
     name: str
     substeps: int
@@ -150,19 +132,14 @@ class Method:
 
 
 def choose_method(model: PlantModel, period: float) -> Method:
-    """The cheaper of explicit and implicit steps, from the largest eigenvalue over some shapes.
-
-    Parameters
-    ----------
-    period : float
-        Control period [s].
-    """
+    """Choose the cheaper of explicit and implicit steps, from the largest eigenvalue over some shapes."""
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
         a = np.array(model.linearization(x, model.rest_input, w, model.p)[0])
+        # A shape at which the model's numbers are not finite says nothing about the rate.
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     if system.surroundings is not None:
@@ -174,13 +151,7 @@ def choose_method(model: PlantModel, period: float) -> Method:
 
 
 class Integration(Remade):
-    """Integrates a plant over periods of constant input.
-
-    Parameters
-    ----------
-    method : str
-        Name in ``INTEGRATORS``.
-    """
+    """Integrates a plant over periods of constant input, by a method of ``INTEGRATORS``."""
 
     def __init__(self, model: PlantModel, method: str) -> None:
         self._model = model
@@ -188,28 +159,15 @@ class Integration(Remade):
         self.compiled = self._run.compiled
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
-        """States (substeps + 1, nx) at equal instants of one period.
+        """Compute the states (substeps + 1, nx) at equal instants of a period [s], from x (nx) with constant u (nu).
 
-        Parameters
-        ----------
-        x : (nx,) ndarray
-            State at the start.
-        u : (nu,) ndarray
-            Input, constant.
-        start, period : float
-            Start and length of the period [s].
-        substeps : int
-            Steps in it.
-
-        Raises
-        ------
-        NumericalError
-            If a state is not finite; it says when, and holds the states before.
+        Where one is not finite, ``NumericalError`` states when, and holds the states before.
         """
         model = self._model
         if model.steady:
             w = Signal(model.forces(start)[:1, None], 0, 0)
         else:
+            # At the start, the middle and the end of each step, where the methods evaluate forces.
             instants = start + np.arange(2 * substeps + 1) * (0.5 * period / substeps)
             w = Signal(np.ascontiguousarray(model.forces(instants))[None], model.nw, 0)
         inputs = Signal(np.ascontiguousarray(u, dtype=float)[None, None], 0, 0)
@@ -226,3 +184,82 @@ class Integration(Remade):
             )
         found: Array = states[0]
         return found
+
+
+_PER_ELEMENT = 4
+"""Sections of each element of the controller's model whose angles are compared [1]: more than the two bending
+coordinates of a clothoid, so that the least squares average over the element."""
+
+
+class Sensors:
+    """Measurements of a plant: noisy, late, and only what ``estimator.measured`` names.
+
+    Without an estimator the controller is given its state, exactly: the one whose section angles and their rates are
+    nearest to the plant's, four sections to an element. ``names`` has name and unit of each measured number, ``delay``
+    the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise.
+    """
+
+    def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction, seed: int | None) -> None:
+        self._rng = np.random.default_rng(scene.plant.seed if seed is None else seed)
+        if scene.estimator is None:
+            self.names: tuple[str, ...] = prediction.x_names
+            self.delay, self.std = 0.0, np.zeros(len(self.names))
+            self._value = plant.function("state", y=_nearest_state(plant, prediction))
+            return
+        measured = _measured(scene.estimator.measured, plant)
+        self.names = tuple(measured)
+        self.delay = scene.estimator.delay if scene.plant.delay is None else scene.plant.delay
+        self.std = scene.plant.noise * np.array([measurement_std(scene, name) for name in self.names])
+        self._value = plant.function("measured", y=ca.vertcat(*measured.values()))
+
+    def read(self, x: Array, u: Array, w: Array) -> Array:
+        """Measure a state (ny), with noise."""
+        return np.array(self._value(x, u, w)).ravel() + self.std * self._rng.standard_normal(len(self.std))
+
+
+def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:
+    """Expression of each measured number by its name and unit."""
+    found: dict[str, ca.SX] = {}
+    if measured.tip is not None:
+        found |= zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True)
+    if measured.tension is not None:
+        found |= zip(plant.u_names, ca.vertsplit(plant.drive), strict=True)
+    if measured.bending is not None:
+        angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
+        found |= {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
+    return found
+
+
+def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
+    """A controller's state (nx) from the plant's; exact where the plant's shapes are among those of the controller's
+    model.
+
+    Angles of sections are affine in the bending coordinates, so that coordinates and rates are linear least squares
+    of them; all other states (drive, object) are those of the plant.
+    """
+    n, length = prediction.system.n, plant.scene.finger.rod.length
+    edges = np.cumsum([0.0, *prediction.system.finger_model.lengths])
+    parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
+    at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
+    angles = _angles(prediction, at)
+    own = plant.named_states
+    others = [own[name] for name in prediction.x_names[2 * n :]]
+    # With zero coordinates: the base's angle, and what a tip moment alone bends where the tip's curvature matches it.
+    offset, rate = angles(ca.vertcat(ca.SX(2 * n, 1), *others))
+    straight = np.array(angles(np.zeros(prediction.nx))[0])
+    units = np.eye(prediction.nx)[:n]
+    inverse = ca.DM(np.linalg.pinv(np.hstack([np.array(angles(e)[0]) - straight for e in units])))
+    q = ca.mtimes(inverse, plant.sections(at)[1] - offset)
+    qd = ca.mtimes(inverse, plant.angle_rates(at) - rate)
+    return ca.vertcat(q, qd, *others)
+
+
+def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:
+    """Angles of sections and their rates, from the state alone: neither depends on the input, which is set to zero."""
+    angle = model.sections(at)(model.x, model.u, model.p)[1]
+    rate = ca.jtimes(angle, model.x, model.dynamics(model.x, model.u, model.p))
+    full = ca.Function("angles", [model.x, model.u, model.p], [angle, rate])
+    x = ca.SX.sym("x", model.nx)
+    values = full.call([x, ca.SX(ca.DM.zeros(model.nu)), ca.SX(ca.DM(model.p_nominal))])
+    found: ca.Function = ca.Function("angles", [x], values)
+    return found

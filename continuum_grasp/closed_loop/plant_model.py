@@ -1,4 +1,4 @@
-"""The equations of motion of a plant: those of a finer finger, with the drive between command and tendon."""
+"""A plant: a finger that differs from the controller's, its surroundings, and the drive between command and tendon."""
 
 from __future__ import annotations
 
@@ -9,53 +9,86 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.plant_scene import plant_scene
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
+from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.finger import PointMass, Rod
+from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
 
 
+def plant_scene(scene: ControlScene) -> Scene:
+    """Build the plant's finger in its surroundings, with the input at rest and the loads that the controller does not
+    know.
+    """
+    finger, plant = scene.finger, scene.plant
+    rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendons, finger.masses
+    # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
+    # does not depend on its number of elements.
+    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
+    material = damping.material + damping.per_arc * rod.length / len(elements)
+    stiffer = Rod(
+        length=rod.length,
+        diameter=rod.diameter,
+        linear_density=rod.mass_per_length,
+        bending_stiffness=rod.stiffness * plant.stiffness,
+        rotary_inertia=rod.inertia_per_length,
+    )
+    if plant.tip_mass > 0.0:
+        masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
+    rest = None
+    if tendons is not None:
+        rest = Actuation(tensions=(tendons.min_tension, tendons.min_tension))
+        own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
+        tendons = tendons.replaced(**{k: v for k, v in own.items() if v is not None})
+    elif plant.tendon_friction is not None:
+        raise InputError("is for a finger with tendons", key="plant.tendon_friction")
+    around = {name: getattr(scene, name) for name in Surroundings.model_fields}
+    return Scene(
+        **around,
+        schema_version=1,
+        name=scene.name,
+        finger=finger.replaced(
+            rod=stiffer,
+            damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
+            masses=masses,
+            tendons=tendons,
+        ),
+        gravity=scene.gravity,
+        contacts=scene.contacts if scene.object is not None else (),
+        fidelity=scene.plant.fidelity,
+        actuation=rest,
+        initial=scene.initial,
+        loads=scene.loads,
+    )
+
+
 class PlantModel(Remade):
-    """The plant as functions of its state x, the command u and forces w.
+    """The plant as functions of its state x (nx), the command u (nu), forces w (nw) and parameters p.
+
+    x is that of the system, then the state of the drive: for tendons that lag, the mean tension and its rate (their
+    difference is in the system's x); for a tip moment that lags, the moment and its rate. A drive of first order has
+    both tensions, or the moment.
 
     Parameters
     ----------
     given : Scene, optional
         The plant's finger in its surroundings, where it is not that of ``plant_scene``.
     parameters, object_parameters : sequence of str
-        What of finger and object may be changed without compiling anew; see ``p``.
+        What of finger and object may be changed without compiling anew: the values in ``p``, which may be assigned to.
 
     Attributes
     ----------
-    scene : Scene
-        The plant's finger in its surroundings.
-    p : (np,) ndarray
-        Values of ``parameters``, then of ``object_parameters``; may be assigned to.
     outside : dict of str to callable
         Entries of w, by name, as functions of instants [s], on top of the scene's loads.
-    system : System
-        Its equations of motion.
-    nx, nu, nw : int
-        Numbers of states, inputs and forces.
-    x_names, u_names, w_names : tuple of str
-        Name and unit of each entry.
-    forward_dynamics : casadi.Function
-        (x, u, w, p) -> xd.
-    linearization : casadi.Function
-        (x, u, w, p) -> A, B.
-
-    Notes
-    -----
-    x is that of the system, then the state of the drive: for tendons that lag, the mean tension and its rate (their
-    difference is in the system's x); for a tip moment that lags, the moment and its rate. A drive of first order has
-    both tensions, or the moment.
 
     Raises
     ------
@@ -86,12 +119,15 @@ class PlantModel(Remade):
             )
         if self._order == 1 and self._lag is None:
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
+        # The lag of tendons is the system's; that of a tip moment, and any of first order, are the plant's own.
         own_lag = tendons is None and self._lag is not None
-        rates = matches_tip and own_lag
+        prompt = self.scene
+        if self._order == 1 and tendons is not None:
+            prompt = prompt.replaced(finger=finger.replaced(tendons=tendons.replaced(time_constant=None)))
         self.system = System(
-            self.scene if self._order == 2 else _without_lag(self.scene),
+            prompt,
             family=family,
-            input_rates=rates or None,
+            input_rates=(matches_tip and own_lag) or None,
             parameters=parameters,
             object_parameters=object_parameters,
         )
@@ -102,6 +138,7 @@ class PlantModel(Remade):
         elif own_lag:
             names = ("tip_moment [N m]", "tip_moment_rate [N m/s]")
         elif self._lag is not None:
+            # The system's x has the tip moment, offset times the difference of the tensions; their mean is the rest.
             names = ("mean_tension [N]", "mean_tension_rate [N/s]")
         self.x_names = (*self.system.x_names, *names)
         self.w_names = tuple(self.system.w_names)
@@ -120,11 +157,6 @@ class PlantModel(Remade):
 
     # -- the drive ----------------------------------------------------------------------------------------------------
 
-    @property
-    def lags(self) -> bool:
-        """Whether the input acts late."""
-        return self._lag is not None
-
     @cached_property
     def _drive(self) -> ca.SX:
         """Rates of the drive's own states."""
@@ -134,17 +166,18 @@ class PlantModel(Remade):
             return (self._u - self._x[-self.nu :]) / self._lag
         value, rate = self._x[-2], self._x[-1]
         asked = self._u[0] if self.nu == 1 else 0.5 * (self._u[0] + self._u[1])
+        # Critically damped, as the system's own lag of the difference: T^2 F'' + 2 T F' + F = F_command.
         return ca.vertcat(rate, (asked - value) / self._lag**2 - 2.0 * rate / self._lag)
 
     @cached_property
     def _acting(self) -> ca.SX:
-        """Input of the system."""
+        """Input of the system: what the drive exerts, or the command where the system has its lag."""
         if self._order == 1:
             return self._x[-self.nu :]
         if self._lag is None or self.nu == 2:
             return self._u
-        value = ca.vertcat(self._x[-2], self._drive)
-        return value[: self.system.nu]
+        # The moment, its rate and its acceleration, as far as the system takes input rates (a matched tip does).
+        return ca.vertcat(self._x[-2], self._drive)[: self.system.nu]
 
     @property
     def named_states(self) -> dict[str, ca.SX]:
@@ -160,14 +193,9 @@ class PlantModel(Remade):
     # -- functions ----------------------------------------------------------------------------------------------------
 
     def function(self, name: str, **outputs: ca.SX) -> ca.Function:
-        """A function (x, u, w) of expressions in ``arguments``."""
+        """Make a function (x, u, w) of expressions of the plant, at the present values of ``p``."""
         values = ca.substitute([ca.densify(ca.SX(v)) for v in outputs.values()], [self._p], [ca.SX(ca.DM(self.p))])
         return ca.Function(name, [self._x, self._u, self._w], ca.cse(values), ["x", "u", "w"], list(outputs))
-
-    @property
-    def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Symbols x, u and w."""
-        return self._x, self._u, self._w
 
     @property
     def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -243,11 +271,6 @@ class PlantModel(Remade):
         nearest = int(np.argmin(np.abs(np.array(self.scene.contacts) - at)))
         return f"finger.{nearest + 1}"
 
-    @property
-    def object_pose(self) -> ca.SX:
-        """Pose of an object that moves: x, y [m], angle [rad], and height [m] where it can slide out of the plane."""
-        return self._x[self.system.object_states]
-
     @cached_property
     def drive(self) -> ca.SX:
         """What the drive exerts: both tensions [N], or the tip moment [N m]."""
@@ -258,6 +281,7 @@ class PlantModel(Remade):
         tendons = self.scene.finger.tendons
         if tendons is None:
             return self._x[-2]
+        # The tip moment is the first state of the system after q and qd.
         half = 0.5 * self._x[2 * self.system.n] / tendons.offset
         return ca.vertcat(self._x[-2] + half, self._x[-2] - half)
 
@@ -284,10 +308,11 @@ class PlantModel(Remade):
 
     @property
     def _start_pose(self) -> list[float] | None:
-        """Where a moving object stands; it has sunk into the table under it by its weight."""
+        """Pose of a moving object at the start, where a table is under it."""
         around = self.system.surroundings
         if around is None or around.object is None or around.contact_law is None or around.table is None:
             return None
+        # Where the table's spring carries the weight, so that the run begins at rest.
         sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness
         return [*around.object.pose, -sunk]
 
@@ -305,11 +330,3 @@ class PlantModel(Remade):
     def steady(self) -> bool:
         """Whether no load varies."""
         return self._signals.constant and not self.outside
-
-
-def _without_lag(scene: Scene) -> Scene:
-    """The scene with tendons that follow at once: their drive is the plant's own."""
-    tendons = scene.finger.tendons
-    if tendons is None:
-        return scene
-    return scene.replaced(finger=scene.finger.replaced(tendons=tendons.replaced(time_constant=None)))

@@ -21,7 +21,8 @@ from continuum_grasp.simulation.contacts import ContactForces
 Array = NDArray[np.float64]
 
 _FINE = 64
-"""Sections along the backbone at which zones are checked."""
+"""Sections along the backbone at which zones are checked [1]: many times the controller's four to an element, so that
+what happens between these shows."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class _PlantQuantities:
     @property
     def bending(self) -> ca.SX:
         base = self.plant.scene.finger.base.angle
+        # Between the ends of the controller's elements, since the plant's are others.
         angles = ca.vertcat(0.0, self.plant.sections(self.edges.tolist())[1] - base)
         return angles[1:] - angles[:-1]
 
@@ -68,51 +70,39 @@ class _PlantQuantities:
 
 
 class Readings:
-    """Values over time of everything that the controller's problem names.
-
-    Parameters
-    ----------
-    stages : Stages
-        The controller's problem; its ``r_names`` give the order of what is tracked.
-    prediction : Prediction
-        The controller's model; its elements are those whose bending is read.
-    """
+    """Values over time of everything that the controller's problem names; bending is that of its model's elements."""
 
     def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
-        self._scene, self._plant, self._stages = scene, plant, stages
+        self._scene, self.plant, self._stages = scene, plant, stages
         self._length = plant.scene.finger.rod.length
         self._edges = np.minimum(np.cumsum(prediction.system.finger_model.lengths), self._length)
 
     def _map(self, function: ca.Function, x: Array, u: Array, w: Array) -> Array:
         """Rows (K, size) of a function of states, inputs and forces."""
+        # A map takes and returns columns; those of one call with several columns are side by side.
         mapped = function.map(len(x))(x.T, u.T, w.T)
         return np.array(mapped).reshape(-1, len(x), order="F").T
 
     def tip(self, x: Array, u: Array, w: Array) -> Array:
         """Tip positions (K, 2) [m]."""
-        return self._map(self._plant.function("tip", r=self._plant.tip), x, u, w)
+        return self._map(self.plant.function("tip", r=self.plant.tip), x, u, w)
 
     def backbone(self, x: Array, u: Array, w: Array, points: int) -> Array:
         """Backbones (K, points, 2) [m], evenly spaced from base to tip."""
         return self._sections(np.linspace(0.0, self._length, points), x, u, w)
 
     def _sections(self, at: Array, x: Array, u: Array, w: Array) -> Array:
-        where = self._plant.sections([float(s) for s in at])[0]
-        rows = self._map(self._plant.function("sections", r=ca.vec(where)), x, u, w)
+        where = self.plant.sections([float(s) for s in at])[0]
+        rows = self._map(self.plant.function("sections", r=ca.vec(where)), x, u, w)
         return rows.reshape(len(x), len(at), 2)
 
     def range_use(self, x: Array, u: Array, w: Array) -> Array:
         """Share of the plant's declared bending range that each element uses (K, elements)."""
-        return self._map(self._plant.function("use", use=self._plant.range_use), x, u, w)
-
-    def object_pose(self, x: Array) -> Array | None:
-        """Pose (K, 3 or 4) of an object that moves: x, y [m], angle [rad], height [m]; None without one."""
-        found = x[:, self._plant.system.object_states]
-        return found if found.shape[1] else None
+        return self._map(self.plant.function("use", use=self.plant.range_use), x, u, w)
 
     def contacts(self, x: Array, u: Array, w: Array) -> ContactForces | None:
         """Gaps and forces of all contacts; None without an object."""
-        plant = self._plant
+        plant = self.plant
         if not plant.system.touch_names:
             return None
 
@@ -127,9 +117,10 @@ class Readings:
         """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
         cost = self._scene.controller.cost
         terms = cost_terms(cost)
-        plant = _PlantQuantities(self._plant, self._length, self._edges, u, (u - held) / self._stages.stage)
+        plant = _PlantQuantities(self.plant, self._length, self._edges, u, (u - held) / self._stages.stage)
         of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
-        columns = [self._map(self._plant.function("tracked", y=of_state), x, u, w)]
+        columns = [self._map(self.plant.function("tracked", y=of_state), x, u, w)]
+        # Terms of the input are those of the commands as they were given, whatever the drive made of them.
         return np.hstack([*columns, *[term.value(plant, cost) for term in terms if not term.of_state]])
 
     # -- what is bounded ----------------------------------------------------------------------------------------------
@@ -147,11 +138,11 @@ class Readings:
             found.append(Bound("input rate", f"{unit}/s", change - most, most))
         most = bounds.curvature_limit(scene.finger)
         if math.isfinite(most):
-            kappa = self._map(self._plant.function("kappa", k=self._plant.curvature), x, u, w)
+            kappa = self._map(self.plant.function("kappa", k=self.plant.curvature), x, u, w)
             found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
         if bounds.speed is not None:
-            rates = _PlantQuantities(self._plant, self._length, self._edges, u, u).bending_rate
-            function = self._plant.function("speed", r=rates)
+            rates = _PlantQuantities(self.plant, self._length, self._edges, u, u).bending_rate
+            function = self.plant.function("speed", r=rates)
             most = bounds.speed
             found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:
@@ -163,7 +154,7 @@ class Readings:
 
     def _depth(self, zone: Zone, points: Array) -> Array:
         """How far the surface at points (K, P, 2) of the backbone is within a zone, its clearance left out [m]."""
-        away = self._plant.scene.finger.thickness_radius
+        away = self.plant.scene.finger.thickness_radius
         if isinstance(zone, HalfPlaneZone):
             normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
             return np.asarray(away - (points - np.array(zone.point)) @ normal)

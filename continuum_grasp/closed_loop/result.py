@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -10,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import Metrics, metrics_of
+from continuum_grasp.closed_loop.metrics import Metrics, rms, times_of, tracking_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.results.result import File, MotionResult, Stored
@@ -23,17 +24,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ControlRun(MotionResult):
-    """A closed loop of K control periods; SI units, world frame.
+    """A closed loop of K control periods; SI units, world frame. Arrays are those of ``stored``.
 
     Attributes
     ----------
-    bounds : tuple of Bound
-        Amount by which each bound was exceeded on the plant (K + 1).
-    status : tuple of str
-        Of each command.
-    phase_names : tuple of str
     anomalies : tuple of tuple of str
-        What was odd at each step.
+        Anomalies of each step in words.
     health : tuple of str
         Whether sensors, model and call rate agreed at each step: ok, mismatch, detuned, frozen or tripped.
     health_texts : tuple of str
@@ -133,36 +129,36 @@ class ControlRun(MotionResult):
     @property
     def object_pose(self) -> Array | None:
         """Pose of an object that moves (K + 1, 3 or 4): x, y [m], angle [rad], height [m]; None without one."""
-        return self.readings.object_pose(self.x)
+        found = self.x[:, self.readings.plant.system.object_states]
+        return found if found.shape[1] else None
 
     @cached_property
     def contacts(self) -> ContactForces | None:
         """Gaps and forces of all contacts; None without an object."""
         return self.readings.contacts(self.x, self._inputs, self.w)
 
-    @cached_property
-    def _metrics(self) -> Metrics:
-        return metrics_of(
-            error=self.tracked - self.r,
-            r_names=self.r_names,
-            u=self.u,
-            u_names=self.u_names,
-            u_min=self.u_min,
-            weights=self.weights,
-            period=self.period,
-            bounds=self.bounds,
-            phase_names=self.phase_names,
-            phase_times=self.phase_times,
-            deadline=self.deadline,
-            status=self.status,
-            anomalies=self.anomalies,
-            health=self.health,
-            mismatch=self.mismatch,
-        )
-
     def metrics(self) -> Metrics:
-        """Tracking error, effort, violations, times and counts."""
-        return self._metrics
+        """Compute tracking error, effort, violations, times and counts."""
+        error, u = self.tracked - self.r, self.u
+        names = [name.split(" ")[0] for name in self.r_names]
+        inputs = [names.index(name.split(" ")[0]) for name in self.u_names if name.split(" ")[0] in names]
+        # Least tensions cost no effort; the least tip moment is negative, and no moment costs none.
+        away = error[:-1, inputs] if inputs else u - np.maximum(self.u_min, 0.0)
+        held = np.vstack([u[:1], u[:-1]])
+        return Metrics(
+            tracking=tuple(tracking_of(group, error) for group in self.tracked_groups),
+            cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
+            effort_rms=rms(np.linalg.norm(away, axis=1)),
+            rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
+            input_unit=self.u_names[0].split("[")[1][:-1],
+            violations=tuple(map(violation_of, self.bounds)),
+            times=tuple(times_of(name, row) for name, row in zip(self.phase_names, self.phase_times.T, strict=False)),
+            late=int(np.sum(self.phase_times.sum(axis=1) > self.deadline)),
+            statuses=dict(Counter(self.status)),
+            anomalies=dict(Counter(word for words in self.anomalies for word in words)),
+            health=dict(Counter(self.health)),
+            mismatch=float(self.mismatch.max(initial=0.0)),
+        )
 
     @property
     def tracked_groups(self) -> tuple[Tracked, ...]:
@@ -180,10 +176,9 @@ class ControlRun(MotionResult):
     @cached_property
     def _disturbed(self) -> list[tuple[int, int]]:
         """Columns in ``parameters`` and in ``std`` of each disturbance."""
-        plain = {name: _parameter(name) for name in self.estimated_names}
         columns = {name: k for k, name in enumerate(self.p_names)}
-        named = [(columns.get(plain[name]), k) for k, name in enumerate(self.estimated_names)]
-        return [(column, k) for column, k in named if column is not None]
+        added_to = [_parameter(name) for name in self.estimated_names]
+        return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
 
     @property
     def disturbance_names(self) -> tuple[str, ...]:
@@ -196,6 +191,7 @@ class ControlRun(MotionResult):
         columns = [column for column, _ in self._disturbed]
         away = self.parameters[:, columns] - self.given_parameters[:, columns]
         for j, name in enumerate(self.disturbance_names):
+            # An error of the stiffness is relative; forces and moments add to what was given.
             if name.endswith(_RELATIVE):
                 away[:, j] /= self.given_parameters[:, columns[j]]
         return away
@@ -223,10 +219,10 @@ class ControlRun(MotionResult):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user must know: incidents, commands that are not the solver's, bends beyond the plant's range."""
-        worst: dict[str, tuple[float, str]] = {}
+        first: dict[str, str] = {}
         for t, health, text in self.incidents:
-            worst.setdefault(health, (t, text))
-        found = [f"{health} at {t:.3g} s: {text}" for health, (t, text) in worst.items()]
+            first.setdefault(health, f"{health} at {t:.3g} s: {text}")
+        found = list(first.values())
         odd = {word: n for word, n in self.metrics().statuses.items() if word not in _GOOD}
         if odd:
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())

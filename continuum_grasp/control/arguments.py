@@ -1,9 +1,8 @@
-"""Arguments of controllers and estimators as arrays of the right size."""
+"""Arguments of controllers and estimators as arrays of the right size, else ``InputError``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,13 +15,7 @@ Array = NDArray[np.float64]
 
 
 def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:
-    """Convert to a vector; ``check``: a finite one.
-
-    Raises
-    ------
-    InputError
-        If it has another size, or is not finite.
-    """
+    """Convert to a vector of a size; ``check``: a finite one."""
     try:
         array = numbers(value).ravel()
     except (TypeError, ValueError) as error:
@@ -35,10 +28,7 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
 def numbers(value: ArrayLike) -> Array:
     """Copy in double precision; what no double can hold becomes infinite, so that checks of ranges see it.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If it is ragged, or not an array of real numbers (text and complex numbers are not).
+    ``TypeError`` or ``ValueError`` where it is ragged, or not an array of real numbers (text and complex ones are not).
     """
     array = np.asarray(value)
     if array.dtype.kind not in "biufO":
@@ -65,9 +55,3 @@ def shown(value: Any, width: int = 60) -> str:
         return f"{value!r:.{width}}"
     except ValueError:
         return f"a {type(value).__name__}"
-
-
-def slices(sizes: Mapping[str, int]) -> dict[str, slice]:
-    """Return where each of the named vectors lies in their concatenation."""
-    ends = np.cumsum([0, *sizes.values()])
-    return {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +14,7 @@ Array = NDArray[np.float64]
 _HEALTH = tuple(Health)
 
 
-@dataclass(frozen=True)
-class Layout:
+class Layout(NamedTuple):
     """Where the C controller writes its numbers, and the names of its vectors."""
 
     parts: dict[str, slice]
@@ -35,16 +33,9 @@ class Plan(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What the plan starts from.
+    """What the plan starts from: state of the prediction (nx), and parameters with the estimated disturbances (np).
 
-    Attributes
-    ----------
-    x : (nx,) ndarray
-        State, of the prediction's ``x_names``.
-    p : (np,) ndarray
-        Parameters with the estimated disturbances.
-    std : (nz,) ndarray or None
-        Standard deviations of states and disturbances at the time of the measurement; None without an estimator.
+    ``std`` (nz) is of states and disturbances at the time of the measurement; None without an estimator.
     """
 
     x: Array
@@ -74,6 +65,7 @@ class Command:
         Whether sensors, model and call rate agree; ``suspect`` names what does not, ``health_text`` explains it.
     """
 
+    # Numbers stay where the C wrote them until they are read: a loop pays for what it looks at.
     __slots__ = ("_layout", "_out", "health", "status", "u")
 
     def __init__(self, layout: Layout, status: Status, out: Array) -> None:

@@ -12,16 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import numbers, shown, slices, vector
+from continuum_grasp.control.arguments import numbers, shown, vector
 from continuum_grasp.control.command import Command, Layout
-from continuum_grasp.control.compiled.settings import controller_fields, delay_periods
-from continuum_grasp.control.compiled.source import Compiled, Field, controller_source
+from continuum_grasp.control.compiled import Compiled, Field, controller_fields, controller_source, delay_periods
 from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.first_state import first_state, rest_input
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import stages_of
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.prediction import Prediction, first_state, rest_input
 from continuum_grasp.control.status import Statistics, Status
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
@@ -62,11 +60,8 @@ class Controller(Remade):
 
     Attributes
     ----------
-    scene : ControlScene
-    prediction : Prediction
-        Its model.
-    stages : Stages
-        Its problem.
+    scene, prediction, stages
+        The scene, its model (``Prediction``) and its problem (``Stages``).
     period : float
         Time from one command to the next [s].
     first : (nx,) ndarray
@@ -119,16 +114,14 @@ class Controller(Remade):
         deadline: float | None = None,
     ) -> None:
         self.scene = scene_of(scene, ControlScene)
-        self._arguments = (
-            (self.scene,),
-            {"precision": precision, "deadline": deadline},
-        )  # no path, whose file may change
+        # No path for a copy, since its file may change.
+        self._arguments = (self.scene,), {"precision": precision, "deadline": deadline}
         self.prediction = Prediction(self.scene)
         self.stages = stages_of(self.scene, self.prediction)
         self.precision = precision_of(precision)
-        estimation = (
-            None if self.scene.estimator is None else estimation_of(self.scene, self.prediction, self.stages.method)
-        )
+        estimation = None
+        if self.scene.estimator is not None:
+            estimation = estimation_of(self.scene, self.prediction, self.stages.method)
         self.period = self.scene.controller.step
         if self.period > self.stages.stage * (1.0 + 1e-9):
             raise InputError(
@@ -139,24 +132,25 @@ class Controller(Remade):
         self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
         self.sensor_names = () if estimation is None else estimation.sensor_names
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
-        self._deadline = 1e9 * _deadline(self.scene, deadline)
+        wanted = self.scene.controller.deadline or self.period if deadline is None else deadline
+        if not wanted > 0.0:
+            raise InputError(f"expected a time above 0 [s], got {wanted!r:.60}", key="deadline")
+        self._deadline_ns = 1e9 * float(wanted)
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
         self._fields = {field.member: field for field in fields}
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
-        n, s = self.stages.stages, self.stages
+        s, n = self.stages, self.stages.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
         given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
         parts = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
-        self._layout = Layout(slices(parts), s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names)
-        self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
-        self._measurement, self._p, self._applied, rows, self._elapsed = (
-            self._c.input[part] for part in slices(given).values()
-        )
+        self._c = Compiled(source, fields, given, parts)
+        self._layout = Layout(self._c.parts, s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names)
+        self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
-        self._call = self._c.function("cg_controller_step")
+        self._call = self._c.library.cg_controller_step
         self.first = first_state(self.scene, self.prediction)
         self._nz = max(nz, s.nd)
         self.reset()
@@ -179,7 +173,7 @@ class Controller(Remade):
         z = np.zeros(self._nz)
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
-        self._c.start(np.concatenate([z, before, self.stages.p_nominal]))
+        self._c.start(z, before, self.stages.p_nominal)
         self._step, self._late, self._time = 0, False, math.nan
         self._counts = Statistics()
 
@@ -223,6 +217,7 @@ class Controller(Remade):
         """
         began = perf_counter_ns()
         try:
+            # Straight into the memory that the C reads: next to a call of some 50 us (docs/mpc.md), allocations show.
             _put(self._measurement, np.nan if measurement is None else measurement, measurement is None)
             _put(self._p, self.stages.p_nominal if p is None else p)
             rows = self._scheduled() if reference is None else reference
@@ -232,10 +227,13 @@ class Controller(Remade):
                 _put(self._applied, applied)
                 flags |= _APPLIED
             now = math.nan if time is None else float(numbers(time))
+            # Below 0 the C takes the time since the last call as unknown: at the first, and where a clock went back.
             self._elapsed[0] = now - self._time if now > self._time else -1.0
             self._time = now if math.isfinite(now) else math.nan
         except (ValueError, TypeError) as error:
-            raise self._shape_error(measurement, reference, p, applied, time) from error
+            raise self._shape_error(
+                measurement=measurement, reference=reference, p=p, applied=applied, time=time
+            ) from error
         c = self._c
         status = self._call(c.address, c.input_address, flags, c.output_address)
         if status < 0:
@@ -244,7 +242,7 @@ class Controller(Remade):
         out = c.output.copy()
         command = Command(self._layout, _STATUS[status], out)
         elapsed = perf_counter_ns() - began
-        self._late = elapsed > self._deadline
+        self._late = elapsed > self._deadline_ns
         parts = self._layout.parts
         self._counts.add(
             status, out[parts["anomalies"].start], out[parts["ticks"]], elapsed, self._late, command.health
@@ -260,7 +258,7 @@ class Controller(Remade):
             Whether it was left: only where the command rests, sensors and model agree again, and the trip is not the
             second one within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
         """
-        return bool(self._c.function("cg_rearm")(self._c.address))
+        return bool(self._c.library.cg_rearm(self._c.address))
 
     def change(self, **settings: ArrayLike) -> None:
         """Change weights, bounds or penalty weights from the next step on; all of the arguments, or none.
@@ -290,6 +288,7 @@ class Controller(Remade):
             value = vector(name, given, nominal.size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
                 raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
+            # The safe ramp and the supervisor's scales are those of the scene's limits.
             if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
                 raise InputError("expected entries within the limits of the scene", key=name)
             fields[f"rti.{name}"] = Field(f"rti.{name}", value)
@@ -320,13 +319,7 @@ class Controller(Remade):
         return self._c.save(self._step, int(self._late))
 
     def restore(self, saved: bytes) -> None:
-        """Continue from a saved state.
-
-        Raises
-        ------
-        InputError
-            If the state is not one of the same problem, version and precision.
-        """
+        """Continue from a saved state, which must be of the same problem, version and precision."""
         self._step, late = self._c.restore(saved)
         self._late, self._time = bool(late), math.nan
 
@@ -354,23 +347,23 @@ class Controller(Remade):
         rows: Array = self._rows[at]
         return rows
 
-    def _shape_error(self, *given: Any) -> InputError:
-        s, rows = self.stages, self._setpoints.shape
-        shapes: tuple[tuple[tuple[int, ...], ...], ...] = (
-            ((len(self._measurement),),),
-            ((s.nr,), rows),
-            ((s.np,),),
-            ((s.nu,),),
-            ((),),
-        )
-        named = zip(("measurement", "reference", "p", "applied", "time"), given, shapes, strict=True)
-        present = [(name, v, expected) for name, v, expected in named if v is not None]
-        wrong = [one for one in present if _shape(one[1]) not in one[2]] or present
-        messages = [
-            f"{name}: expected {' or '.join(map(str, e))}, got "
-            + (shown(v, 80) if _shape(v) in (None, (), *e) else str(_shape(v)))
-            for name, v, e in wrong
-        ]
+    def _shape_error(self, **given: Any) -> InputError:
+        """Name what has another shape than expected, or everything where the shapes fit but entries are no numbers."""
+        s = self.stages
+        shapes: dict[str, tuple[Any, ...]] = {
+            "measurement": (self._measurement.shape,),
+            "reference": ((s.nr,), self._setpoints.shape),
+            "p": ((s.np,),),
+            "applied": ((s.nu,),),
+            "time": ((),),
+        }
+        present = {name: value for name, value in given.items() if value is not None}
+        wrong = [name for name, value in present.items() if _shape(value) not in shapes[name]] or list(present)
+        messages = []
+        for name in wrong:
+            value, shape, expected = present[name], _shape(present[name]), shapes[name]
+            got = shown(value, 80) if shape in (None, (), *expected) else str(shape)
+            messages.append(f"{name}: expected {' or '.join(map(str, expected))}, got {got}")
         return InputError("a step takes arrays of numbers; " + "; ".join(messages))
 
 
@@ -388,10 +381,3 @@ def _put(to: Array, value: ArrayLike, spread: bool = False) -> None:
     if array.shape != to.shape and not spread:
         raise ValueError
     to[:] = array
-
-
-def _deadline(scene: ControlScene, given: float | None) -> float:
-    value = scene.controller.deadline or scene.controller.step if given is None else given
-    if not value > 0.0:
-        raise InputError(f"expected a time above 0 [s], got {value!r:.60}", key="deadline")
-    return float(value)

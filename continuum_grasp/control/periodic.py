@@ -115,6 +115,7 @@ def run_periodic(
     overruns = skipped = count = cycle = 0
     late = False
     with _no_collection():
+        # A period ahead, so that the first cycle is not late by what was done until here.
         start = time.perf_counter() + period
         while cycle < cycles:
             release = start + cycle * period
@@ -131,6 +132,7 @@ def run_periodic(
             late = written - release > period
             overruns += passed > cycle
             missed = max(0, min(passed, cycles) - cycle - 1)
+            # Estimator, plan and setpoints keep pace with the clock over cycles that are skipped.
             for _ in range(missed):
                 controller.step(None, applied=command.u, late=True)
             skipped += missed

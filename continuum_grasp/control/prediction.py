@@ -1,4 +1,4 @@
-"""The model of a controller: states, inputs, and parameters that change at run time."""
+"""The model of a controller: states, inputs, parameters that change at run time, and the state at the start."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model import System
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import MomentLoad
+from continuum_grasp.scene.loads import ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.spectrum import sample_shapes
+from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
 
@@ -27,7 +29,12 @@ the damping of a contact, which sets the fastest rate, grows with it."""
 
 
 class ModelScene(Protocol):
-    """The part of a scene that a model is built from: that of a controller or of a plan."""
+    """The part of a scene that a model is built from: that of a controller or of a plan.
+
+    ``surroundings`` has object and supports, if there is an object; ``lag`` is the time constant of the drive [s], None
+    where the input acts at once; ``disturbances`` names those that are parameters: ``tip_force``, ``tip_moment``,
+    ``object_position``.
+    """
 
     @property
     def finger(self) -> Finger: ...
@@ -40,32 +47,20 @@ class ModelScene(Protocol):
     @property
     def parameters(self) -> tuple[str, ...]: ...
     @property
-    def surroundings(self) -> Surroundings | None:
-        """Object and supports, if there is an object."""
-
+    def surroundings(self) -> Surroundings | None: ...
     @property
-    def lag(self) -> float | None:
-        """Time constant of the drive [s]; None: the input acts at once."""
-
+    def lag(self) -> float | None: ...
     @property
-    def disturbances(self) -> frozenset[str]:
-        """Names of the disturbances that are parameters: ``tip_force``, ``tip_moment``, ``object_position``."""
+    def disturbances(self) -> frozenset[str]: ...
 
 
 class Prediction(Remade):
-    """The model of a controller.
-
-    Parameters
-    ----------
-    scene : ModelScene
-        A scene of a controller or of a plan.
+    """The model of a controller or of a plan, from its scene.
 
     Attributes
     ----------
     system : System
         Finger and, where the scene has one, object.
-    nx, nu, np : int
-        Numbers of states, inputs and parameters.
     x_names, u_names, p_names : tuple of str
         Name and unit of each entry.
     p_nominal : tuple of float
@@ -89,7 +84,9 @@ class Prediction(Remade):
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances
         self._own_lag = scene.lag if finger.tendons is None else None
-        family = fidelity.family or self._default_family()
+        # By tendon friction the tip moment depends on the shape, and without a lag it jumps: a matched tip has neither.
+        has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
+        family = fidelity.family or default_family(free_tip=has_friction or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and scene.lag is None:
             raise InputError(
@@ -122,11 +119,6 @@ class Prediction(Remade):
         self.nx, self.nu, self.np = len(self.x_names), len(self.u_names), len(self.p_names)
         self.x, self.u, self.p = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu), ca.SX.sym("p", self.np)
 
-    def _default_family(self) -> str:
-        tendons = self.scene.finger.tendons
-        has_friction = tendons is not None and tendons.friction > 0.0
-        return default_family(free_tip=has_friction or self.scene.lag is None)
-
     # -- what the system takes ----------------------------------------------------------------------------------------
 
     @cached_property
@@ -142,12 +134,18 @@ class Prediction(Remade):
         """Arguments x, u, w and p of the system."""
         system = self.system
         couple = [self.p[-1]] if self._couple else []
-        x, value = self.x[: system.nx], [self.u]
-        blocks = [ca.vertcat(*value, *couple)]
-        if self._own_lag is not None:
-            blocks = [ca.vertcat(v, *[c if k == 0 else 0.0 for c in couple]) for k, v in enumerate(self._moment)]
+        values = [self.u] if self._own_lag is None else [*self._moment]
+        # The missing tip moment is constant over the horizon: it adds to the input and not to its derivatives, which
+        # the system takes as far as its inputs have rates.
+        blocks = [ca.vertcat(v, *[c if k == 0 else 0.0 for c in couple]) for k, v in enumerate(values)]
         u = ca.vertcat(*blocks)[: system.nu]
-        return x, u, self.p[system.np : system.np + system.nw], self.p[: system.np]
+        return self.x[: system.nx], u, self.p[system.np : system.np + system.nw], self.p[: system.np]
+
+    @property
+    def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """The same without w, on which shapes do not depend."""
+        x, u, _, p = self.arguments
+        return x, u, p
 
     def _function(self, name: str, **outputs: ca.SX) -> ca.Function:
         values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
@@ -164,33 +162,28 @@ class Prediction(Remade):
     @cached_property
     def tip(self) -> ca.Function:
         """World position of the tip, r (2) [m]."""
-        x, u, _, p = self.arguments
-        return self._function("tip", r=self.system.tip(x, u, p))
+        return self._function("tip", r=self.system.tip(*self._of_system))
 
     def sections(self, at: tuple[float, ...]) -> ca.Function:
         """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
-        x, u, _, p = self.arguments
-        r, angle = self.system.sections(at)(x, u, p)
+        r, angle = self.system.sections(at)(*self._of_system)
         return self._function("sections", r=r, angle=angle)
 
     @cached_property
     def bending(self) -> ca.Function:
         """Bending angle of each element [rad]."""
-        x, u, _, p = self.arguments
-        return self._function("bending", bend=self.system.bending(x, u, p))
+        return self._function("bending", bend=self.system.bending(*self._of_system))
 
     @cached_property
     def bending_rate(self) -> ca.Function:
         """Rate of the bending angle of each element [rad/s]."""
-        x, u, _, p = self.arguments
-        bend = self.system.bending(x, u, p)
+        bend = self.system.bending(*self._of_system)
         return self._function("bending_rate", rate=ca.jtimes(bend, self.x, self.dynamics(self.x, self.u, self.p)))
 
     @cached_property
     def curvature(self) -> ca.Function:
         """Curvature at the nodes of clothoids, or of each arc [1/m]."""
-        x, u, _, p = self.arguments
-        return self._function("curvature", kappa=self.system.curvature(x, u, p))
+        return self._function("curvature", kappa=self.system.curvature(*self._of_system))
 
     @property
     def contact_names(self) -> tuple[str, ...]:
@@ -201,12 +194,10 @@ class Prediction(Remade):
     def contact_force(self) -> ca.Function:
         """Normal force at each place where the finger may touch the object, known forces included [N]."""
         touch, known = self.system.touch(*self.arguments), self.arguments[2]
-        forces = []
-        for k, _ in enumerate(self.contact_names):
-            force = touch[1][k]
-            if known.numel():
-                force = force + ca.dot(touch[6][:, k], known[2 * k : 2 * k + 2])
-            forces.append(force)
+        forces = [touch[1][k] for k in range(len(self.contact_names))]
+        if known.numel():
+            # A force known at the same place stands for contact too: its part along the object's outward normal adds.
+            forces = [f + ca.dot(touch[6][:, k], known[2 * k : 2 * k + 2]) for k, f in enumerate(forces)]
         return self._function("contact_force", f=ca.vertcat(*forces))
 
     # -- states -------------------------------------------------------------------------------------------------------
@@ -215,6 +206,7 @@ class Prediction(Remade):
         """Build the state at rest with coordinates q (n) and a drive settled at the input u (nu)."""
         shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
         own = [] if self._own_lag is None else [inputs[0], 0.0]
+        # The system's inputs may go on with their rates and a missing moment, both zero.
         given = np.zeros(self.system.nu)
         given[: inputs.size] = inputs
         return np.array([*self.system.state(q=shape.tolist(), u=given.tolist()), *own])
@@ -226,43 +218,74 @@ class Prediction(Remade):
         return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
 
     def fastest_rate(self, u_min: Array, u_max: Array) -> float:
-        """Find the largest absolute eigenvalue of the linearized motion [1/s].
+        """Find the largest absolute eigenvalue of the linearized motion [1/s], over inputs (nu) within their limits.
 
-        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object.
-
-        Parameters
-        ----------
-        u_min, u_max : (nu,) ndarray
-            Limits of the input.
-
-        Raises
-        ------
-        NumericalError
-            If the model's numbers are not finite.
+        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object;
+        ``NumericalError`` where the model's numbers are not finite.
         """
-        jacobian = self._jacobian if self.system.surroundings is None else self._pressed_jacobian
+        given = [self.x, self.u, self.p]
+        law = None if self.system.surroundings is None else self.system.surroundings.contact_law
+        if law is None:
+            jacobian = ca.jacobian(self.dynamics(*given), self.x)
+        else:
+            # As if every contact were pressed, wherever the finger is: open contacts are not stiff.
+            gap = self.system.touch(*self.arguments)[0]
+            pressed = gap + (law.rounding + _PRESSED / law.stiffness)
+            jacobian = self.system.pressed_linearization(*self.arguments, pressed)
+        linearized = ca.Function("jacobian", given, [jacobian])
+        # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
         largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
         for shape in self.shapes():
             u = rng.uniform(u_min, u_max)
-            a = np.array(jacobian(self.at_rest(shape, u), u, self.p_nominal))
+            a = np.array(linearized(self.at_rest(shape, u), u, self.p_nominal))
             if not np.all(np.isfinite(a)):
                 raise NumericalError("the linearized motion is not finite", state=shape)
             largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
         return largest
 
-    @property
-    def _jacobian(self) -> ca.Function:
-        """Jacobian of the motion as it is."""
-        given = [self.x, self.u, self.p]
-        return ca.Function("jacobian", given, [ca.jacobian(self.dynamics(*given), self.x)])
 
-    @property
-    def _pressed_jacobian(self) -> ca.Function:
-        """Jacobian of the system's motion as if every contact were pressed: open contacts are not stiff."""
-        law = None if self.system.surroundings is None else self.system.surroundings.contact_law
-        depth = 0.0 if law is None else law.rounding + _PRESSED / law.stiffness
-        x, u, w, p = self.arguments
-        gap = self.system.touch(x, u, w, p)[0]
-        jacobian = self.system.pressed_linearization(x, u, w, p, gap + depth)
-        return ca.Function("jacobian", [self.x, self.u, self.p], [jacobian])
+def rest_input(scene: ControlScene) -> Array:
+    """Return the least tensions, or no moment (nu)."""
+    tendons = scene.finger.tendons
+    return np.zeros(1) if tendons is None else np.full(2, tendons.min_tension)
+
+
+def first_state(scene: ControlScene, model: Prediction) -> Array:
+    """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
+
+    ``initial.q`` belongs to the plant's model. It is used where the controller's model has as many coordinates;
+    otherwise the state is that of the unloaded shape. ``SolverError`` where an initial equilibrium is not found.
+    """
+    n, initial = model.system.finger_model.n, scene.initial
+    fits = initial.q is not None and len(initial.q) == n
+    x = model.at_rest(initial.q if fits and initial.q is not None else _shape(scene, model), rest_input(scene))
+    if fits and initial.qd is not None and len(initial.qd) == n:
+        x[n : 2 * n] = initial.qd
+    return x
+
+
+def _shape(scene: ControlScene, model: Prediction) -> Array:
+    """Coordinates of the initial pose by the controller's own elements."""
+    finger, initial = model.system.finger_model, scene.initial
+    held = initial.pose == "equilibrium"
+    if initial.pose == "straight" or not (held or scene.finger.rest_curvature != 0.0):
+        return np.zeros(finger.n)
+    loads = initial.held_by if held else ()
+    alone = FingerModel(
+        scene.finger,
+        family=finger.family,
+        elements=finger.lengths,
+        accuracy=finger.structure.accuracy,
+        bending_range=scene.fidelity.bending_range,
+        contacts=scene.contacts,
+        gravity=scene.gravity if held else (0.0, 0.0),
+        loads=loads,
+        tip_force=bool(scene.contacts),
+        input_rates=False,  # nothing moves
+    )
+    given = {"u": np.zeros(alone.nu), "w": np.zeros(alone.nw)}
+    for load, (vector, start) in zip(loads, alone.load_entries, strict=True):
+        value = np.atleast_1d(np.asarray(load.force if isinstance(load, ForceLoad) else load.moment, dtype=float))
+        given[vector][start : start + value.size] = value
+    return np.array(equilibrium_under(alone, given["u"], given["w"]).q)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 CALL_RATE = "call rate"
 """Name of what is supervised beside the sensors."""
@@ -113,21 +116,9 @@ _OF_THE_REST = {
 
 
 def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tuple[str, ...]:
-    """Describe anomalies in words.
+    """Describe the bits of ``Anomaly`` and the verdict on each measurement in words, one sentence each.
 
-    Parameters
-    ----------
-    anomalies : int
-        Bits of ``Anomaly``.
-    verdicts : sequence of float
-        Verdict on each measurement.
-    names : sequence of str
-        Names of the measurements.
-
-    Returns
-    -------
-    tuple of str
-        One sentence each; those of measurements begin with their name.
+    Those of measurements begin with their name.
     """
     measured = [
         f"{name.split(' ')[0]}: {_OF_MEASUREMENTS[Verdict(int(verdict))]}"
@@ -146,19 +137,9 @@ _TRIPS = {
 
 
 def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -> str:
-    """Describe a health in words, with its likely cause.
+    """Describe a health in words, with its likely cause; empty for OK.
 
-    Parameters
-    ----------
-    suspect : str or None
-        What contradicts the model, or the reading that is frozen.
-    reason : Trip
-        Why it is tripped.
-
-    Returns
-    -------
-    str
-        Empty for OK.
+    ``suspect`` is what contradicts the model, or the reading that is frozen.
     """
     if health == Health.OK:
         return ""
@@ -177,8 +158,6 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
     return f"{suspect or 'something'} {what}; likely cause: {cause}"
 
 
-Array = NDArray[np.float64]
-
 _RETAINED = 1 << 16
 """Steps whose durations are retained [1]: 11 minutes at 100 Hz, 2 MB."""
 _PHASES = ("estimate", "prepare", "feedback", "step")
@@ -190,36 +169,29 @@ def spread(values: Array) -> dict[str, float]:
 
 
 class Statistics:
-    """Counts since the last reset, and durations of the last 65,536 steps.
-
-    Attributes
-    ----------
-    steps, late : int
-        Steps, and those that took longer than the deadline.
-    """
+    """Counts of steps, and of those later than the deadline, since the last reset; durations of the last 65,536."""
 
     def __init__(self) -> None:
         self.steps = self.late = 0
-        self._status = [0] * len(Status)
-        self._health = [0] * len(Health)
-        self._anomalies: dict[int, int] = {}
+        self._status, self._health = [0] * len(Status), [0] * len(Health)
+        self._anomalies: Counter[int] = Counter()
         self._times = np.zeros((_RETAINED, len(_PHASES)))
 
     def add(self, status: int, anomalies: float, ticks: Array, elapsed: int, late: bool, health: int = 0) -> None:
         """Count a step; durations in nanoseconds."""
         row = self._times[self.steps % _RETAINED]
-        row[:3] = ticks
-        row[3] = elapsed
+        row[:3], row[3] = ticks, elapsed
         self.steps += 1
         self.late += late
         self._status[status] += 1
         self._health[health] += 1
         if anomalies:
-            self._anomalies[int(anomalies)] = self._anomalies.get(int(anomalies), 0) + 1
+            # Counted by all bits at once; a step has no time to take them apart.
+            self._anomalies[int(anomalies)] += 1
 
     def as_dict(self) -> dict[str, Any]:
         """Return all counts, and the spread of each phase and of the whole step in Python [s], as plain values."""
-        recent = 1e-9 * self._times[: min(self.steps, _RETAINED)]
+        recent = 1e-9 * self._times[: self.steps]
         anomalies = {
             (bit.name or "").lower(): sum(count for bits, count in self._anomalies.items() if bits & bit)
             for bit in Anomaly

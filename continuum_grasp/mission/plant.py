@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.plant_scene import plant_scene
-from continuum_grasp.closed_loop.record import Phase
+from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment

@@ -164,11 +164,12 @@ class Reference(Value):
         ``key`` is where the weights are in the scene.
         """
         for name in Reference.model_fields:
-            if name not in Cost.model_fields or name in _ZERO_BY_DEFAULT:
+            if name not in Cost.model_fields:
                 continue
-            if getattr(cost, name) is not None and getattr(self, name) is None:
+            weight, setpoint = getattr(cost, name), getattr(self, name)
+            if weight is not None and setpoint is None and name not in _ZERO_BY_DEFAULT:
                 raise ValueError(f"reference.{name} is needed: {key}.{name} tracks it")
-            if getattr(cost, name) is None and getattr(self, name) is not None:
+            if weight is None and setpoint is not None:
                 raise ValueError(f"nothing tracks reference.{name}: give {key}.{name} a weight")
         if cost.shape is not None and self.shape is not None:
             width = self.shape.width if isinstance(self.shape, RowSamples) else len(self.shape)

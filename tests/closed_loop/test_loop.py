@@ -13,13 +13,11 @@ from scipy.optimize import minimize
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.converged import Converged
-from continuum_grasp.closed_loop.metrics import metrics_of
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.plant_scene import plant_scene
+from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
-from continuum_grasp.closed_loop.record import Phase, Schedule
 from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
@@ -265,11 +263,11 @@ def test_metrics_by_hand():
     error[2, :2], error[10, :2] = (3e-3, 4e-3), (0.0, 2e-3)
     error[:, 2] = 2.0
     u = np.array([[3.0, 1.0]] * 5 + [[3.0, 5.0]] * 5)
-    found = metrics_of(
+    by_hand = replace(
+        run(),
         u=u,
-        error=error,
-        period=0.01,
-        deadline=0.01,
+        tracked=error,
+        r=np.zeros_like(error),
         weights=np.array([2.0, 2.0, 0.5, 0.5]),
         r_names=("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]"),
         u_names=("tension_1 [N]", "tension_2 [N]"),
@@ -282,6 +280,8 @@ def test_metrics_by_hand():
         health=("ok",) * 8 + ("mismatch",) * 2,
         mismatch=np.array([1.0] * 8 + [3.5, 3.25]),
     )
+    assert (by_hand.period, by_hand.deadline) == (0.01, 0.01)
+    found = by_hand.metrics()
     (tip,) = found.tracking
     assert (tip.name, tip.unit) == ("tip", "m")
     assert (tip.rms, tip.max, tip.final) == pytest.approx((math.sqrt((25e-6 + 4e-6) / 11), 5e-3, 2e-3))

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.arguments import numbers
-from continuum_grasp.control.compiled.settings import controller_fields
-from continuum_grasp.control.compiled.source import controller_source
+from continuum_grasp.control.compiled import controller_fields, controller_source
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.rti.iteration import RealTimeIteration

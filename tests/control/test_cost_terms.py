@@ -96,6 +96,11 @@ def test_the_exported_reference_has_it_with_its_unit():
     [
         ({"tip_angle": 1.0, "effort": 1.0}, {}, "reference.tip_angle is needed"),
         ({"tip": 1.0, "effort": 1.0}, {"tip": (0.0, 0.5), "tip_angle": 0.1}, "nothing tracks reference.tip_angle"),
+        (
+            {"tip": 1.0, "effort": 1.0},
+            {"tip": (0.0, 0.5), "bending": (0.1, 0.1)},
+            r"nothing tracks reference\.bending: give controller\.cost\.bending a weight",
+        ),
     ],
 )
 def test_weight_and_setpoint_need_each_other(cost, reference, message):

@@ -12,10 +12,10 @@ from scipy.linalg import expm, solve_discrete_are
 from scipy.stats import chi2
 
 from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.estimation.moving_horizon import moving_horizon
 from continuum_grasp.control.status import Anomaly, Verdict
 from continuum_grasp.errors import InputError
 from tests.control_cases import Reality, hand_scene, rod_scene, sensed_rod_scene
+from tests.moving_horizon import moving_horizon
 
 
 @lru_cache

@@ -58,7 +58,7 @@ static inline int cg_finite(const real *a, int count)
 
 static inline real cg_nan(void)
 {
-  const cg_bits bits = CG_EXPONENT | CG_FRACTION;
+  const cg_bits bits = CG_EXPONENT | CG_FRACTION; /* quiet; under -ffast-math 0 / 0 may be anything */
   real a;
   memcpy(&a, &bits, sizeof a);
   return a;

@@ -10,6 +10,7 @@ void controller_start(controller_state *state, const controller_settings *settin
 #else
   (void)p;
 #endif
+  /* limits of what a drive can have, which are wider than those of a command */
   for (int j = 0; j < RTI_NU; ++j) cg_limit(&state->u[j], settings->applied_min[j], settings->applied_max[j]);
 #if CONTROLLER_ESTIMATES
   ekf_start(&state->ekf, &settings->ekf, z0, state->u);
@@ -28,7 +29,7 @@ static int controller_valid(const controller_settings *o)
   return good && cg_finite(o->rti.u_min, RTI_NU) && cg_finite(o->rti.u_max, RTI_NU) && cg_finite(o->u_safe, RTI_NU);
 }
 
-/* Length of a plan in calls. */
+/* Length of a plan in calls; rounded, since a ratio of decimal times is not whole in binary. */
 static int controller_plan_calls(const controller_settings *o)
 {
   return (int)((real)RTI_N * o->rti.stage / o->period + (real)0.5);
@@ -63,6 +64,7 @@ static int controller_estimate(controller_state *state, controller_work *work, c
   const int result = ekf_step(&state->ekf, &work->ekf, &o->ekf, measurement, state->u, state->p, &out->ekf);
   for (int j = 0; j < CONTROLLER_NM; ++j) out->verdict[j] = out->ekf.verdict[j];
   if (out->ekf.limited) out->anomalies |= CONTROLLER_ESTIMATE_LIMITED;
+  /* A restarted estimate is a guess: it is reported, but no plan starts from it. */
   int known = result == EKF_OK;
   if (known && !ekf_now(&state->ekf, &work->ekf, &o->ekf, state->p, z)) {
     ekf_restart(&state->ekf, &o->ekf);
@@ -103,6 +105,7 @@ static int controller_estimate(controller_state *state, controller_work *work, c
 
 static uint32_t controller_sensor_anomalies(const controller_output *out)
 {
+  /* by verdict, in the order of checks.h; CG_USED and CG_ALONE are no anomalies */
   static const uint32_t bits[] = {0, CONTROLLER_MISSING, CONTROLLER_ABSURD, CONTROLLER_OUTLIER, CONTROLLER_REOPENED, 0,
                                   CONTROLLER_FROZEN};
   uint32_t seen = 0;
@@ -150,12 +153,14 @@ static int controller_plan(controller_state *state, controller_work *work, const
 {
   const rti_settings *problem = controller_problem(state, work, o);
   int planned = 0;
+  /* On a copy: where the iteration fails, the last plan is the fallback. */
   if (state->planned) {
     memcpy(&work->plan, &state->plan, sizeof work->plan);
     rti_shift(&work->plan, &o->rti, state->age);
     planned = controller_iterate(work, problem, in, o->sqp_iterations, out);
   }
   if (!planned) {
+    /* A motion of the model makes a better first linearization than a state at rest, where it stays finite. */
     rti_start(&work->plan, out->x, state->u);
     if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
     planned = controller_iterate(work, problem, in, o->start_iterations, out);
@@ -215,7 +220,7 @@ static uint32_t controller_command(controller_state *state, const controller_set
     if (u < o->rti.u_min[j] - margin || u > o->rti.u_max[j] + margin) anomalies |= CONTROLLER_INPUT_LIMITED;
     cg_limit(&u, o->rti.u_min[j], o->rti.u_max[j]);
     if (u < state->u[j] - stage - margin || u > state->u[j] + stage + margin) anomalies |= CONTROLLER_RATE_LIMITED;
-    cg_limit(&u, state->u[j] - step, state->u[j] + step);
+    cg_limit(&u, state->u[j] - step, state->u[j] + step);        /* last, so that the rate limit wins */
     change[j] = u - state->u[j];
     if (u < o->rti.u_min[j] - margin || u > o->rti.u_max[j] + margin) anomalies |= CONTROLLER_BEYOND_LIMIT;
     state->u[j] = out->u[j] = u;
@@ -233,11 +238,12 @@ int controller_step(controller_state *state, controller_work *work, const contro
   const int patience = controller_plan_calls(settings);
   output->anomalies = controller_check(state, settings, input);
   const uint32_t given = output->anomalies;
-  if (state->blind <= patience) ++state->blind;
+  if (state->blind <= patience) ++state->blind; /* no further: it would overflow in the end */
   real y[CONTROLLER_NM];
   memcpy(y, input->measurement, sizeof y);
   supervisor_screen(&state->supervisor, &settings->supervisor, y, &output->supervisor);
   const int known = controller_estimate(state, work, settings, y, output);
+  /* The estimator saw these readings as missing. */
   for (int j = 0; j < CONTROLLER_NM; ++j)
     if (cg_is_nan(y[j]) && !cg_is_nan(input->measurement[j])) output->verdict[j] = CG_FROZEN;
   output->anomalies |= controller_sensor_anomalies(output);

@@ -54,7 +54,7 @@ static void ekf_orthogonalize(ekf_state *state, ekf_work *work, int columns)
     for (int i = 0; i < j; ++i) {
       real dot = 0;
       for (int k = 0; k < columns; ++k) dot += scaled[k] * work->W[i][k];
-      const real share = d > 0 ? dot / d : 0;
+      const real share = d > 0 ? dot / d : 0;   /* a direction without variance has none to share */
       state->U[i][j] = share;
       for (int k = 0; k < columns; ++k) work->W[i][k] -= share * work->W[j][k];
     }
@@ -73,12 +73,12 @@ static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *se
   for (int i = 0; i < EKF_NZ; ++i)
     for (int j = 0; j < EKF_NZ; ++j) {
       real sum = 0;
-      for (int k = 0; k <= j; ++k) sum += work->F[i + EKF_NZ * k] * state->U[k][j];
+      for (int k = 0; k <= j; ++k) sum += work->F[i + EKF_NZ * k] * state->U[k][j]; /* F U, U upper triangular */
       work->W[i][j] = sum;
     }
   for (int j = 0; j < EKF_NZ; ++j) {
     if (!(settings->noise[j] > 0)) continue;
-    const real weight = settings->noise[j] * h / 6;
+    const real weight = settings->noise[j] * h / 6;     /* Simpson's rule: F, 4 G and the identity */
     for (int i = 0; i < EKF_NZ; ++i) {
       work->W[i][columns] = work->F[i + EKF_NZ * j];
       work->W[i][columns + 1] = work->G[i + EKF_NZ * j];
@@ -162,7 +162,8 @@ static void ekf_innovations(const ekf_state *state, const ekf_work *work, const 
 }
 
 /* The leaky gate of a sensor: CG_USED, CG_REOPENED (used although it is beyond the gate), CG_OUTLIER (rejected), or
- * CG_ALONE (nothing to use). A rejected sensor has no nis, else 1 % of outliers would detune the controller. */
+ * CG_ALONE (nothing to use). A rejected sensor has no nis, else 1 % of outliers would detune the controller. One row
+ * beyond the gate counts for the whole device, whose rows fail together. */
 static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
 {
   const real gate = settings->gate * settings->gate;
@@ -207,6 +208,7 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
     else if (found == CG_OUTLIER) ekf_report_row(settings, row, CG_ALONE, report);
     if (!(report->variance[row] > 0) || found == CG_OUTLIER) continue;
     real h[EKF_NZ];
+    /* Rows one by one, about the prior: what the rows before moved is taken off to first order. */
     for (int j = 0; j < EKF_NZ; ++j) {
       h[j] = work->H[row + EKF_NY * j];
       report->innovation[row] -= h[j] * (state->z[j] - prior[j]);
@@ -227,6 +229,7 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
     real applied[EKF_NU];
     memcpy(applied, u, sizeof applied);
 #if EKF_DELAY > 0
+    /* The filter is as far in the past as its measurements: it moves with the input of then. */
     memcpy(applied, state->queue[state->oldest], sizeof applied);
     memcpy(state->queue[state->oldest], u, sizeof applied);
     state->oldest = state->oldest + 1 < EKF_DELAY ? state->oldest + 1 : 0;
@@ -244,6 +247,7 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
       && ekf_plausible(state, settings, report))
     return EKF_OK;
   report->used = 0;
+  /* for the supervisor, a restart contradicts the model as much as anything can */
   for (int sensor = 0; sensor < EKF_NS; ++sensor) report->nis[sensor] = (real)EKF_NIS_CAP;
   ekf_restart(state, settings);
   return EKF_RESTARTED;

@@ -30,6 +30,7 @@ void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
   const int whole = stages < RTI_N ? (int)stages : RTI_N;
   const real part = stages < RTI_N ? stages - (real)whole : 0;
   plan->moved = rti_min(plan->moved + stages, RTI_N);
+  /* in place: an entry is read from its own index or a later one */
   for (int k = 0; k <= RTI_N; ++k) {
     const int i = rti_lesser(k + whole, RTI_N), j = rti_lesser(i + 1, RTI_N);
     for (int r = 0; r < RTI_NX; ++r) plan->x[k][r] = (1 - part) * plan->x[i][r] + part * plan->x[j][r];
@@ -73,12 +74,13 @@ int rti_prepare(rti_work *o, const rti_plan *plan, const rti_settings *settings,
       || !rti_between(plan->moved, 0, RTI_N))
     return RTI_BAD_INPUT;
   memcpy(o->x, plan->x, sizeof o->x);
-  for (int k = 0; k < RTI_N; ++k)
+  for (int k = 0; k < RTI_N; ++k) /* the limits may have moved since the plan was made */
     for (int j = 0; j < RTI_NU; ++j)
       o->u[k][j] = rti_max(settings->u_min[j], rti_min(settings->u_max[j], plan->u[k][j]));
   rti_linearize(o, settings, p, refs);
   rti_linearize_end(o, settings, p, refs + RTI_N * RTI_NR);
   rti_solve_free(o);
+  /* the QP and its feedback in one pass: these members are all real, one after the other */
   const size_t first = offsetof(rti_work, M), count = (offsetof(rti_work, z) - first) / sizeof(real);
   if (!rti_finite((const real *)(const void *)((const char *)o + first), count)) return RTI_BAD_LINEARIZATION;
   o->ready = 1;
@@ -185,7 +187,7 @@ static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, c
   for (real products = RTI_FIRST_PRODUCT;; products *= RTI_PRODUCT_FACTOR) {
     const int before = left, small = rti_interior_point(o, s, products * unit, &left);
     report->iterations += before - left;
-    memcpy(o->saved, o->z, sizeof o->z);
+    memcpy(o->saved, o->z, sizeof o->z);        /* where the interior point goes on if the active set fails */
     rti_gather_multipliers(o);
     const int again = rti_active_set(o, s, RTI_ESTIMATED, RTI_FINAL_ROUNDS, report);
     if (again) return again == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
@@ -214,6 +216,7 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   if (!rti_finite(o->next.x[0], (RTI_N + 1) * RTI_NX) || !rti_finite(o->z[0], (RTI_N + 1) * RTI_W)
       || !rti_finite(&report->cost, 1))
     return report->status = RTI_BAD_SOLUTION;
+  /* Without a factorization no bound is active, and the set of `next` is empty. */
   if (report->iterations > 0) rti_remember_set(o, plan, &o->next);
   *plan = o->next;
   return report->status = status == RTI_SOLVED && violated ? RTI_ROW_VIOLATED : status;

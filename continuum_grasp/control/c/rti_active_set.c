@@ -84,6 +84,7 @@ static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap
   for (int row = 0; row < RTI_ROWS; ++row) {
     const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU;
     const real unit = rti_scale(s, row), linear = input ? 0 : s->linear[i], quadratic = input ? 0 : s->quadratic[i];
+    /* slack: a tenth of the violation that counts as none, so that rounding at a bound does not change the set */
     rti_bound bound = {rti_low(s, row), rti_high(s, row), 0, 0, s->tolerance * unit / 10};
     memset(o->weight[row], 0, sizeof o->weight[row]);
     memset(o->push[row], 0, sizeof o->push[row]);
@@ -92,11 +93,12 @@ static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap
     real worst = 0;
     for (int k = 0; k < RTI_N; ++k) {
       const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][rti_lesser(row, RTI_NU - 1)] : 0;
-      const real a = input ? -residual : o->a[row][k];
+      const real a = input ? -residual : o->a[row][k];  /* an input's gradient is balanced by its bound alone */
       const int first = !wrong;
       wrong = !input && how == RTI_EXCHANGED && rti_wrong_sign(o, row, k);
       if (wrong && first) worst = rti_greatest_wrong(o, row, k);
       bound.stiffness = c;
+      /* Inputs never leave their bounds; a row that no input moves cannot be held at its own. */
       bound.penalty = input ? RTI_FIXED : c > 0 ? linear : 0;
       int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
       if (wrong && rti_abs(a) < worst) at = o->active[row][k];
@@ -108,6 +110,7 @@ static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap
       const real weight = at == RTI_FREE ? 0 : input ? RTI_FIXED : holds ? RTI_ROW_WEIGHT * c : quadratic;
       o->weight[row][k] = weight;
       o->push[row][k] = weight * away;
+      /* At its bound an input ignores its gradient; beyond its bound a row is pushed by its penalty. */
       if (input) o->push[row][k] -= at == RTI_FREE ? 0 : residual;
       else if (!holds) o->push[row][k] += (at > 0 ? linear : at < 0 ? -linear : 0) - a;
     }
@@ -151,7 +154,7 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     if (round > 0) before = changes;
     last = round > 0 && changes == 0 ? report->kkt : 0;
     ++report->iterations;
-    if (round > 0 && changes == 0) rti_resolve(o);
+    if (round > 0 && changes == 0) rti_resolve(o);      /* same set, same weights, same factors */
     else rti_factor(o);
     if (!rti_advance(o)) return 0;
     rti_move(o, 1);
@@ -169,6 +172,7 @@ static int rti_plan_set(rti_work *o, const rti_settings *s)
   for (int row = 0; row < RTI_ROWS; ++row) {
     const int input = row < RTI_NU, i = input ? 0 : row - RTI_NU, later = !input && i < RTI_NS;
     const real low = rti_low(s, row), high = rti_high(s, row);
+    /* Inputs were clipped to their bounds exactly; rows are off by what the linearization left. */
     const real margin = rti_scale(s, row) * (input ? RTI_R(1e-6) : RTI_R(1e-2));
     const int penalized = rti_penalized(s, row), over = input ? RTI_AT_HIGH : RTI_OVER_HIGH;
     for (int k = 0; k < RTI_N; ++k) {

@@ -74,7 +74,8 @@ static real rti_first_product(rti_work *o, const rti_settings *s)
 }
 
 /* Slacks and multipliers whose products are about `product`; they satisfy all optimality conditions but the gradient's.
- * */
+ * Of a soft row m + n = linear + quadratic s is shared: within its bounds n takes most, beyond them m. A row with a
+ * quadratic penalty alone has s = compliance m, which makes t m = product a quadratic equation of t. */
 static void rti_center(rti_work *o, real product)
 {
   memset(o->dt, 0, sizeof o->dt);
@@ -102,7 +103,7 @@ static void rti_center(rti_work *o, real product)
         }
       } else if (side.compliance > 0) {
         const real root = RTI_SQRT(gap * gap + 4 * product * side.compliance);
-        t = gap > 0 ? (gap + root) / 2 : 2 * product * side.compliance / (root - gap);
+        t = gap > 0 ? (gap + root) / 2 : 2 * product * side.compliance / (root - gap);  /* without cancellation */
         m = product / t;
         v = m * side.compliance;
       } else {
@@ -185,6 +186,7 @@ static rti_direction rti_directions(rti_work *o, real target, real second)
     const real *restrict t = o->t[i], *restrict m = o->m[i], *restrict s = o->s[i], *restrict n = o->n[i];
     const real *restrict W = o->W[i], *restrict V = o->V[i], *restrict e = o->e[i], *restrict f = o->f[i];
     real *restrict dt = o->dt[i], *restrict dm = o->dm[i], *restrict ds = o->ds[i], *restrict dn = o->dn[i];
+    /* one division for both ratios of a pair: -ds / s = -n ds / (s n), -dn / n = -s dn / (s n) */
     if (side.soft)
       for (int k = 0; k < RTI_LENGTH; ++k) {
         const real violation = V[k] * (W[k] * side.sign * dy[k] + e[k]) + f[k], inverse = 1 / rti_max(s[k] * n[k], RTI_SMALLEST);
@@ -252,16 +254,16 @@ static int rti_interior_point(rti_work *o, const rti_settings *s, real small, in
     rti_forces(o);
     rti_gradient(o);
     rti_weights(o, s);
-    rti_newton_constants(o, 0, 0);
+    rti_newton_constants(o, 0, 0);      /* predictor: products of zero */
     rti_factor(o);
     if (!rti_advance(o)) return 0;
     rti_direction change = rti_directions(o, 0, 0);
     real length = change.ratio > 1 ? 1 / change.ratio : 1;
     const real rest = rti_max(0, 1 + length * (change.first + length * change.second) / mean);
-    const real target = rest * rest * rest * mean;
+    const real target = rest * rest * rest * mean;      /* Mehrotra: the cube of what the predictor leaves */
     const real second = length;     /* the full second-order term can make the iteration cycle where the predictor was short */
     rti_newton_constants(o, target, second);
-    rti_resolve(o);
+    rti_resolve(o);     /* the corrector has the predictor's factors */
     if (!rti_advance(o)) return 0;
     change = rti_directions(o, target, second);
     /* 0.995 of the way to the boundary, as usual: closer, the next products are badly centered. */

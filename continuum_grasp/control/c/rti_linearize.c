@@ -96,7 +96,7 @@ static void rti_linearize(rti_work *o, const rti_settings *settings, const real 
     memset(x, 0, sizeof x);
     memset(u, 0, sizeof u);
     for (int l = 0; l < RTI_WIDE; ++l) {
-      const int at = rti_lesser(k + l, RTI_N - 1);
+      const int at = rti_lesser(k + l, RTI_N - 1);      /* lanes beyond the last stage repeat it */
       for (int j = 0; j < RTI_NX; ++j) RTI_AT(x[j], l) = o->x[at][j];
       for (int j = 0; j < RTI_NU; ++j) RTI_AT(u[j], l) = o->u[at][j];
       for (int j = 0; j < RTI_NR; ++j) RTI_AT(wr[j], l) = refs[at * RTI_NR + j];

@@ -54,7 +54,7 @@ static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real invers
     for (int l = 0; l < RTI_W; ++l) K[j][l] = l < v ? -G[v][l] * inverse[j] : 0;
     for (int i = 0; i < v; ++i)
       for (int l = 0; l <= i; ++l) G[i][l] += G[v][i] * K[j][l];
-    for (int i = 0; i < v; ++i)
+    for (int i = 0; i < v; ++i) /* mirrored: exactly symmetric, whatever is rounded */
       for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
   }
 }

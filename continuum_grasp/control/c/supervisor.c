@@ -18,12 +18,14 @@
                                    everything rests together; the noise of the other sensors moves a command so far in a
                                    few calls */
 
+/* Count the calls in a row for which a condition holds, up to `most`; whether it has held for that many. */
 static int supervisor_lasted(int *count, int condition, int most)
 {
   *count = condition ? (*count < most ? *count + 1 : most) : 0;
   return *count >= most;
 }
 
+/* Exponentially weighted: a window's length without its memory. */
 static void supervisor_mean(const supervisor_settings *o, real *mean, real value)
 {
   *mean += (value - *mean) / (real)o->window;
@@ -67,7 +69,7 @@ void supervisor_screen(supervisor_state *state, const supervisor_settings *o, re
 static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const real *nis,
                                real elapsed, supervisor_report *report)
 {
-  if (state->calls < o->delay) ++state->calls;
+  if (state->calls < o->delay) ++state->calls;  /* the first innovations contain the error of the start */
   else {
     for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor)
       if (nis[sensor] >= 0) supervisor_mean(o, &state->mismatch[sensor], nis[sensor]);
@@ -116,6 +118,7 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
   const int doubt = mismatch > (real)SUPERVISOR_DOUBT, half = o->window / 2, window = o->window;
   int reason = 0;
   if (!state->tripped) supervisor_climb(state, o, mismatch);
+  /* 2.5 windows since the last raise: time to become calm before a loop counts as lost */
   const int top = state->rung == o->rungs && state->since >= 2 * window + half;
   if (supervisor_lasted(&state->swinging, doubt && top && activity > (real)SUPERVISOR_HARD, 2 * window + half))
     reason = SUPERVISOR_SWINGING;

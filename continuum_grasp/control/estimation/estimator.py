@@ -7,13 +7,12 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import slices, vector
-from continuum_grasp.control.compiled.settings import delay_periods, estimator_fields
-from continuum_grasp.control.compiled.source import Compiled, estimator_source
+from continuum_grasp.control.arguments import vector
+from continuum_grasp.control.compiled import Compiled, delay_periods, estimator_fields, estimator_source
 from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.first_state import first_state, rest_input
+from continuum_grasp.control.estimation.noise import ranges_of
 from continuum_grasp.control.ocp.stages import stages_of
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.prediction import Prediction, first_state, rest_input
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
@@ -25,45 +24,36 @@ Array = NDArray[np.float64]
 
 _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""
-_OF_VERDICTS = {
-    Verdict.MISSING: Anomaly.MISSING,
-    Verdict.ABSURD: Anomaly.ABSURD,
-    Verdict.OUTLIER: Anomaly.OUTLIER,
-    Verdict.REOPENED: Anomaly.REOPENED,
-}
 
 
 class Filtered:
-    """Estimate of an estimator after a measurement.
+    """Estimate after a measurement.
 
     Attributes
     ----------
-    z : (nz,) ndarray
-        State and disturbances now.
+    z, then : (nz,) ndarray
+        State and disturbances now, and at the time of the measurement; the same where that has no delay.
     p : (np,) ndarray
         Parameters with the disturbances.
-    then : (nz,) ndarray
-        State and disturbances at the time of the measurement; those of now where it has no delay.
     covariance : (nz, nz) ndarray
         Of ``then``.
     innovation, innovation_variance : (ny,) ndarray
         Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared).
     verdict : tuple of Verdict
         Verdict on each measurement.
-    anomaly : Anomaly
     """
 
-    def __init__(self, estimator: Estimator, restarted: bool, out: Array) -> None:
-        parts = {name: out[part] for name, part in estimator._parts.items()}
+    def __init__(self, names: tuple[str, ...], parts: dict[str, Array], restarted: bool) -> None:
+        self._names = names
         self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
         self.verdict = tuple(Verdict(int(v)) for v in parts["verdict"])
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
-        self.anomaly |= Anomaly.ESTIMATE_LIMITED if out[0] else Anomaly(0)
+        self.anomaly |= Anomaly.ESTIMATE_LIMITED if parts["limited"][0] else Anomaly(0)
         for verdict in self.verdict:
-            self.anomaly |= _OF_VERDICTS.get(verdict, Anomaly(0))
-        self._names = estimator.measurement_names
+            # USED and ALONE are no anomalies.
+            self.anomaly |= Anomaly.__members__.get(verdict.name, Anomaly(0))
 
     @property
     def std(self) -> Array:
@@ -88,9 +78,8 @@ class Estimator(Remade):
 
     Attributes
     ----------
-    scene : ControlScene
-    prediction : Prediction
-        Its model.
+    scene, prediction, estimation
+        The scene, its model (``Prediction``) and the functions of the filter (``Estimation``).
     period : float
         Time from one measurement to the next [s].
     delay : int
@@ -99,8 +88,6 @@ class Estimator(Remade):
         Name and unit of each entry of ``Filtered.z``: the states of the prediction, then the disturbances.
     measurement_names : tuple of str
         Name and unit of each entry of a measurement.
-    estimation : Estimation
-        Functions of the filter.
     settings : dict
         Numbers of the filter, by the names in ``c/ekf.h``.
     first : (nx,) ndarray
@@ -135,17 +122,16 @@ class Estimator(Remade):
         self.precision = precision_of(precision)
         self.period, self.delay = self.scene.controller.step, delay_periods(self.scene)
         self.names, self.measurement_names = self.estimation.z_names, self.estimation.measurement_names
-        fields = estimator_fields(self.scene, self.prediction, stages, self.estimation)
+        ranges = ranges_of(self.scene, self.prediction, stages, self.estimation)
+        fields = estimator_fields(self.scene, self.prediction, stages, self.estimation, ranges)
         self.settings = {field.member: field.values for field in fields}
         nu, np_, nz, ny, nm = stages.nu, stages.np, self.estimation.nz, self.estimation.ny, self.estimation.nm
         source = estimator_source(self.estimation, self.delay, nu, np_, fields, self.precision)
         parts = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
         parts |= {"then": nz, "covariance": nz * nz}
-        given = {"measurement": nm, "u": nu, "p": np_}
-        self._parts = slices(parts)
-        self._c = Compiled(source, fields, sum(given.values()), sum(parts.values()))
-        self._measurement, self._u, self._p = (self._c.input[part] for part in slices(given).values())
-        self._call = self._c.function("cg_step")
+        self._c = Compiled(source, fields, {"measurement": nm, "u": nu, "p": np_}, parts)
+        self._measurement, self._u, self._p = self._c.given
+        self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
         self.reset()
@@ -168,7 +154,7 @@ class Estimator(Remade):
         z = np.zeros(len(self.names))
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.prediction.nu)
-        self._c.start(np.concatenate([z, before]))
+        self._c.start(z, before)
 
     def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
         """Predict over a period and update with a measurement; call it once per period.
@@ -200,20 +186,14 @@ class Estimator(Remade):
         status = self._call(self._c.address, self._c.input_address, self._c.output_address)
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")
-        return Filtered(self, status == _RESTARTED, self._c.output.copy())
+        return Filtered(self.measurement_names, self._c.found(), status == _RESTARTED)
 
     def save_state(self) -> bytes:
         """Return all that the next estimate depends on."""
         return self._c.save(0)
 
     def restore(self, saved: bytes) -> None:
-        """Continue from a saved state.
-
-        Raises
-        ------
-        InputError
-            If the state is not one of the same problem, version and precision.
-        """
+        """Continue from a saved state, which must be of the same problem, version and precision."""
         self._c.restore(saved)
 
     __getstate__ = save_state

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import partial
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,8 +19,12 @@ from continuum_grasp.scene.controller import Disturbed, Measured
 Array = NDArray[np.float64]
 
 # RK4 with the continuous extension of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6.
-_SLOPES = ((1.0 / 6.0, 5.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 0.5), (2.0 / 6.0, 4.0 / 24.0, 1.0))
-_LAST_SLOPE = (1.0 / 6.0, -1.0 / 24.0, 0.0)
+_SLOPES = (
+    (1.0 / 6.0, 5.0 / 24.0, 0.5),
+    (2.0 / 6.0, 4.0 / 24.0, 0.5),
+    (2.0 / 6.0, 4.0 / 24.0, 1.0),
+    (1.0 / 6.0, -1.0 / 24.0, 0.0),
+)
 """Coefficients of RK4 [1]: weight of a slope at the end of the step, its weight half-way (continuous extension of order
 3), and the position of the next slope."""
 
@@ -38,24 +42,22 @@ _DISTURBANCES = (
 class Estimation:
     """The model of an estimator.
 
-    Its state z = [x, d] has the continuous states of the prediction and the disturbances d: world forces [N] and tip
+    Its state z = [x, d] has the nx continuous states of the prediction and the disturbances d: world forces [N] and tip
     moment [N m] in addition to those in p, and the relative error of the bending stiffness [1].
 
     Attributes
     ----------
     step : casadi.Function
-        (z, u, p, h) -> zn, F, G (nz, nz): one Runge-Kutta step of length h, its derivative by z, and that of half the
-        step, all by the variational equations; a straight-line function.
+        (z, u, p, h) -> zn, F, G (nz, nz): one step of length h, its derivative by z, and that of half the step, all by
+        the variational equations; a straight-line function.
     flow : casadi.Function
         (z, u, p, h) -> zn: the step alone.
     outputs : casadi.Function
         (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative.
     parameters : casadi.Function
         (z, p) -> p (np): parameters with the disturbances.
-    nx : int
-        Number of continuous states.
     z_names, y_names, measurement_names : tuple of str
-        Name and unit of each state, of each compared quantity, and of each entry of a measurement.
+        Name and unit of each state with disturbances (nz), compared quantity (ny) and measurement (nm).
     drifts : (nz - nx,) ndarray
         Drift of each disturbance per square root of a second.
     mixing : (ny, nm) ndarray
@@ -79,17 +81,14 @@ class Estimation:
 
     @property
     def nz(self) -> int:
-        """Number of states with disturbances."""
         return len(self.z_names)
 
     @property
     def ny(self) -> int:
-        """Number of compared quantities."""
         return len(self.y_names)
 
     @property
     def nm(self) -> int:
-        """Number of measurements."""
         return len(self.measurement_names)
 
     @property
@@ -104,20 +103,7 @@ class Estimation:
 
 
 def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -> Estimation:
-    """Build the model of a scene's estimator.
-
-    Parameters
-    ----------
-    scene : ControlScene
-        The scene, with an estimator.
-    method : str
-        Integrator, by name in ``CONTROL_METHODS``; that of the stages.
-
-    Raises
-    ------
-    InputError
-        If the scene has no estimator.
-    """
+    """Build the model of a scene's estimator, with the integrator of the stages by name."""
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     disturbances = _disturbances(scene.estimator.disturbances, model)
@@ -125,14 +111,17 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
     for k, (_, index, _, relative) in enumerate(disturbances):
+        # A relative error of the stiffness needs no scale of its own; forces and moments add to the known ones.
         full[index] += p[index] * d[k] if relative else d[k]
     rate = model.dynamics(model.x, u, full)
-    y_names, outputs, measurement_names, mixing, sensors = _measured(scene, scene.estimator.measured, model, full)
+    compared = _compared(scene, scene.estimator.measured, model, full)
+    outputs = ca.vertcat(*[row.value for row in compared])
+    measurement_names = tuple(name for row in compared for name in row.parts)
 
     def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
 
-    zn, f, g = (_step if method == "rk4" else partial(_implicit_step, method))(z, u, p, h, rate, model.nx)
+    zn, f, g = _step(method, z, u, p, h, rate, model.nx)
     given, labels = [z, u, p, h], ["z", "u", "p", "h"]
     return Estimation(
         step=function("estimator_step", given, labels, zn=zn, F=f, G=g),
@@ -142,42 +131,45 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         nx=model.nx,
         z_names=(*model.x_names, *(name for name, _, _, _ in disturbances)),
         drifts=np.array([drift for _, _, drift, _ in disturbances]),
-        y_names=y_names,
+        y_names=tuple(row.name for row in compared),
         measurement_names=measurement_names,
-        mixing=mixing,
-        sensors=sensors,
+        mixing=np.array([[row.parts.get(name, 0.0) for name in measurement_names] for row in compared]),
+        sensors=tuple(row.sensor for row in compared),
     )
 
 
-def _step(z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _step(method: str, z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Write the next z, and the derivatives over the step and over half of it."""
     x, d = z[:nx], z[nx:]
     slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
+    if method == "rk4":
+        following, whole, half_way = _runge_kutta(slope, x, d, u, p, h)
+    else:
+        following, *whole = differentiated_step(method, slope, x, (u, p), h, d)
+        # An L-stable method has no continuous extension: half the step is a step of its own.
+        half_way = [*differentiated_step(method, slope, x, (u, p), 0.5 * h, d)[1:]]
+    # Disturbances are constant but for their drift, which the noise contains.
+    below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
+    f, g = (ca.vertcat(ca.horzcat(*part), below) for part in (whole, half_way))
+    return ca.vertcat(following, d), f, g
+
+
+def _runge_kutta(
+    slope: ca.Function, x: ca.SX, d: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX
+) -> tuple[ca.SX, list[ca.SX], list[ca.SX]]:
+    """Next x by RK4, and its derivatives by x and d over the step and over half of it, from the same four slopes."""
+    nx = x.numel()
     state, by_x, by_d = x, ca.SX.eye(nx), ca.SX(nx, d.numel())
     ends = [[x, ca.SX.eye(nx), ca.SX(nx, d.numel())] for _ in range(2)]
-    for weight, half, ahead in (*_SLOPES, _LAST_SLOPE):
+    for weight, half, ahead in _SLOPES:
         k, f_x, f_d = slope(ca.vertcat(state, d), u, p)
         slopes = [k, ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_d) + f_d]
         for end, share in zip(ends, (weight, half), strict=True):
             for i, part in enumerate(slopes):
                 end[i] = end[i] + share * h * part
         state, by_x, by_d = x + ahead * h * k, ca.SX.eye(nx) + ahead * h * slopes[1], ahead * h * slopes[2]
-    below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
-    whole, half_way = (ca.vertcat(ca.horzcat(end[1], end[2]), below) for end in ends)
-    return ca.vertcat(ends[0][0], d), whole, half_way
-
-
-def _implicit_step(
-    method: str, z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The same by an L-stable method."""
-    x, d = z[:nx], z[nx:]
-    slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
-    below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
-    following, *whole = differentiated_step(method, slope, x, (u, p), h, d)
-    half_way = differentiated_step(method, slope, x, (u, p), 0.5 * h, d)[1:]
-    ends = [ca.vertcat(ca.horzcat(*part), below) for part in (whole, half_way)]
-    return ca.vertcat(following, d), ends[0], ends[1]
+    (following, *whole), (_, *half_way) = ends
+    return following, whole, half_way
 
 
 def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, float, bool]]:
@@ -191,40 +183,36 @@ def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, 
     ]
 
 
-def _measured(
-    scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX
-) -> tuple[tuple[str, ...], ca.SX, tuple[str, ...], Array, tuple[str, ...]]:
-    """Names and expressions of the compared quantities, names of the measurements, mixing matrix, and devices."""
+class _Compared(NamedTuple):
+    """A compared quantity: its device, name and unit, expression, and share of each measurement in it."""
+
+    sensor: str
+    name: str
+    value: ca.SX
+    parts: dict[str, float]
+
+
+def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX) -> list[_Compared]:
+    """List what the filter compares."""
     tendons = scene.finger.tendons
-    names: list[str] = []
-    measured: list[str] = []
-    values: list[ca.SX] = []
-    rows: list[dict[str, float]] = []
-    sensors: list[str] = []
-
-    def add(sensor: str, name: str, value: ca.SX, parts: dict[str, float]) -> None:
-        sensors.append(sensor)
-        names.append(name)
-        values.append(value)
-        measured.extend(parts)
-        rows.append(parts)
-
+    found = []
     if asked.tip is not None:
-        tip = model.tip(model.x, model.u, p)
-        for k, axis in enumerate("xy"):
-            add("tip", f"tip_{axis} [m]", tip[k], {f"tip_{axis} [m]": 1.0})
+        names = ("tip_x [m]", "tip_y [m]")
+        values = ca.vertsplit(model.tip(model.x, model.u, p))
+        found += [_Compared("tip", name, value, {name: 1.0}) for name, value in zip(names, values, strict=True)]
     if asked.tension is not None:
         moment = model.x[model.x_names.index("tip_moment [N m]")]
         if tendons is None:
-            add("tension", "tip_moment [N m]", moment, {"tip_moment [N m]": 1.0})
+            found.append(_Compared("tension", "tip_moment [N m]", moment, {"tip_moment [N m]": 1.0}))
         else:
+            # The difference alone bends the finger; the mean tension is no state of the model.
             runtime = "tendon_offset [m]" in model.p_names
             offset = p[model.p_names.index("tendon_offset [m]")] if runtime else tendons.offset
-            difference = {"tension_1 [N]": 1.0, "tension_2 [N]": -1.0}
-            add("tension", "tension_difference [N]", moment / offset, difference)
+            parts = {"tension_1 [N]": 1.0, "tension_2 [N]": -1.0}
+            found.append(_Compared("tension", "tension_difference [N]", moment / offset, parts))
     if asked.bending is not None:
-        angles = model.sections(asked.bending.at)(model.x, model.u, p)[1]
-        for k in range(len(asked.bending.at)):
-            add("bending", f"angle_{k + 1} [rad]", angles[k], {f"angle_{k + 1} [rad]": 1.0})
-    mixing = np.array([[parts.get(name, 0.0) for name in measured] for parts in rows])
-    return tuple(names), ca.vertcat(*values), tuple(measured), mixing, tuple(sensors)
+        angles = ca.vertsplit(ca.vec(model.sections(asked.bending.at)(model.x, model.u, p)[1]))
+        for k, angle in enumerate(angles):
+            name = f"angle_{k + 1} [rad]"
+            found.append(_Compared("bending", name, angle, {name: 1.0}))
+    return found

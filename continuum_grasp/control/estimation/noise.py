@@ -37,25 +37,6 @@ _KNOWN = 10.0
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Noise of an estimator's states and measurements.
-
-    Attributes
-    ----------
-    process : (nz,) ndarray
-        Intensity of the white noise that drives each state, variance per second.
-    initial : (nz,) ndarray
-        Variance of each state at the start.
-    measured : (ny,) ndarray
-        Variance of each compared quantity.
-    """
-
-    process: Array
-    initial: Array
-    measured: Array
-
-
-@dataclass(frozen=True)
 class Ranges:
     """Limits beyond which numbers are implausible: least and most of each entry, (size, 2).
 
@@ -70,30 +51,25 @@ class Ranges:
     p: Array
 
 
-def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> Noise:
-    """Compute the noise of a scene's estimator.
+def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> tuple[Array, Array, Array]:
+    """Compute the noise of a scene's estimator: of the states the intensity, variance per second (nz), and the variance
+    at the start (nz), and the variance of each compared quantity (ny).
 
     White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
     elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
     hundredth of the greatest tip moment. Disturbances are random walks; their variance at the start is that after one
     second.
-
-    Parameters
-    ----------
-    scene : ControlScene
-        The scene, with an estimator.
-
-    Raises
-    ------
-    InputError
-        If the scene has no estimator.
     """
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     asked = scene.estimator
     process, initial = np.zeros(estimation.nz), np.zeros(estimation.nz)
     n = model.system.finger_model.n
-    per_angle = 1.0 / _bending_slopes(model)
+    bends = ca.jacobian(model.bending(model.x, model.u, model.p), model.x)
+    slope = ca.Function("slope", [model.x, model.u, model.p], [bends])
+    j = np.array(slope(np.zeros(model.nx), np.zeros(model.nu), model.p_nominal))[:, :n]
+    # Coordinates differ in unit and effect between families; the bending angles, to which noise refers, do not.
+    per_angle = 1.0 / np.sqrt((j**2).sum(axis=0))
     process[n : 2 * n] = (asked.acceleration_std * per_angle) ** 2
     initial[:n] = (asked.initial_std * per_angle) ** 2
     # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
@@ -105,38 +81,28 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / scene.lag) ** 2
     process[model.nx :] = initial[model.nx :] = estimation.drifts**2
     variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
-    return Noise(process, initial, estimation.mixing**2 @ variances)
+    # Measurements are independent: variances add with the squares of their shares.
+    return process, initial, estimation.mixing**2 @ variances
 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
     """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene."""
     cost, x = scene.controller.cost, _state_range(scene, model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
+    measured = estimation.measurement_names if estimation is not None else ()
     applied = np.array([_measurable(scene, model, name) for name in stages.u_names])
-    measured = (
-        x if estimation is None else np.array([_measurable(scene, model, n) for n in estimation.measurement_names])
-    )
     return Ranges(
         x=x,
         disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
-        measurement=measured,
+        # Without an estimator the state is measured.
+        measurement=np.array([_measurable(scene, model, name) for name in measured]) if measured else x,
+        # What drives can have, and at least what can be commanded: one that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
         r=np.vstack([term.ranges(cost, model) for term in cost_terms(cost)]),
         p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),
     )
-
-
-def _bending_slopes(model: Prediction) -> Array:
-    """Euclidean norm of the bending angles per unit of each coordinate."""
-    n = model.system.finger_model.n
-    slope = ca.Function(
-        "slope", [model.x, model.u, model.p], [ca.jacobian(model.bending(model.x, model.u, model.p), model.x)]
-    )
-    j = np.array(slope(np.zeros(model.nx), np.zeros(model.nu), model.p_nominal))[:, :n]
-    norms: Array = np.sqrt((j**2).sum(axis=0))
-    return norms
 
 
 def _greatest_moment(scene: ControlScene) -> float:
@@ -201,6 +167,8 @@ def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[fl
     if unit in ("N", "N m"):
         most = _KNOWN * _disturbance_range(scene, name)[1]
         return (-most, most)
+    # Of either sign, or nominally zero.
     if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
         return (-UNLIMITED, UNLIMITED)
+    # Stiffness, masses and the like are positive; one that is nominally zero has no scale of its own.
     return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, UNLIMITED)

@@ -28,7 +28,7 @@ between two of them by a twentieth of their distance."""
 
 @dataclass
 class BoundedRows:
-    """Rows of constraints with their bounds and penalty weights."""
+    """Rows of constraints with their bounds and penalty weights (per row, linear and quadratic)."""
 
     names: list[str] = field(default_factory=list)
     values: list[ca.SX] = field(default_factory=list)
@@ -45,12 +45,10 @@ class BoundedRows:
 
     @property
     def linear(self) -> Array:
-        """Linear penalty of each row."""
         return np.array([penalty.linear for penalty in self.penalties])
 
     @property
     def quadratic(self) -> Array:
-        """Quadratic penalty of each row."""
         return np.array([penalty.quadratic for penalty in self.penalties])
 
     @property
@@ -59,17 +57,15 @@ class BoundedRows:
 
 
 def state_bounds(bounds: Bounds, curvature_limit: float, model: Prediction) -> BoundedRows:
-    """Rows of the state alone: curvatures, bending rates, and distances from zones.
+    """List the rows of the state alone: curvatures, bending rates, and distances from zones.
 
-    Parameters
-    ----------
-    curvature_limit : float
-        Greatest curvature beside the bending range of the model [1/m].
+    ``curvature_limit`` [1/m] holds beside the bending range of the model.
     """
     found = BoundedRows()
     penalty = _penalty(bounds.penalty)
     given = (model.x, model.u, model.p)
     if bounds.curvature is not None:
+        # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
         kappa = model.curvature(*given)
         limits = np.minimum(model.system.finger_model.structure.curvature_limits, curvature_limit)
         names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
@@ -91,7 +87,9 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
             lengths = model.system.finger_model.lengths
             ends = np.cumsum([0.0, *lengths])
             places = [ends[k] + h * (j + 1) / _PER_ELEMENT for k, h in enumerate(lengths) for j in range(_PER_ELEMENT)]
+        # Sums of element lengths are rounded, and beyond the tip there is no section.
         where = model.sections(tuple(min(s, finger.rod.length) for s in places))(model.x, model.u, model.p)[0]
+        # The surface, half a thickness from the backbone, is what must stay outside.
         away = zone.clearance + finger.thickness_radius
         gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - away
         labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
@@ -104,6 +102,7 @@ def _gap(zone: HalfPlaneZone | DiscZone, at: ca.SX) -> ca.SX:
         nx, ny = math.cos(zone.normal_angle), math.sin(zone.normal_angle)
         return nx * (at[0] - zone.point[0]) + ny * (at[1] - zone.point[1])
     dx, dy = at[0] - zone.center[0], at[1] - zone.center[1]
+    # (1 um)^2 keeps the derivative finite at the center.
     return ca.sqrt(dx * dx + dy * dy + 1e-12) - zone.radius
 
 

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -35,42 +35,29 @@ degrees is beyond."""
 
 
 class Quantities(Protocol):
-    """What terms are computed from: expressions of a controller's model, or of a plant."""
+    """What terms are computed from: expressions of a controller's model, or of a plant.
+
+    Length of the finger [m]; world position of the tip (2) [m]; bending angle of each element of the controller's model
+    [rad] and its rate [rad/s]; normal force at each tracked contact [N]; tip moment [N m] or tensions [N] (nu) and
+    their change per time; of sections at positions along the finger [m] the world positions (2, K) [m] and angles (K)
+    [rad].
+    """
 
     @property
-    def length(self) -> float:
-        """Length of the finger [m]."""
-
+    def length(self) -> float: ...
     @property
-    def tip(self) -> Any:
-        """World position of the tip (2) [m]."""
-
+    def tip(self) -> Any: ...
     @property
-    def bending(self) -> Any:
-        """Bending angle of each element of the controller's model [rad]."""
-
+    def bending(self) -> Any: ...
     @property
-    def bending_rate(self) -> Any:
-        """Rate of these [rad/s]."""
-
+    def bending_rate(self) -> Any: ...
     @property
-    def contact_force(self) -> Any:
-        """Normal force at each tracked contact [N]."""
-
+    def contact_force(self) -> Any: ...
     @property
-    def input(self) -> Any:
-        """Tip moment [N m] or tensions [N] (nu)."""
-
+    def input(self) -> Any: ...
     @property
-    def input_rate(self) -> Any:
-        """Change of the input per time (nu)."""
-
-    def sections(self, at: Sequence[float]) -> tuple[Any, Any]:
-        """World positions (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""
-
-
-def _unlimited(_: Finger) -> Limits:
-    return ((-UNLIMITED, UNLIMITED),)
+    def input_rate(self) -> Any: ...
+    def sections(self, at: Sequence[float]) -> tuple[Any, Any]: ...
 
 
 def _near_base(finger: Finger) -> Limits:
@@ -82,10 +69,6 @@ def _near_base(finger: Finger) -> Limits:
 def _turned(finger: Finger) -> Limits:
     most = 2.0 * math.pi * _TURNS
     return ((finger.base.angle - most, finger.base.angle + most),)
-
-
-def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
-    return ("",)
 
 
 def _elements(cost: Cost, model: Prediction) -> tuple[str, ...]:
@@ -100,26 +83,19 @@ def _rates(cost: Cost, model: Prediction) -> tuple[str, ...]:
     return tuple(f"{n.split(' ')[0]}_rate [{n.split('[')[1][:-1]}/s]" for n in model.u_names)
 
 
+def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
+    return ("",)
+
+
 @dataclass(frozen=True)
 class CostTerm:
     """Half the weighted squared distances of some entries from their setpoints.
 
-    Attributes
-    ----------
-    key : str
-        Its weight in ``controller.cost``; a ``Weight``, or for terms of the input a number.
-    entry : str
-        Name and unit of an entry. ``{place}`` stands for one of ``places``, ``{axis}`` for x and y of a point.
-    value : callable
-        (``Quantities``, cost) -> expression of all entries.
-    places : callable
-        (cost, model) -> what the entries belong to: numbers of elements, names of contacts.
-    reference : str
-        Its setpoint in ``reference``; empty: always zero.
-    limits : callable
-        Finger -> least and greatest setpoint of an entry, one pair for each axis.
-    of_state : bool
-        Whether it depends on the state alone, so that the end of the horizon has it too.
+    ``key`` is its weight in ``controller.cost``, a ``Weight`` or for terms of the input a number. ``entry`` has name
+    and unit of an entry: ``{place}`` stands for one of ``places`` (numbers of elements, names of contacts), ``{axis}``
+    for x and y of a point. ``value`` is the expression of all entries; ``reference`` names the setpoint, always zero
+    where empty; ``limits`` has its least and greatest value, a pair for each axis. ``of_state``: it depends on the
+    state alone, so that the end of the horizon has it too.
     """
 
     key: str
@@ -127,7 +103,7 @@ class CostTerm:
     value: Callable[[Quantities, Cost], Any]
     places: Callable[[Cost, Prediction], Sequence[str]] = _one
     reference: str = ""
-    limits: Callable[[Finger], Limits] = _unlimited
+    limits: Callable[[Finger], Limits] = lambda finger: ((-UNLIMITED, UNLIMITED),)
     of_state: bool = True
 
     @property
@@ -152,12 +128,14 @@ class CostTerm:
 
     def owns(self, name: str) -> bool:
         """Whether an entry of a run or a package, by name and unit, is one of this term."""
+        # Names of contacts contain dots, but nothing that stands for a place contains a space.
         pattern = re.escape(self.entry).replace(r"\{axis\}", "[xy]").replace(r"\{place\}", "[^ ]+")
         return re.fullmatch(pattern, name) is not None
 
     def weights(self, cost: Cost) -> tuple[float, float]:
         """Running and terminal weight."""
         weight = getattr(cost, self.key)
+        # The end of the horizon has no input.
         return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, 0.0)
 
 
@@ -169,16 +147,10 @@ TERMS = (
         "section_{place}_{axis} [m]",
         lambda q, cost: ca.vec(q.sections(_shape_at(cost))[0]),
         lambda cost, _: [str(k + 1) for k in range(len(_shape_at(cost)))],
-        reference="shape",
-        limits=_near_base,
+        "shape",
+        _near_base,
     ),
-    CostTerm(
-        "tip_angle",
-        "tip_angle [rad]",
-        lambda q, _: q.sections((q.length,))[1],
-        reference="tip_angle",
-        limits=_turned,
-    ),
+    CostTerm("tip_angle", "tip_angle [rad]", lambda q, _: q.sections((q.length,))[1], _one, "tip_angle", _turned),
     CostTerm(
         "contact_force",
         "contact_force_{place} [N]",
@@ -199,8 +171,7 @@ def cost_terms(cost: Cost) -> tuple[CostTerm, ...]:
     return tuple(term for term in TERMS if getattr(cost, term.key))
 
 
-@dataclass(frozen=True)
-class Tracked:
+class Tracked(NamedTuple):
     """Columns of what a controller tracks that belong to one term; of points, x and y alternate."""
 
     label: str
@@ -213,6 +184,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     """What follows setpoints among a controller's outputs (name and unit each); terms of the input are left out."""
     found = []
     for term in TERMS:
+        # Setpoints of the input are what costs no effort, not what is followed.
         columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
         if columns:
             unit = term.entry.split("[")[1][:-1]
@@ -220,8 +192,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Predicted:
+class _Predicted(NamedTuple):
     """Quantities of a controller's model."""
 
     cost: Cost
@@ -250,9 +221,8 @@ class _Predicted:
 
     @property
     def contact_force(self) -> ca.SX:
-        tracked = [
-            self.model.contact_names.index(name) for name in self.cost.tracked_contacts(self.model.contact_names)
-        ]
+        names = self.model.contact_names
+        tracked = [names.index(name) for name in self.cost.tracked_contacts(names)]
         return self.model.contact_force(*self._given)[tracked]
 
     @property
@@ -274,7 +244,7 @@ class Outputs:
 
     @staticmethod
     def of(cost: Cost, model: Prediction) -> Outputs:
-        """All terms that have a weight."""
+        """Take all terms that have a weight."""
         return Outputs(cost, model, cost_terms(cost))
 
     @property
@@ -296,5 +266,4 @@ class Outputs:
     def value(self, input_rate: ca.SX | None = None) -> ca.SX:
         """Expression of all entries; ``input_rate`` where the state knows the input before."""
         quantities = _Predicted(self.cost, self.model, input_rate)
-        value: ca.SX = ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms])
-        return value
+        return ca.SX(ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms]))

@@ -25,26 +25,13 @@ SETPOINTS = {term.reference: term.key for term in TERMS if term.reference}
 
 
 class Setpoints:
-    """Setpoints over time, in the order of a controller's ``r_names``.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Name and unit of each entry of a row.
-    """
+    """Setpoints over time, in the order of a controller's ``r_names``, which are its ``names``."""
 
     def __init__(self, names: tuple[str, ...], blocks: list[tuple[int, _Given | None]]) -> None:
-        self.names = names
-        self._blocks = blocks
+        self.names, self._blocks = names, blocks
 
     def rows(self, times: ArrayLike) -> Array:
-        """Evaluate setpoints (len(times), nr) at instants [s].
-
-        Raises
-        ------
-        InputError
-            If a function of time returns another number of entries, or one that is not finite.
-        """
+        """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
         instants = np.atleast_1d(np.asarray(times, dtype=float))
         return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
 
@@ -85,6 +72,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     """
     given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
     tendons = outputs.model.scene.finger.tendons
+    # Tensions cannot be zero, so that effort is what exceeds the least ones.
     if given["input"] is None and tendons is not None:
         given["input"] = (tendons.min_tension,) * 2
     for name, function in (functions or {}).items():
@@ -121,6 +109,7 @@ def _rows(given: _Given | None, width: int, t: Array) -> Array:
 
 def _sampled(given: RowSamples, t: Array) -> Array:
     if given.interpolation == "hold":
+        # Instants are sums of rounded periods: one that is an instant of the samples to rounding has its row already.
         last = np.searchsorted(np.array(given.times), t * (1 + 1e-12) + 1e-12, side="right") - 1
         return np.array(given.values)[np.maximum(last, 0)]
     columns = (

@@ -64,7 +64,7 @@ class Stages:
     nd, ns, nt : int
         Continuous states; rows of the state alone; outputs of the state alone, which the last node has too.
     x_names, u_names, p_names, r_names, c_names : tuple of str
-        Name and unit of each entry; rows are relative to their bounds.
+        Name and unit of each entry of a node; rows are relative to their bounds. ``nx``, ``nu`` and so on: how many.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
         Nominal values, which may be changed at run time; +-1e30 is no bound.
     """
@@ -105,27 +105,22 @@ class Stages:
 
     @property
     def nx(self) -> int:
-        """Number of states."""
         return len(self.x_names)
 
     @property
     def nu(self) -> int:
-        """Number of inputs."""
         return len(self.u_names)
 
     @property
     def np(self) -> int:
-        """Number of parameters."""
         return len(self.p_names)
 
     @property
     def nr(self) -> int:
-        """Number of setpoints of a node."""
         return len(self.r_names)
 
     @property
     def nc(self) -> int:
-        """Number of rows of a node."""
         return len(self.c_names)
 
 
@@ -158,6 +153,7 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     """
     model = Prediction(scene) if prediction is None else prediction
     horizon, limits = scene.controller.horizon, scene.controller.input
+    # The input before is a state where its change has a weight or a limit.
     remembers = limits.rate_max is not None or bool(scene.controller.cost.input_rate)
     held = ca.SX.sym("held", model.nu if remembers else 0)
     x, u, p = ca.vertcat(model.x, held), model.u, model.p
@@ -165,12 +161,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     def function(name: str, output: str, value: ca.SX) -> ca.Function:
         return ca.Function(name, [x, u, p], [ca.densify(ca.cse([value])[0])], ["x", "u", "p"], [output])
 
+    # Over a stage, which is how long the plan holds an input; a command that is held shorter is limited in the C.
     change = (u - held) / horizon.stage if remembers else None
     tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
     outputs = function("outputs", "y", tracked.value(change))
     bounded = state_bounds(bounds, bounds.curvature_limit(scene.finger), model)
     ns = len(bounded.names)
     if limits.rate_max is not None and change is not None:
+        # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
         bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
     rows = function("rows", "c", bounded.column)
     dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
@@ -208,15 +206,16 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
 
 
 def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
-    """Choose method and steps per stage; from the stiffness where the scene has ``auto``."""
+    """Choose method and steps per stage; from the stiffness where the scene has ``auto``. Rounding adds no step."""
+    implicit = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     if horizon.method == "sdirk2":
-        return "sdirk2", horizon.substeps or math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+        return "sdirk2", horizon.substeps or implicit
     if horizon.substeps is not None:
         return "rk4", horizon.substeps
     wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
-    return "sdirk2", math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    return "sdirk2", implicit
 
 
 def _input_limits(scene: ControlScene) -> tuple[Array, Array]:
@@ -228,24 +227,12 @@ def _input_limits(scene: ControlScene) -> tuple[Array, Array]:
 
 
 def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Function:
-    """Write one step of an integrator with its derivatives, by the variational equations.
+    """Write one step of an integrator of ``CONTROL_METHODS`` with its derivatives, (x, u, p, h) -> xn, A, B.
 
-    The Jacobian of the dynamics is written once per slope and propagated; CasADi's ``jacobian`` of the whole step takes
-    2.4 times as many instructions.
+    ``dynamics`` is (x, u, p) -> xd of the first entries of x; the last ones, if any, become the first inputs.
 
-    Parameters
-    ----------
-    dynamics : casadi.Function
-        (x, u, p) -> xd of the first entries of x; the last ones, if any, become the input (the first nu of them).
-    nx : int
-        Number of states.
-    method : str
-        Name in ``CONTROL_METHODS``.
-
-    Returns
-    -------
-    casadi.Function
-        (x, u, p, h) -> xn, A, B.
+    By the variational equations: the Jacobian of the dynamics is written once per slope and propagated; CasADi's
+    ``jacobian`` of the whole step takes 2.4 times as many instructions.
     """
     x, u, p = ca.SX.sym("x", nx), ca.SX.sym("u", dynamics.size1_in(1)), ca.SX.sym("p", dynamics.size1_in(2))
     h = ca.SX.sym("h")
@@ -260,14 +247,15 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
     return ca.Function("stage_step", [x, u, p, h], expressions, ["x", "u", "p", "h"], ["xn", "A", "B"])
 
 
+_EXPANDED = ["l", "g", "H", "c", "C"]
+
+
 def cost_function(outputs: ca.Function, rows: ca.Function, stage: float) -> ca.Function:
     """Write cost and rows of a stage; see ``Stages.cost``."""
     x, u, p = (ca.SX.sym(name, outputs.size1_in(k)) for k, name in enumerate("xup"))
     r, weights = ca.SX.sym("r", outputs.numel_out(0)), ca.SX.sym("W", outputs.numel_out(0))
-    z = ca.vertcat(x, u)
-    expressions = _expanded(outputs(x, u, p), rows(x, u, p), z, r, stage * weights)
-    names = ["l", "g", "H", "c", "C"]
-    return ca.Function("stage_cost", [x, u, p, r, weights], expressions, ["x", "u", "p", "r", "W"], names)
+    expressions = _expanded(outputs(x, u, p), rows(x, u, p), ca.vertcat(x, u), r, stage * weights)
+    return ca.Function("stage_cost", [x, u, p, r, weights], expressions, ["x", "u", "p", "r", "W"], _EXPANDED)
 
 
 def terminal_function(outputs: ca.Function, rows: ca.Function, nt: int, ns: int) -> ca.Function:
@@ -276,8 +264,7 @@ def terminal_function(outputs: ca.Function, rows: ca.Function, nt: int, ns: int)
     r, weights = ca.SX.sym("r", outputs.numel_out(0)), ca.SX.sym("T", outputs.numel_out(0))
     y, c = outputs(x, u, p)[:nt], rows(x, u, p)[:ns]
     expressions = _expanded(y, c, x, r[:nt], weights[:nt])
-    names = ["l", "g", "H", "c", "C"]
-    return ca.Function("terminal_cost", [x, p, r, weights], expressions, ["x", "p", "r", "T"], names)
+    return ca.Function("terminal_cost", [x, p, r, weights], expressions, ["x", "p", "r", "T"], _EXPANDED)
 
 
 def _expanded(y: ca.SX, c: ca.SX, z: ca.SX, r: ca.SX, weights: ca.SX) -> list[ca.SX]:

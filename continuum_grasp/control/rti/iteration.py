@@ -8,10 +8,8 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.compiled.source import load_library
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.rti.settings import Settings
-from continuum_grasp.control.rti.source import PROBLEM, library_source
+from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 
@@ -36,28 +34,59 @@ _ADVICE = {
 }
 
 
-class Report(NamedTuple):
-    """Outcome of an iteration.
+_ITERATIONS = 40
+"""Default cap of the interior-point method [1], which bounds the time of a call; in the shipped closed loops a QP takes
+at most 32 factorizations in all (configs/mpc/keep_out.yaml)."""
 
-    Attributes
-    ----------
-    status : int
-        Key of ``STATUS``.
-    iterations : int
-        Factorizations beyond that of the preparation; 0 where no bound is active.
-    kkt : float
-        Largest residual of the optimality conditions of the QP, relative.
-    violation : float
-        Largest violation of a soft constraint, in its unit.
-    cost : float
-        Cost of the QP at its solution, penalties included.
-    """
+
+class Report(NamedTuple):
+    """Outcome of an iteration: ``rti_report`` of ``c/rti.h``, its status a key of ``STATUS``."""
 
     status: int
     iterations: int
     kkt: float
     violation: float
     cost: float
+
+
+class Settings:
+    """Bounds, penalty weights and weights, which may be changed between iterations, in the memory layout of the C.
+
+    Attributes are the members of ``rti_settings`` in ``c/rti.h``, at first those of the problem; they read as arrays or
+    numbers and can be assigned, and so can entries of arrays.
+    """
+
+    def __init__(self, stages: Stages, real: Any) -> None:
+        nominal = {name: getattr(stages, name) for name in rti.SETTINGS}
+        # An array without entries has one in C, which has no arrays of length zero.
+        arrays = [(name, real, (max(len(value), 1),)) for name, value in nominal.items()]
+        numbers = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
+        numbers += [("tolerance", real), ("regularization", real)]
+        layout = np.dtype([*arrays, *numbers], align=True)
+        memory = np.zeros((), layout)
+        tolerance = rti.TOLERANCE["double" if np.dtype(real) == np.float64 else "float"]
+        own = {"stage": stages.stage, "substeps": stages.substeps, "iterations": _ITERATIONS, "tolerance": tolerance}
+        own |= {"regularization": rti.REGULARIZATION}
+        fields = {name: memory[name] for name in layout.names or ()}
+        fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
+        self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)
+        self.__dict__["address"] = ctypes.c_void_p(memory.ctypes.data)
+        for name, value in {**nominal, **own}.items():
+            setattr(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        fields = self.__dict__.get("_fields", {})
+        if name not in fields:
+            raise AttributeError(f"no setting {name!r}; there are {', '.join(fields)}")
+        return fields[name] if fields[name].ndim else fields[name].item()
+
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
+        if name not in self._fields:
+            raise InputError(f"unknown setting {name!r}: expected one of {', '.join(self._fields)}", key=name)
+        try:
+            self._fields[name][...] = value
+        except (ValueError, TypeError) as error:
+            raise InputError(f"expected {self._fields[name].shape}, got {value!r:.60}", key=name) from error
 
 
 class RealTimeIteration:
@@ -78,7 +107,6 @@ class RealTimeIteration:
 
     Attributes
     ----------
-    stages : Stages
     settings : Settings
         Those of the problem at first.
 
@@ -103,25 +131,28 @@ class RealTimeIteration:
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
         self.stages = stages
         self.precision = precision_of(precision)
-        source = library_source(stages, real=self.precision, lanes=lanes)
-        self._library = library = load_library(source, "real-time iterations")
+        source = rti.library_source(stages, real=self.precision, lanes=lanes)
+        self._library = library = rti.load_library(source, "real-time iterations")
         real: Any = np.float64 if self.precision == "double" else np.float32
         self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
         n, nx, nu = stages.stages, stages.nx, stages.nu
         self.settings = Settings(stages, real)
         self._x0, self._p = np.zeros(nx, real), np.array(stages.p_nominal, real)
         self._refs = np.zeros((n + 1, stages.nr), real)
+        # The plan's members lie as in ``rti_plan``: x, u, then what the next QP starts from, zeroed by ``reset``.
         plan = np.zeros(-(-library.rti_sizeof(1) // np.dtype(real).itemsize), real)
         states, inputs = (n + 1) * nx, n * nu
         self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
         self._warm_start = plan[states + inputs :]
         self._work = np.zeros(library.rti_sizeof(2), np.uint8)
         self._record = _record(self._number)
+        # numpy and ctypes lay structures out as a C compiler does by default; one that packs them is refused.
         sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
         if sizes != tuple(library.rti_sizeof(k) for k in range(4)):
             raise RuntimeError(f"the C compiler has an unexpected layout of structures: {sizes}")
-        self._work_at, self._plan_at = _address(self._work), _address(plan)
-        self._settings_at, self._x0_at, self._p_at = self.settings.address, _address(self._x0), _address(self._p)
+        # Arguments of all calls, built once: a call takes less time than wrapping its pointers.
+        self._plan_at, self._settings_at = _address(plan), self.settings.address
+        self._work_at, self._x0_at, self._p_at = _address(self._work), _address(self._x0), _address(self._p)
         head = self._work_at, self._plan_at, self._settings_at
         self._preparation = *head, self._p_at, _address(self._refs)
         self._answer = *head, self._x0_at, ctypes.byref(self._record)
@@ -138,16 +169,9 @@ class RealTimeIteration:
         return self._x, self._u
 
     def reset(self, x0: ArrayLike, u0: ArrayLike | None = None, *, rollout: bool = False) -> None:
-        """Start a plan that stays at a state, or that an input drives from there.
+        """Start a plan that stays at a state x0 (nx), or with ``rollout`` that the input u0 (nu) drives from there.
 
-        Parameters
-        ----------
-        x0 : (nx,) array_like
-            The state.
-        u0 : (nu,) array_like, optional
-            The input; by default zero, or the nearest bound.
-        rollout : bool
-            True: integrate the states.
+        By default the input is zero, or the nearest bound.
 
         Raises
         ------
@@ -199,15 +223,12 @@ class RealTimeIteration:
             self._take(self._refs, "refs", refs)
         if p is not None:
             self._take(self._p, "p", p)
-        status = self._prepare(*self._preparation)
-        if status < 0:
-            self._must(status)
+        self._must(self._prepare(*self._preparation))
 
     def feedback(self, x0: ArrayLike) -> Report:
         """Solve for a state, and replace the plan; see ``step``."""
         self._take(self._x0, "x0", x0)
-        if self._feedback(*self._answer) < 0:
-            self._must(self._record.status)
+        self._must(self._feedback(*self._answer))
         record = self._record
         return Report(record.status, record.iterations, record.kkt, record.violation, record.cost)
 
@@ -215,14 +236,7 @@ class RealTimeIteration:
         """Shift the plan by a number of stages, whole or not.
 
         States are interpolated between the nodes and inputs averaged over the new stages; beyond the horizon the last
-        ones are repeated.
-
-        Parameters
-        ----------
-        stages : float
-            Shift in stages.
-        rollout : bool
-            True: integrate the states beyond the horizon, with the last input and parameters.
+        ones are repeated, or with ``rollout`` the states integrated with the last input and parameters.
 
         Raises
         ------
@@ -235,17 +249,15 @@ class RealTimeIteration:
             raise InputError(f"stages: expected a finite number, 0 or more, got {stages!r:.60}", key="stages")
         self._library.rti_shift(self._plan_at, self._settings_at, self._number(stages))
         if rollout:
+            # The last node whose state was within the horizon before.
             last = max(0, int(self.stages.stages - stages))
             self._must(self._library.rti_extend(self._plan_at, self._settings_at, last, self._p_at))
 
     def qp(self) -> dict[str, Array]:
         """Copy the QP of the last preparation; ``control/c/rti.h`` defines it.
 
-        Returns
-        -------
-        dict
-            x (N+1, nx) and u (N, nu), the plan; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1),
-            g (N+1, nz), H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
+        x (N+1, nx) and u (N, nu), the plan; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1), g (N+1, nz),
+        H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
         """
         s = self.stages
         n, nx, nu, nz, nc = s.stages, s.nx, s.nu, s.nx + s.nu, s.nc
@@ -253,7 +265,7 @@ class RealTimeIteration:
         shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (n + 1,)}
         shapes |= {"g": (n + 1, width), "H": (n + 1, nz, width), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
         found = {}
-        for k, name in enumerate(PROBLEM):
+        for k, name in enumerate(rti.PROBLEM):
             where = self._library.rti_offset(k)
             count = int(np.prod(shapes[name])) * self._x.itemsize
             found[name] = self._work[where : where + count].view(self._x.dtype).reshape(shapes[name]).copy()
@@ -278,6 +290,5 @@ def _address(array: Array) -> ctypes.c_void_p:
 
 def _record(number: Any) -> Any:
     """Memory for a report of the C code."""
-    reals = [(name, number) for name in ("kkt", "violation", "cost")]
-    fields = [("status", ctypes.c_int), ("iterations", ctypes.c_int), *reals]
-    return type("_Record", (ctypes.Structure,), {"_fields_": fields})()
+    kinds = (ctypes.c_int, ctypes.c_int, number, number, number)
+    return type("_Record", (ctypes.Structure,), {"_fields_": list(zip(Report._fields, kinds, strict=True))})()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 from collections.abc import Iterable
 from importlib.resources import files
@@ -11,10 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
 from continuum_grasp.core.source import generated, lane_prelude
 from continuum_grasp.errors import InputError
+
+TOLERANCE = {"double": 1e-8, "float": 1e-4}
+"""Relative tolerance of the QP's solution [1]: about the square root of the machine epsilon in double; in single
+precision a thousand times the epsilon, since gradients are sums of some hundred rounded terms."""
+REGULARIZATION = 1e-9
+"""Added to the inputs' Hessian [cost per input squared]: keeps Riccati pivots positive where an input has no effect;
+the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
+
+Pattern = NDArray[np.bool_]
 
 _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a function in what CasADi writes."""
@@ -22,35 +34,25 @@ _BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n"
 _ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
 """Templates after the basis and the functions generated for a problem, in their order."""
 
+SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
+"""Arrays of ``rti_settings``, in its order and with the names of ``Stages``."""
+
 PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
 """Members of the workspace that define the QP."""
 
 
 def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
-    """Write the C of the real-time iterations of a problem.
+    """Write the C of the real-time iterations of a problem, in double or float, as one translation unit.
 
-    Parameters
-    ----------
-    real : {"double", "float"}
-        Floating-point type.
-    lanes : bool
-        Whether stages are linearized side by side in vector lanes (gcc and clang), with the same result to rounding.
-        Models with an operation that vector lanes do not have are linearized stage by stage.
-
-    Returns
-    -------
-    str
-        One translation unit.
-
-    Raises
-    ------
-    InputError
-        If a stage function is not a straight-line SX function of the expected sizes, or has a constant that single
-        precision cannot hold.
+    With ``lanes``, stages are linearized side by side in vector lanes (gcc and clang), with the same result to
+    rounding; models with an operation that vector lanes do not have are linearized stage by stage. ``InputError`` where
+    a stage function is not a straight-line SX function of the expected sizes, or has a constant that single precision
+    cannot hold.
     """
     _check(stages)
     vector = _lanes(stages, real) if lanes else ""
     functions = stage_functions(stages, real, vector=bool(vector))
+    # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [dimensions(stages, real), width, functions, vector, template("rti.h")]
     return "\n".join([*parts, *iteration_bodies(stages, lanes=lanes)])
@@ -81,6 +83,17 @@ int rti_offset(int which)
 """
 
 
+def load_library(source: str, users: str) -> ctypes.CDLL:
+    """Compile a C source, or find it in the cache, and load it; ``users`` need it, which messages name."""
+    compiler = find_compiler()
+    if compiler is None:
+        raise InputError(f"{users} need a C compiler: {why_no_compiler()}")
+    try:
+        return ctypes.CDLL(str(library_for(source, compiler)))
+    except (CompileError, OSError) as error:
+        raise InputError(f"{users} need a C compiler, and compiling failed: {error}") from error
+
+
 def template(name: str) -> str:
     """Read a C template of this package."""
     return (files("continuum_grasp.control") / "c" / name).read_text(encoding="utf-8")
@@ -98,6 +111,8 @@ def dimensions(stages: Stages, real: str) -> str:
 
 def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
     """Write the C of step and costs; of the terminal cost alone where the others are in vector lanes."""
+    # The bodies alone, as functions of arg and res: straight-line code needs none of the work vectors, sparsities and
+    # exported wrappers that CasADi writes around them.
     code = generated("stages", *(() if vector else (stages.step, stages.cost)), stages.terminal)
     begin, _, _ = code.partition("/* Configuration this file was compiled with */")
     bodies = [
@@ -109,13 +124,7 @@ def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
 
 
 def _check(stages: Stages) -> None:
-    """Check that the functions are as the template calls them.
-
-    Raises
-    ------
-    InputError
-        If one is not a straight-line function, or an output is not dense and of its size.
-    """
+    """Refuse functions that are not as the template calls them: straight-line, each output dense and of its size."""
     nx, nu, nc, ns = stages.nx, stages.nu, stages.nc, stages.ns
     nz = nx + nu
     sizes = {
@@ -140,10 +149,19 @@ def _lanes(stages: Stages, real: str) -> str:
     return "\n".join([lane_prelude(real), *functions, "#define RTI_VECTOR\n"])
 
 
+def _nonzeros(function: ca.Function, output: int) -> Pattern:
+    """Structural nonzeros of an output."""
+    sparsity = ca.sparsify(function.call(function.sx_in())[output]).sparsity()
+    pattern = np.zeros(sparsity.shape, dtype=bool)
+    pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
+    return pattern
+
+
 def _row_functions(stages: Stages) -> str:
-    """Write the products with the rows' Jacobian, over its structural nonzeros."""
-    nc = stages.nc
-    entries = _pattern(stages)
+    """Write the products with the rows' Jacobian C over its structural nonzeros, at a stage or at the last node."""
+    pattern = _nonzeros(stages.cost, 4)
+    pattern[: stages.ns, : stages.nx] |= _nonzeros(stages.terminal, 4)
+    entries = [np.flatnonzero(row) for row in pattern]
     values = [
         f"  y[{i}] = c[{i}]" + "".join(f" + C[{i}][{j}] * z[{j}]" for j in row) + ";" for i, row in enumerate(entries)
     ]
@@ -154,42 +172,19 @@ def _row_functions(stages: Stages) -> str:
             hessian.append(f"  {{ const real a = C[{i}][{j}] * w[{i}];")
             hessian += [f"    G[{j}][{k}] += a * C[{i}][{k}];" for k in row]
             hessian.append("  }")
-    rows = max(nc, 1)
-    void = "  (void)C; (void)w; "
-    return "\n".join(
-        [
-            f"static inline void rti_row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W],"
-            f" real y[{rows}])",
-            "{",
-            "  (void)c; (void)C; (void)z; (void)y;",
-            *values,
-            "}",
-            f"static inline void rti_row_gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])",
-            "{",
-            f"{void}(void)q;",
-            *gradient,
-            "}",
-            f"static inline void rti_row_hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])",
-            "{",
-            f"{void}(void)G;",
-            *hessian,
-            "}",
-            "",
-        ]
+    rows = max(stages.nc, 1)
+    functions = (
+        (f"values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W], real y[{rows}])", "cCzy", values),
+        (f"gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])", "Cwq", gradient),
+        (f"hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])", "CwG", hessian),
     )
+    lines: list[str] = []
+    for head, arguments, body in functions:
+        # Without rows the bodies are empty, and compilers warn of arguments that nothing reads.
+        unused = " ".join(f"(void){name};" for name in arguments)
+        lines += [f"static inline void rti_row_{head}", "{", f"  {unused}", *body, "}"]
+    return "\n".join([*lines, ""])
 
-
-def _pattern(stages: Stages) -> list[list[int]]:
-    """List the structural nonzeros of each row of C, at a stage or at the last node."""
-    found: list[set[int]] = [set() for _ in range(stages.nc)]
-    for function in (stages.cost, stages.terminal):
-        rows, columns = ca.sparsify(function.call(function.sx_in())[4]).sparsity().get_triplet()
-        for i, j in zip(rows, columns, strict=True):
-            found[i].add(j)
-    return [sorted(row) for row in found]
-
-
-Pattern = NDArray[np.bool_]
 
 _MOST = 1500
 """Multiplications of a product [1] beyond which loops are used: unrolled, they would take over 10 kB."""
@@ -201,35 +196,15 @@ def jacobian_products(stages: Stages) -> str:
     Not for vector lanes, where loops over whole rows are faster.
     """
     rate, driven = (_nonzeros(stages.step, output) for output in (1, 2))
-    return _chain(rate, driven) + _carry(_reached(rate, driven))
+    reached = np.hstack([rate, driven])
+    # Structural nonzeros of [A B] after any number of steps: a path through nx states has nx links at most.
+    for _ in range(len(rate)):
+        reached |= rate @ reached
+    return _chain(rate, driven, reached) + _carry(reached)
 
 
-def _nonzeros(function: ca.Function, output: int) -> Pattern:
-    """Structural nonzeros of an output."""
-    sparsity = ca.sparsify(function.call(function.sx_in())[output]).sparsity()
-    pattern = np.zeros(sparsity.shape, dtype=bool)
-    pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
-    return pattern
-
-
-def _reached(rate: Pattern, driven: Pattern) -> Pattern:
-    """Structural nonzeros of [A B] of a stage after any number of steps."""
-    found = np.hstack([rate, driven])
-    while True:
-        further = found | _product(rate, found)
-        if np.array_equal(further, found):
-            return found
-        found = further
-
-
-def _product(a: Pattern, b: Pattern) -> Pattern:
-    found: Pattern = (a.astype(int) @ b.astype(int)) > 0
-    return found
-
-
-def _chain(rate: Pattern, driven: Pattern) -> str:
+def _chain(rate: Pattern, driven: Pattern, reached: Pattern) -> str:
     """M = A M + [0 B], all by columns: the derivatives after one more step."""
-    reached = _reached(rate, driven)
     lines: list[str] = []
     count, nx = 0, len(rate)
     for j, column in enumerate(reached.T):

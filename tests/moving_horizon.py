@@ -22,15 +22,7 @@ rounding."""
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Most likely motion of a record.
-
-    Attributes
-    ----------
-    z : (K, nz) ndarray
-        States and disturbances at the times of the measurements.
-    cost : float
-        Half the sum of squares of start, noise and measurement errors, each per its standard deviation.
-    """
+    """Most likely states and disturbances (K, nz) at the times of the measurements, and half the sum of squares."""
 
     z: Array
     cost: float
@@ -43,25 +35,8 @@ def moving_horizon(
 
     Multiple shooting over all periods of the record: z_(k+1) = F(z_k, u_k) + L_k e_k with the noise L_k e_k of the
     estimator's own covariance, linearized along the estimator's run over the same record. The last state is what the
-    estimator approximates (C. V. Rao, J. B. Rawlings, D. Q. Mayne, doi:10.1109/TAC.2002.808470).
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Model, noise and start; it is reset and run over the record.
-    measurements : (K, ny) array_like
-        One row per period, NaN where nothing was measured.
-    inputs : (K - 1, nu) array_like
-        Inputs applied between them.
-    p : (np,) array_like, optional
-        Parameters; nominal by default.
-
-    Raises
-    ------
-    InputError
-        If shapes do not fit, or the estimator's measurements are late.
-    SolverError
-        If IPOPT does not converge.
+    estimator approximates (C. V. Rao, J. B. Rawlings, D. Q. Mayne, doi:10.1109/TAC.2002.808470). Measurements (K, ny)
+    are NaN where nothing was measured; inputs (K - 1, nu) were applied between them. The estimator is reset and run.
     """
     model, settings = estimator.estimation, estimator.settings
     measured, applied = np.atleast_2d(real_array("measurements", measurements)), real_array("inputs", inputs)

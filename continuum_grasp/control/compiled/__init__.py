@@ -1,1 +1,0 @@
-"""C of controllers and estimators, compiled and called from Python."""
