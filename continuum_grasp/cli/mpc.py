@@ -248,7 +248,7 @@ def _tell_outcomes(scene: MissionScene, outcomes: list[Outcome], folder: Path, p
     with output.saving(folder):
         files = [save_trials(outcomes, folder)]
     if pictures:
-        from continuum_grasp.plotting.mission.timeline import plot_trials
+        from continuum_grasp.plotting.mission import plot_trials
         from continuum_grasp.results import save_picture
 
         with output.drawing(folder):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, new_figure, plane_axes, quiet
-from continuum_grasp.plotting.drawing.fingers import draw_clamp
+from continuum_grasp.plotting.drawing.bodies import draw_clamp
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
@@ -72,39 +71,32 @@ def plot_modes(
     box = bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
     axes = _new_axes(wanted, box, modes.stable) if given is None else given[:wanted]
     for k, one in enumerate(axes):
-        _draw_mode(plane_axes(one, box), rest, swing[k], length)
-        one.set_title(
-            f"mode {k + 1}: {_mode_text(modes.frequencies_hz[k], modes.damping_ratios[k])}",
-            fontsize=10,
-            color=INK,
-        )
+        plane_axes(one, box)
+        plus, minus = rest + swing[k], rest - swing[k]
+        one.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
+        one.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
+        one.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
+        one.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
+        draw_clamp(one, rest, length)
+        damping = modes.damping_ratios[k]  # NaN of an unstable mode
+        ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
+        one.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)
     return axes
 
 
 def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
     """Axes for so many modes, in a figure that fits the box they share."""
     wide = (box[1] - box[0]) / (box[3] - box[2])
-    columns = (
-        1 if wide > 1.5 and count <= 3 else (2 if count == 4 and wide > 0.8 else min(count, 3 if count > 4 else 4))
-    )
-    rows = math.ceil(count / columns)
+    if wide > 1.5 and count <= 3:  # a lying finger: one below the other
+        columns = 1
+    elif count == 4 and wide > 0.8:
+        columns = 2
+    else:
+        columns = min(count, 3 if count > 4 else 4)
+    rows = -(-count // columns)
+    # at most 9.6 inch for all columns together, which a page in landscape holds
     each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))
-    width, height = columns * (each + 0.7), rows * (each / wide + 0.85)
-    figure = new_figure(width, height)
+    figure = new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
     if not stable:
         figure.suptitle("the equilibrium is unstable", color=ORANGE, fontsize=10)
     return [quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(count)]
-
-
-def _draw_mode(ax: Axes, rest: NDArray[Any], swing: NDArray[Any], length: float) -> None:
-    ax.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
-    ax.plot(*(rest + swing).T, color=BLUE, linewidth=2.0, zorder=3)
-    ax.plot(*(rest - swing).T, color=ORANGE, linewidth=2.0, zorder=3)
-    outline = np.concatenate([rest + swing, (rest - swing)[::-1]])
-    ax.fill(*outline.T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
-    draw_clamp(ax, rest, length)
-
-
-def _mode_text(frequency: float, damping: float) -> str:
-    text = f"{frequency:.4g} Hz"
-    return text if math.isnan(damping) else rf"{text}, $\zeta$ = {damping:.3g}"

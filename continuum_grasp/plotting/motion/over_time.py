@@ -46,14 +46,13 @@ def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -
     ax = new_axes(ax)
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
     values = np.asarray(trajectory.x)[:, : trajectory.n]
+    alone = len(names) == 1  # which the axis names; the others have a legend
     for k, color in enumerate(colors(trajectory.n)):
-        ax.plot(trajectory.t, values[:, k], color=color, linewidth=1.5, label=symbol(names[k][0]))
-    units = list(dict.fromkeys(unit for _, unit in names))
-    quantity = _QUANTITY.get(units[0], "bending coordinate") if len(units) == 1 else "bending coordinate"
+        ax.plot(trajectory.t, values[:, k], color=color, linewidth=1.5, label=None if alone else symbol(names[k][0]))
+    units = ", ".join(dict.fromkeys(unit for _, unit in names))
+    quantity = _QUANTITY.get(units, "bending coordinate") + (f" {symbol(names[0][0])}" if alone else "")
     ax.margins(x=0.0)
-    if len(names) == 1:
-        return time_axes(ax, f"{quantity} {symbol(names[0][0])} [{units[0]}]", trajectory.name)
-    return time_axes(ax, f"{quantity} [{', '.join(units)}]", trajectory.name, len(names), columns=8)
+    return time_axes(ax, f"{quantity} [{units}]", trajectory.name, columns=8)
 
 
 def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
@@ -85,7 +84,7 @@ def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     ax.plot(trajectory.t, potential, color=BLUE, linewidth=1.3, label="potential")
     ax.plot(trajectory.t, kinetic + potential, color=INK, linewidth=1.8, label="total")
     ax.margins(x=0.0)
-    return time_axes(ax, "energy [J]", trajectory.name, 3)
+    return time_axes(ax, "energy [J]", trajectory.name)
 
 
 def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
@@ -126,4 +125,4 @@ def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None
         ax.plot(trajectory.t, normal[:, k], color=color, linewidth=1.5, label=contacts.names[k])
         ax.plot(trajectory.t, shear[:, k], color=color, linewidth=1.0, linestyle="--")
     ax.margins(x=0.0)
-    return time_axes(ax, "normal force, dashed: friction [N]", trajectory.name, len(touching))
+    return time_axes(ax, "normal force, dashed: friction [N]", trajectory.name)
