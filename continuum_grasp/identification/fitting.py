@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -18,11 +17,12 @@ from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.fit import Fit
-from continuum_grasp.identification.inference import infer, model_error_warnings, refined
+from continuum_grasp.identification.inference import doubts, infer, model_error_warnings
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
@@ -30,17 +30,8 @@ from continuum_grasp.scene.simulate import Scene
 Array = NDArray[np.float64]
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
-_SIGNIFICANT = 2.5
-"""Correlation of successive residuals, in standard deviations of that of noise [1], from which it is reported: noise
-exceeds it in 0.6 % of paths."""
-_SERIES = 30
-"""Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
-_APART = 8.0
-"""Variance between sets of a group per variance within [1] from which it is reported: Fisher's ratio, which
-two independent sets of six repeats exceed in 2 % of cases."""
-_LITTLE = 0.6
-"""Misfit per range of what was measured [1] from which it is reported: the best constant has 0.29 where measurements
-are spread evenly, and 0.5 where half of them are at either end."""
+_MOST = 12
+"""Elements beyond which a model is not refined to see its error: twice as many take far longer than the search."""
 
 
 @interrupt.listening()
@@ -122,11 +113,14 @@ def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], val
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     found = []
     for one, scene in given:
-        fine = refined(scene)
-        if fine is None:
+        model = FingerModel(scene)
+        if len(model.lengths) > _MOST:
             return None
+        halves = tuple(0.5 * h for h in model.lengths for _ in range(2))
+        fidelity = scene.fidelity.model_copy(update={"family": model.family, "elements": halves})
         try:
-            found.append(_block(fine, one, unknowns).predict(values)[0])
+            fine = _block(scene.model_copy(update={"fidelity": fidelity}), one, unknowns)
+            found.append(fine.predict(values)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
     return np.concatenate(found)
@@ -196,91 +190,6 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, finer: Array | None
         blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
         targets=tuple((one.target, one.factor, one.added) for one in unknowns),
         scene=scene,
-        warnings=(
-            *found.warnings,
-            *shapes,
-            *_outliers(problem, weighted, found.freedom),
-            *_series(problem, weighted),
-            *_sets(problem, weighted),
-            *_misfits(problem, solution.predictions),
-            *doubted,
-        ),
+        warnings=(*found.warnings, *shapes, *doubts(problem, solution, found.freedom), *doubted),
         statistics=statistics,
     )
-
-
-def _outliers(problem: Problem, weighted: Array, freedom: int) -> list[str]:
-    """Fitted entries far from what the rest says."""
-    if freedom < 5:
-        return []
-    sizes = np.abs(weighted[problem.fitted])
-    scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
-    limit = max(4.0, 1.5 + math.sqrt(2.0 * math.log(sizes.size)))  # that normal noise rarely reaches
-    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
-    if not far.size:
-        return []
-    first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
-    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
-
-
-def _misfits(problem: Problem, predictions: Array) -> list[str]:
-    """Groups of which the model explains little: wrong units, signs or conditions do that."""
-    found = []
-    for group, entries in problem.groups.items():
-        members = problem.fitted & entries
-        values = problem.measured[members]
-        if values.size <= 2:  # which say nothing of a spread
-            continue
-        left, spread = float(np.sqrt(np.mean((predictions[members] - values) ** 2))), float(np.ptp(values))
-        if spread > 0.0 and left > _LITTLE * spread:
-            found.append(
-                f"{group}: the model is off by {left:.2g} r.m.s. where the measurements spread over {spread:.2g}: "
-                "check units, signs and conditions of the data"
-            )
-    return found
-
-
-def _sets(problem: Problem, weighted: Array) -> list[str]:
-    """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
-    found = []
-    which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
-    # instants of a path are no repeats; `_series` judges them
-    still = np.array([not block.horizons for block in problem.blocks])[which]
-    for group, entries in problem.groups.items():
-        members = problem.fitted & still & entries
-        sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
-        sets = [one for one in sets if one.size > 2]
-        if len(sets) < 2:
-            continue
-        # one-way analysis of variance: Fisher's ratio
-        count = sum(one.size for one in sets)
-        mean = sum(float(one.sum()) for one in sets) / count
-        between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
-        within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
-        if between > _APART * within:
-            found.append(
-                f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
-                "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
-            )
-    return found
-
-
-def _series(problem: Problem, weighted: Array) -> list[str]:
-    """Paths whose residuals hang together: then they are the model's error rather than noise."""
-    found, at = [], 0
-    for block in problem.blocks:
-        own = weighted[at : at + len(block.entries)]
-        at += len(block.entries)
-        count = sum(entry.at == block.entries[0].at for entry in block.entries)
-        if not block.horizons or own.size < _SERIES * count:
-            continue
-        before, after = own[:-count] - own.mean(), own[count:] - own.mean()
-        # of each coordinate with itself one instant later
-        share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > _SIGNIFICANT / np.sqrt(own.size):
-            found.append(
-                f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
-                "next): the model misses something, and the intervals are too narrow; more elements show whether it is "
-                "the family's own error"
-            )
-    return found

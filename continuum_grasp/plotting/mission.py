@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     shapes, poses = np.asarray(run.backbone(at, points=60)), mission.object_pose[at, :3]
     box = _box_of(mission, shapes, poses, 0.06 * run.length)
     forces = [_acting_forces(mission, int(k)) for k in at]
-    everything = [force for some in forces for force in some]
+    everything = list(chain(*forces))
     scale = force_scale(sizes_of(everything), 0.25 * run.length)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
@@ -102,7 +103,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     unique, back = np.unique(indices, return_inverse=True)
     shapes, poses = np.asarray(run.backbone(unique, points=60)), mission.object_pose[unique, :3]
     forces = [_acting_forces(mission, int(k)) for k in unique]
-    scale = force_scale(sizes_of(one for some in forces for one in some), 0.25 * run.length)
+    scale = force_scale(sizes_of(chain(*forces)), 0.25 * run.length)
     film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * run.length), width)
     ax = film.ax
     draw_supports(ax, mission.scene.supports)
@@ -149,8 +150,7 @@ def _pull_words(wrench: Array) -> str:
 
 def _box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float) -> Box:
     """Limits around finger and object in some of their poses."""
-    outlines = [part for pose in poses for part in object_outlines(mission.body, pose)]
-    return bend_box([shapes, *outlines], margin)
+    return bend_box([shapes, *chain(*(object_outlines(mission.body, pose) for pose in poses))], margin)
 
 
 def _draw_grasp(ax: Axes, mission: MissionRun, shape: Array, pose: Array, **style: Any) -> list[Any]:

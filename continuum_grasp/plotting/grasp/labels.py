@@ -65,54 +65,44 @@ class _Sheet:
     """The axes as a map of cells, in points from their lower left corner."""
 
     def __init__(self, ax: Axes, areas: Sequence[Array], lines: Sequence[Array], bodies: Sequence[Array]) -> None:
+        from matplotlib.transforms import Affine2D
+
         self.ax = ax
-        self.points_per_pixel = 72.0 / ax.figure.dpi
-        self.corner = np.array([ax.bbox.x0, ax.bbox.y0])
-        self.size = np.array([ax.bbox.width, ax.bbox.height]) * self.points_per_pixel
+        self.points_per_pixel = scale = 72.0 / ax.figure.dpi
+        self.points = ax.transData + Affine2D().translate(-ax.bbox.x0, -ax.bbox.y0).scale(scale)
+        self.size = np.array([ax.bbox.width, ax.bbox.height]) * scale
         shape = np.maximum(1, np.ceil(self.size / _CELL).astype(int))
         self.taken, self.texts, self.bodies = (np.zeros(shape, dtype=bool) for _ in range(3))
         for body in bodies:
-            self.bodies |= self._inside(self.to_points(body))
+            self.bodies |= self._inside(self.points.transform(body))
         for area in areas:
-            self.taken |= self._inside(self.to_points(area))
+            self.taken |= self._inside(self.points.transform(area))
         for line in [*lines, *(np.concatenate([a, a[:1]]) for a in (*areas, *bodies))]:
-            self._trace(self.to_points(line))
-
-    def to_points(self, data: Array) -> Array:
-        """Data coordinates as points on the sheet."""
-        pixels = np.asarray(self.ax.transData.transform(data))
-        return np.asarray((pixels - self.corner) * self.points_per_pixel)
+            self._trace(self.points.transform(line))
 
     def write(self, label: Label) -> None:
         """Place one label and mark its box as taken."""
-        look: dict[str, Any] = {
-            "color": label.color,
-            "fontsize": _FONT,
-            "linespacing": 1.15,
-            "multialignment": "center",
-        }
-        text = self.ax.text(0, 0, label.text, ha="center", va="center", zorder=Z.LABEL, **look)
+        look: dict[str, Any] = {"color": label.color, "fontsize": _FONT, "multialignment": "center"}
+        look |= {"linespacing": 1.15, "ha": "center", "va": "center", "zorder": Z.LABEL}
+        text = self.ax.text(0, 0, label.text, **look)
         shown = text.get_window_extent()
         half = 0.5 * np.array([shown.width, shown.height]) * self.points_per_pixel + _PAD
-        at = self.to_points(label.at)
+        at = self.points.transform(label.at)
         wanted = None
         if np.any(label.away):
-            way = self.to_points(label.at + label.away) - at
+            way = self.points.transform(label.at + label.away) - at
             wanted = math.atan2(way[1], way[0])
         center = self._best(self.taken if label.on_body else self.taken | self.bodies, at, half, wanted)
-        data = self._to_data(center)
-        text.set_position((float(data[0]), float(data[1])))
+        x, y = self.points.inverted().transform(center)
+        text.set_position((float(x), float(y)))
         low, high = self._cells(center - half), self._cells(center + half)
         self.texts[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
         end = np.clip(at, center - half, center + half)
-        if float(np.hypot(*(end - at))) > 1.6 * _NEAR:  # a label at the next distance is still near by itself
-            path = np.array([label.at, self._to_data(end)]).T
+        if float(np.hypot(*(end - at))) > 1.6 * _NEAR:  # at all places but the nearest
+            path = np.array([label.at, self.points.inverted().transform(end)]).T
             look = {"color": label.color, "linewidth": 0.7, "alpha": 0.8, "zorder": Z.LEADER}
             self.ax.plot(*path, scalex=False, scaley=False, **look)
             self._trace(np.array([at, end]))
-
-    def _to_data(self, point: Array) -> Array:
-        return np.asarray(self.ax.transData.inverted().transform(point / self.points_per_pixel + self.corner))
 
     def _best(self, taken: Array, at: Array, half: Array, wanted: float | None) -> Array:
         """Center of the box that costs least [points]."""

@@ -54,20 +54,18 @@ class GraspView:
 
     @cached_property
     def pose(self) -> Array:
-        """World x, y [mm] and angle [rad] of the object (3,)."""
-        pose = self.result.object_pose if self.found else np.array(self.result.scene.object.pose)
-        return np.asarray(pose, dtype=float) * [MM, MM, 1.0]
+        """World x, y [m] and angle [rad] of the object (3,)."""
+        return np.asarray(self.result.object_pose if self.found else self.result.scene.object.pose, dtype=float)
 
     @cached_property
     def center_of_mass(self) -> Array:
         """World (2,) [mm]."""
-        return self.pose[:2] + turned(MM * np.array(self.result.scene.object.com), self.pose[2])
+        return MM * (self.pose[:2] + turned(np.array(self.result.scene.object.com), self.pose[2]))
 
     @cached_property
     def outlines(self) -> tuple[Array, ...]:
         """Outlines of the object's parts in the world, (points, 2) each [mm]."""
-        pose = self.pose / [MM, MM, 1.0]
-        return tuple(MM * outline for outline in object_outlines(self.result.scene.object, pose))
+        return tuple(MM * outline for outline in object_outlines(self.result.scene.object, self.pose))
 
     @cached_property
     def backbones(self) -> dict[str, Array]:
