@@ -68,16 +68,13 @@ class _RowsBlock(Block):
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        """As of ``Block``."""
         found = [self._row(row, values) for row in range(len(self._fitted))]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        """As of ``Block``."""
         return self._shapes.warnings(values)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
-        """Predictions of one row, and their derivatives."""
         raise NotImplementedError
 
 

@@ -65,9 +65,7 @@ class PathBlock(Block):
         ]
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        """As of ``Block``."""
-        p, slope = self._rows.split(self._rows.at(0, values)[0])[2], self._slope(values)
-        x, by_values = self._motion.at(*self._begin(values), p)
+        x, by_values, p = self._moved(values)
         n, count = self._model.n, len(x)
         acting = np.hstack([*self._acting, np.tile(p, (count, 1))])
         y, by_q, by_z = (np.array(v) for v in self._observe(x[:, :n].T, acting.T))
@@ -75,15 +73,19 @@ class PathBlock(Block):
         # a mapped function puts the matrices of all instants side by side
         by_q = by_q.reshape(size, count, n).transpose(1, 0, 2)
         by_p = by_z.reshape(size, count, acting.shape[1]).transpose(1, 0, 2)[:, :, start:]
-        derivative = by_q @ by_values[:, :n] + by_p @ slope
+        derivative = by_q @ by_values[:, :n] + by_p @ self._slope(values)
         return y.T.ravel(), derivative.reshape(size * count, len(self._unknowns))
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        """As of ``Block``."""
-        p = self._rows.split(self._rows.at(0, values)[0])[2]
-        q = self._motion.at(*self._begin(values), p)[0][:, : self._model.n]
+        x, _, p = self._moved(values)
+        q = x[:, : self._model.n]
         use = np.array(self._model.range_use.map(len(q))(q.T, self._acting[0].T, np.tile(p, (len(q), 1)).T)).T
         return limit_warnings(self._model, use, self._t)
+
+    def _moved(self, values: Array) -> tuple[Array, Array, Array]:
+        """States (T, nx), their derivatives (T, nx, unknowns) and the parameters p."""
+        p = self._rows.split(self._rows.at(0, values)[0])[2]
+        return *self._motion.at(*self._begin(values), p), p
 
     def _slope(self, values: Array) -> Array:
         """Derivative of p with respect to the unknowns."""
@@ -116,10 +118,11 @@ class PathBlock(Block):
 
 def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
     """The shape at time zero, where it is an equilibrium; None where the scene gives its coordinates."""
-    pose, loads = scene.initial.pose, (*scene.loads, *scene.initial.held_by)
+    pose = scene.initial.pose
+    scene = scene.model_copy(update={"loads": (*scene.loads, *scene.initial.held_by)})
     if pose == "rest":
-        scene, loads = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None}), ()
-    rows = Rows(scene, unknowns, name, loads=loads)
+        scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
+    rows = Rows(scene, unknowns, name)
     return Shapes(rows) if pose in ("equilibrium", "rest") else None
 
 

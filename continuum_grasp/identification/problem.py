@@ -20,8 +20,8 @@ _HUBER = 1.345
 """Deviations beyond which Huber's loss is linear [1]: 95 % efficient for normal noise (P. J. Huber, 1981)."""
 _ROUNDS = 25
 """Most rounds of weights; standard deviations settle in two or three, robust weights linearly."""
-_HORIZONS = (0.1, 0.25, 0.5, 1.0)
-"""Parts of the paths that are fitted one after the other, so that a wrong start does not end in a wrong period."""
+_HORIZONS = (0.1, 0.25, 0.5)
+"""Parts of the paths that are fitted before the whole, so that a wrong start does not end in a wrong period."""
 _LEAST_ROWS = 4
 """Fitted numbers per parameter from which a part of the data is fitted at all."""
 _FIRST, _EVALUATIONS = 12, 200
@@ -81,8 +81,7 @@ class Problem:
             If the search does not converge.
         """
         values, sigma = np.array([one.start for one in self.unknowns]), self._first_sigma()
-        horizons = _HORIZONS if any(block.horizons for block in self.blocks) else (1.0,)
-        for share in horizons[:-1]:
+        for share in _HORIZONS if any(block.horizons for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):
                 values = self._search(values, chosen, 1.0 / sigma, first=True).values
@@ -104,9 +103,8 @@ class Problem:
         return Solution(values, predictions, jacobian, sigma, inflation, self._iterations, self._evaluations)
 
     def _search(self, start: Array, chosen: NDArray[np.bool_], weights: Array, first: bool = False) -> Minimum:
-        lower = np.array([one.lower for one in self.unknowns])
-        upper = np.array([one.upper for one in self.unknowns])
-        sizes = np.array([max(abs(one.start), one.typical) for one in self.unknowns])
+        bounds = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in self.unknowns]
+        lower, upper, sizes = (np.array(column) for column in zip(*bounds, strict=True))
         if first:
             reach = np.maximum(_REACH * np.abs(start), sizes)
             lower, upper = np.maximum(lower, start - reach), np.minimum(upper, start + reach)

@@ -15,7 +15,6 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium
@@ -38,7 +37,7 @@ class Rows:
     """The argument z = [u, w, p] of a model in every row, and its derivative with respect to the unknowns.
 
     Conditions (rows,) are values by row, under the names of the model; all others are the scene's, at time zero.
-    ``loads`` take the place of the scene's; ``name`` is that of the data, for errors.
+    ``name`` is that of the data, for errors.
 
     Raises
     ------
@@ -53,12 +52,10 @@ class Rows:
         name: str,
         conditions: Mapping[str, ArrayLike] | None = None,
         rows: int = 1,
-        loads: Sequence[Load] | None = None,
     ) -> None:
-        self.scene = scene if loads is None else scene.model_copy(update={"loads": tuple(loads)})
-        self._unknowns, self.count, key = list(unknowns), rows, f"{name}.conditions"
+        self.scene, self._unknowns, self.count, key = scene, list(unknowns), rows, f"{name}.conditions"
         given = dict(conditions or {})
-        plain = FingerModel(self.scene, parameters=runtime_names(scene, unknowns), input_rates=False)
+        plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
         entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
         more = [one for one in given if one not in entries]
         for one in more:
@@ -67,12 +64,12 @@ class Rows:
         try:
             # by the family of the model without these parameters: data must not change what is fitted
             self.model = model = FingerModel(
-                self.scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
+                scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
             )
         except InputError as error:
             where = f"inputs and forces: {', '.join(entries)}" if entries else "no inputs and forces"
             raise InputError(f"{error.message}; {where}", key=key) from None
-        signals = Signals(self.scene, model)
+        signals = Signals(scene, model)
         self.nominal = np.concatenate([signals.u(0.0)[0], signals.w(0.0)[0], model.p_nominal])
         names = [split_unit(label)[0] for label in (*model.u_names, *model.w_names, *model.p_names)]
         self._table = np.tile(self.nominal, (rows, 1))
@@ -224,7 +221,7 @@ def observation(model: FingerModel, places: Sequence[tuple[str, float | None]]) 
     length, values = model.finger.rod.length, []
     for quantity, at in places:
         s = length if at is None else at
-        if not 0.0 <= s <= length * (1 + 1e-9):
+        if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
             raise InputError(f"{quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
         if quantity in ("x", "y"):
             values.append(model.position(q, u, s, p)["xy".index(quantity)])

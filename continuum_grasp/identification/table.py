@@ -207,6 +207,7 @@ def factor_to_si(unit: str, si: str) -> float:
     for one in (unit, unit.replace("*", " ").replace("·", " ").replace("°", "deg")):
         if one in known:
             return known[one]
+    # names of one or two letters resemble each other by chance
     near = difflib.get_close_matches(unit, known, n=1, cutoff=0.75)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")

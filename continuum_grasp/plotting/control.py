@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.axes import (
     bend_box,
     colors,
@@ -19,15 +20,6 @@ from continuum_grasp.plotting.drawing.axes import (
     split_unit,
     time_axes,
     words,
-)
-from continuum_grasp.plotting.drawing.bodies import (
-    draw_clamp,
-    draw_object,
-    draw_supports,
-    draw_zones,
-    object_outlines,
-    outlines_at,
-    zone_points,
 )
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
@@ -48,7 +40,7 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     shapes = run.backbone(_evenly(len(tip), _SHAPES), points=60)
     ax = plane_axes(ax, bend_box(_shown_points(run, shapes), 0.07 * run.length), colorbar=False)
     _draw_surroundings(ax, run)
-    draw_clamp(ax, shapes[0], run.length)
+    bodies.draw_clamp(ax, shapes[0], run.length)
     for shape in shapes:
         ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
     if wanted is not None:
@@ -71,15 +63,15 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     scene, tip, zones = plan.scene, np.asarray(plan.tip), plan.scene.bounds.keep_out
     shown = _evenly(len(tip), _NODES)
     shapes = plan.backbone(shown, points=60)
-    outlines = outlines_at(plan, [0, -1])
-    points = [shapes, tip, *zone_points(zones), *(outlines[-1] if outlines else ())]
+    outlines = bodies.outlines_at(plan, [0, -1])
+    points = [shapes, tip, *bodies.zone_points(zones), *(outlines[-1] if outlines else ())]
     ax = plane_axes(ax, bend_box(points, 0.07 * plan.length))
-    draw_zones(ax, zones)
-    draw_supports(ax, scene.supports)
+    bodies.draw_zones(ax, zones)
+    bodies.draw_supports(ax, scene.supports)
     for k, outline in enumerate(outlines):
-        draw_object(ax, outline, faint=k == 0)
+        bodies.draw_object(ax, outline, faint=k == 0)
     draw_timed(ax, shapes, plan.t[shown], plan.t)
-    draw_clamp(ax, shapes[0], plan.length)
+    bodies.draw_clamp(ax, shapes[0], plan.length)
     ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
     goal = scene.goal
     goals = [] if goal.tip is None else [goal.tip.value]
@@ -98,19 +90,19 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
 def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:
     """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
     wanted = run.tip_reference
-    zones = zone_points(run.scene.controller.bounds.keep_out)
+    zones = bodies.zone_points(run.scene.controller.bounds.keep_out)
     return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones]
 
 
 def _draw_surroundings(ax: Axes, run: ControlRun) -> None:
     """Draw zones, supports, and the object where it is at the start, into axes whose limits are set."""
     scene = run.scene
-    draw_zones(ax, scene.controller.bounds.keep_out)
-    draw_supports(ax, scene.supports)
+    bodies.draw_zones(ax, scene.controller.bounds.keep_out)
+    bodies.draw_supports(ax, scene.supports)
     if scene.object is not None:
         # a run has no poses of an object that is fixed
         pose = np.asarray(scene.object.pose if run.object_pose is None else run.object_pose[0, :3])
-        draw_object(ax, object_outlines(scene.object, pose))
+        bodies.draw_object(ax, bodies.object_outlines(scene.object, pose))
 
 
 def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -224,7 +216,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     film = Film(bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
     ax = film.ax
     _draw_surroundings(ax, run)
-    draw_clamp(ax, shapes[0], run.length)
+    bodies.draw_clamp(ax, shapes[0], run.length)
     cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
     if wanted is not None:
         ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)

@@ -37,16 +37,7 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
-    """Draw predictions of one group over measurements; on the line they agree.
-
-    Parameters
-    ----------
-    fit : Fit
-        What an identification found.
-    group : str
-        Which numbers: ``entry.group`` of some.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; axes of a new figure where not given.
+    """Draw predictions of one group of entries over measurements; on the line they agree.
 
     Raises
     ------

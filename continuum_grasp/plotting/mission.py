@@ -9,17 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, colors, head, new_figure, quiet, show_box, words
-from continuum_grasp.plotting.drawing.bodies import (
-    draw_body,
-    draw_clamp,
-    draw_object,
-    draw_supports,
-    finger_outline,
-    object_outlines,
-)
 from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale, sizes_of
+from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GRAY, GREEN, INK, ORANGE, Z
 
 if TYPE_CHECKING:
@@ -41,14 +34,11 @@ _NAMED = {"approach": "about to touch", "squeeze": "squeezed", "hold": "lifted a
 _WORDS = {"load": "pull", "contact": "contact, on the finger", "support": "support, on the object"}
 """What a legend calls a kind of force, where that is another word."""
 _BANDS = {
-    "approach": "#EAF2FA",
+    **dict.fromkeys(("approach", "release"), "#EAF2FA"),
+    **dict.fromkeys(("lift", "lower"), "#FBEFD5"),
+    **dict.fromkeys(("hold", "rest"), "#E3F3EA"),
     "squeeze": "#D3E5F5",
-    "lift": "#FBEFD5",
-    "hold": "#E3F3EA",
-    "rest": "#E3F3EA",
     "pull": "#F8DDD2",
-    "lower": "#FBEFD5",
-    "release": "#EAF2FA",
 }
 """Pale, since curves are drawn on them; phases that undo each other share one."""
 _LEAST_INCH = 0.14
@@ -69,8 +59,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     shapes, poses = np.asarray(run.backbone(at, points=60)), mission.object_pose[at, :3]
     box = _box_of(mission, shapes, poses, 0.06 * run.length)
     forces = [_acting_forces(mission, int(k)) for k in at]
-    everything = list(chain(*forces))
-    scale = force_scale(sizes_of(everything), 0.25 * run.length)
+    scale = force_scale(chain(*forces), 0.25 * run.length)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
     high = _WIDE * (box[3] - box[2]) / (box[1] - box[0])
@@ -83,8 +72,8 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         show_box(quiet(ax), box)
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
-        draw_supports(ax, mission.scene.supports)
-        draw_clamp(ax, shape, run.length)
+        bodies.draw_supports(ax, mission.scene.supports)
+        bodies.draw_clamp(ax, shape, run.length)
         _draw_grasp(ax, mission, shape, pose)
         draw_forces(ax, forces[j], scale)
         _draw_moment(ax, mission, float(run.t[k]), pose)
@@ -92,7 +81,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     figure.supxlabel("x [m]", fontsize=9, color=INK)
     figure.supylabel("y [m]", fontsize=9, color=INK)
     figure.suptitle(mission.name or " ", fontsize=10, color=INK, x=0.01, ha="left")
-    handles = [Line2D([], [], **key) for key in force_keys(everything, _WORDS)]
+    handles = [Line2D([], [], **key) for key in force_keys(list(chain(*forces)), _WORDS)]
     figure.legend(handles=handles, loc="outside upper right", ncols=_ONE_ROW, frameon=False, fontsize=9)
     return axes
 
@@ -103,11 +92,11 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     unique, back = np.unique(indices, return_inverse=True)
     shapes, poses = np.asarray(run.backbone(unique, points=60)), mission.object_pose[unique, :3]
     forces = [_acting_forces(mission, int(k)) for k in unique]
-    scale = force_scale(sizes_of(chain(*forces)), 0.25 * run.length)
+    scale = force_scale(chain(*forces), 0.25 * run.length)
     film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * run.length), width)
     ax = film.ax
-    draw_supports(ax, mission.scene.supports)
-    draw_clamp(ax, shapes[0], run.length)
+    bodies.draw_supports(ax, mission.scene.supports)
+    bodies.draw_clamp(ax, shapes[0], run.length)
     ahead = film.line(color=GREEN, linewidth=1.6, zorder=Z.MASS)
     ax.plot([], [], color=GREEN, linewidth=1.6, label="predicted tip")
     clock = film.clock()
@@ -150,17 +139,17 @@ def _pull_words(wrench: Array) -> str:
 
 def _box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float) -> Box:
     """Limits around finger and object in some of their poses."""
-    return bend_box([shapes, *chain(*(object_outlines(mission.body, pose) for pose in poses))], margin)
+    return bend_box([shapes, *chain(*(bodies.object_outlines(mission.body, pose) for pose in poses))], margin)
 
 
 def _draw_grasp(ax: Axes, mission: MissionRun, shape: Array, pose: Array, **style: Any) -> list[Any]:
     """Draw object and finger; a mark on the object, from its center along its x axis, shows how it turns."""
-    outlines = object_outlines(mission.body, pose)
+    outlines = bodies.object_outlines(mission.body, pose)
     reach = 0.5 * np.linalg.norm(np.concatenate(outlines) - pose[:2], axis=1).min()
     mark = np.array([pose[:2], pose[:2] + reach * np.array([np.cos(pose[2]), np.sin(pose[2])])])
     return [
-        *draw_object(ax, outlines, **style),
-        draw_body(ax, finger_outline(shape, mission.scene.finger.thickness_radius), **style),
+        *bodies.draw_object(ax, outlines, **style),
+        bodies.draw_body(ax, bodies.finger_outline(shape, mission.scene.finger.thickness_radius), **style),
         *ax.plot(*shape.T, color=BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style),
         *ax.plot(*mark.T, color=EDGE, linewidth=1.2, zorder=Z.MARK, **style),
     ]

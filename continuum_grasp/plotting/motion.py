@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.axes import (
     Box,
     bend_box,
@@ -25,18 +26,8 @@ from continuum_grasp.plotting.drawing.axes import (
     symbol,
     time_axes,
 )
-from continuum_grasp.plotting.drawing.bodies import (
-    draw_body,
-    draw_clamp,
-    draw_object,
-    draw_supports,
-    finger_outline,
-    mass_positions,
-    masses_of,
-    outlines_at,
-)
 from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale, sizes_of
+from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
 
 if TYPE_CHECKING:
@@ -57,22 +48,17 @@ def plot_snapshots(
 ) -> Axes:
     """Draw the finger at several instants, colored by time, with clamp, point masses and forces to scale.
 
-    An object is drawn at the same instants, filled at the last of them, with its supports.
+    An object is drawn at the same instants, filled at the last of them, with its supports. The backbones are the first
+    collection of the axes, arrows of each kind of force a quiver.
 
     Parameters
     ----------
     trajectory : Trajectory
         Its ``t``, ``backbone`` and ``loads_at`` are drawn, and the point masses of its ``scene``.
     times : sequence of float, or int
-        Instants [s]; the nearest computed ones are drawn. A number: so many, evenly spaced from first to
-        last.
+        Instants [s]; the nearest computed ones are drawn. A number: so many, evenly spaced from first to last.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes; the backbones are their first collection, arrows of each kind of force a quiver.
 
     Raises
     ------
@@ -90,19 +76,19 @@ def plot_snapshots(
     t, length, scene = np.asarray(trajectory.t), trajectory.length, trajectory.scene
     indices = _nearest(t, times)
     shapes = np.asarray(trajectory.backbone(indices, points=60))
-    outlines = outlines_at(trajectory, indices)
+    outlines = bodies.outlines_at(trajectory, indices)
     forces, scale, box = _forces_and_box(trajectory, indices, [shapes], outlines)
     ax = plane_axes(ax, box)
-    draw_supports(ax, scene.supports)
+    bodies.draw_supports(ax, scene.supports)
     for k, some in enumerate(outlines):
-        draw_object(ax, some, faint=k < len(outlines) - 1)
+        bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
     if outlines:
-        draw_body(ax, finger_outline(shapes[-1], scene.finger.thickness_radius))
+        bodies.draw_body(ax, bodies.finger_outline(shapes[-1], scene.finger.thickness_radius))
     lines = draw_timed(ax, shapes, t[indices], t)
-    draw_clamp(ax, shapes[0], length)
-    masses = masses_of(scene.finger)
+    bodies.draw_clamp(ax, shapes[0], length)
+    masses = bodies.masses_of(scene.finger)
     if masses:
-        spots = np.concatenate([mass_positions(shape, masses, length) for shape in shapes])
+        spots = np.concatenate([bodies.mass_positions(shape, masses, length) for shape in shapes])
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
     everything = list(chain(*forces))
@@ -130,21 +116,21 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     length, scene = trajectory.length, trajectory.scene
     unique, back = np.unique(indices, return_inverse=True)
     shapes = np.asarray(trajectory.backbone(unique, points=60))
-    outlines = outlines_at(trajectory, unique)
+    outlines = bodies.outlines_at(trajectory, unique)
     forces, scale, box = _forces_and_box(trajectory, unique, [shapes, np.asarray(trajectory.tip)], outlines)
     film = Film(box, width)
     ax = film.ax
-    draw_supports(ax, scene.supports)
-    draw_clamp(ax, shapes[0], length)
+    bodies.draw_supports(ax, scene.supports)
+    bodies.draw_clamp(ax, shapes[0], length)
     finger = film.finger(trajectory, unique, shapes, dot=7)
-    explain(ax, masses_of(scene.finger), list(chain(*forces)), trajectory.name)
+    explain(ax, bodies.masses_of(scene.finger), list(chain(*forces)), trajectory.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
         if outlines:
             half = scene.finger.thickness_radius
-            passing += draw_object(ax, outlines[k], animated=True)
-            passing.append(draw_body(ax, finger_outline(shapes[k], half), animated=True))
+            passing += bodies.draw_object(ax, outlines[k], animated=True)
+            passing.append(bodies.draw_body(ax, bodies.finger_outline(shapes[k], half), animated=True))
         return finger(k), passing
 
     return film.frames(back, moving)
@@ -157,14 +143,14 @@ def _forces_and_box(
     forces = [[one for one in motion.loads_at(int(k)) if np.hypot(*one[1]) > 0] for k in indices]
     everything = list(chain(*forces))
     # a quarter of the finger: long enough to see the direction, without dwarfing the finger
-    scale = force_scale(sizes_of(everything), 0.25 * motion.length)
+    scale = force_scale(everything, 0.25 * motion.length)
     ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in everything]
     box = bend_box([*points, *ends, *chain(*outlines)], 0.09 * motion.length)
     return forces, scale, box
 
 
 def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw where the tip goes in the plane, colored by time.
+    """Draw where the tip goes in the plane, colored by time; the path is the first collection of the axes.
 
     Parameters
     ----------
@@ -172,11 +158,6 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
         Its ``t`` (T,) [s] and ``tip`` (T, 2) [m, world] are drawn.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes; the path is their first collection.
 
     Examples
     --------
@@ -198,20 +179,14 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw every bending coordinate over time.
+    """Draw every bending coordinate over time, one line each, in order.
 
     Parameters
     ----------
     trajectory : Trajectory
-        Its ``t`` (T,) [s] and the first ``n`` columns of ``x`` are drawn: angles [rad] or nodal curvatures
-        [1/m].
+        Its ``t`` (T,) [s] and the first ``n`` columns of ``x`` are drawn: angles [rad] or nodal curvatures [1/m].
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes; one line per coordinate, in order.
 
     Examples
     --------
@@ -243,11 +218,6 @@ def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes; lines are kinetic, potential and total energy.
-
     Examples
     --------
     >>> import continuum_grasp as cg
@@ -274,11 +244,6 @@ def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None
         Its ``t`` (T,) [s] and ``contacts`` are drawn; contacts that never touch are left out.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The axes; two lines per contact, normal force and friction.
 
     Raises
     ------
@@ -313,7 +278,7 @@ def plot_modes(
     amplitude: float = 0.15,
     ax: Sequence[Axes] | Axes | None = None,
 ) -> list[Axes]:
-    """Draw each mode shape at plus and minus an amplitude about the equilibrium.
+    """Draw each mode shape at plus and minus an amplitude about the equilibrium, in axes of its own.
 
     Parameters
     ----------
@@ -325,11 +290,6 @@ def plot_modes(
         Greatest displacement drawn, in lengths of the finger.
     ax : sequence of matplotlib.axes.Axes, or Axes, optional
         One for each mode; None: axes in a new figure.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-        One per mode. Lines of each: equilibrium, plus, minus.
 
     Raises
     ------
@@ -364,7 +324,7 @@ def plot_modes(
         one.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
         one.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
         one.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
-        draw_clamp(one, rest, length)
+        bodies.draw_clamp(one, rest, length)
         damping = modes.damping_ratios[k]  # NaN of an unstable mode
         ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
         one.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)

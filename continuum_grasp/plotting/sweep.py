@@ -32,10 +32,6 @@ def plot_map(drawn: GridMap | ScatterMap, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import numpy as np
@@ -68,10 +64,6 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
         Of `continuum_grasp.sweeps.maps`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
 
     Examples
     --------

@@ -26,15 +26,14 @@ _COLORS = {"contact": BLUE, "load": ORANGE, "tip": GREEN, "support": SKY}
 _SPARE = PURPLE, YELLOW, SKY
 
 
-def force_scale(sizes: Iterable[float], longest: float) -> float:
-    """Drawn length per force: the greatest of the sizes [N] is drawn ``longest``; 0 where there is none."""
-    greatest = max(sizes, default=0.0)
+def force_scale(forces: Iterable[Force], longest: float) -> float:
+    """Drawn length per force [m/N]: the greatest is drawn ``longest``; 0 where there is none."""
+    greatest = _greatest(forces)
     return longest / greatest if math.isfinite(greatest) and greatest > 0 else 0.0
 
 
-def sizes_of(forces: Iterable[Force]) -> list[float]:
-    """Sizes of forces [N]."""
-    return [float(np.hypot(*force)) for _, force, _ in forces]
+def _greatest(forces: Iterable[Force]) -> float:
+    return max((float(np.hypot(*force)) for _, force, _ in forces), default=0.0)
 
 
 def draw_forces(ax: Axes, forces: Sequence[Force], scale: float) -> list[Quiver]:
@@ -72,7 +71,7 @@ def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) 
     """Per kind the look of an entry of a legend, with the greatest force; ``names`` are other names of kinds."""
     found = []
     for kind in _kinds(forces):
-        greatest = max(sizes_of(force for force in forces if force[2] == kind))
+        greatest = _greatest(force for force in forces if force[2] == kind)
         label = rf"{(names or {}).get(kind, kind)} $\leq$ {greatest:.3g} N"
         look = {"color": _color(kind), "marker": r"$\rightarrow$", "markersize": 13, "linestyle": ""}
         found.append({"label": label, **look})

@@ -47,6 +47,8 @@ def plot_grasp(
 ) -> Axes:
     """Draw a grasp in the plane of the fingers, in millimeters.
 
+    Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
+
     Parameters
     ----------
     result : GraspResult
@@ -60,11 +62,6 @@ def plot_grasp(
         Write the forces: beside the drawing in a new figure, in the labels in axes that are given.
     resisted : array_like, shape (D, 2), optional
         Greatest resisted force in each of D directions around the circle [N], drawn below the numbers.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
 
     Examples
     --------
@@ -112,6 +109,7 @@ def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes
     if polygon and resisted is not None:
         forces = quiet(_at(figure, right + 0.55, height - _ABOVE - text - 0.6 - _POLYGON, _POLYGON, _POLYGON))
         plot_resistance(resisted, ax=forces)
+        # the title begins above the labels of the y axis
         forces.set_title(resistance_words(resisted), fontsize=8, color=INK, loc="left", x=-0.26)
     return ax
 
@@ -264,7 +262,7 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     for k, row in enumerate(rows):
         ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
         for j, (text, color) in enumerate(row[1:]):
-            right = 1.0 - 0.175 * (columns - 1 - j)
+            right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
             ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
 
 

@@ -20,6 +20,8 @@ Array = NDArray[Any]
 def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     """Draw how great a force in each direction the grasp resists, on top of the weight.
 
+    The outline encloses the forces that are resisted; the dashed circle those of any direction.
+
     Parameters
     ----------
     resisted : array_like, shape (D, 2)
@@ -27,11 +29,6 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
         are not finite are left out.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The outline encloses the forces that are resisted; the dashed circle those of any direction.
 
     Examples
     --------

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.bodies import CIRCLE, finger_outline, object_outlines
-from continuum_grasp.plotting.drawing.forces import force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE
 from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 
@@ -118,7 +117,7 @@ class GraspView:
     @cached_property
     def force_scale(self) -> float:
         """Drawn length per force [mm/N]."""
-        return force_scale([self.greatest_force], _LONGEST_FORCE * self.extent)
+        return _LONGEST_FORCE * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
 
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with."""
