@@ -11,21 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing import bodies
-from continuum_grasp.plotting.drawing.axes import (
-    Box,
-    bend_box,
-    colors,
-    draw_timed,
-    head,
-    new_axes,
-    new_figure,
-    plane_axes,
-    quiet,
-    split_unit,
-    symbol,
-    time_axes,
-)
+from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
@@ -78,13 +64,13 @@ def plot_snapshots(
     shapes = np.asarray(trajectory.backbone(indices, points=60))
     outlines = bodies.outlines_at(trajectory, indices)
     forces, scale, box = _forces_and_box(trajectory, indices, [shapes], outlines)
-    ax = plane_axes(ax, box)
+    ax = axes.plane_axes(ax, box)
     bodies.draw_supports(ax, scene.supports)
     for k, some in enumerate(outlines):
         bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
     if outlines:
         bodies.draw_body(ax, bodies.finger_outline(shapes[-1], scene.finger.thickness_radius))
-    lines = draw_timed(ax, shapes, t[indices], t)
+    lines = axes.draw_timed(ax, shapes, t[indices], t)
     bodies.draw_clamp(ax, shapes[0], length)
     masses = bodies.masses_of(scene.finger)
     if masses:
@@ -138,14 +124,14 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
 
 def _forces_and_box(
     motion: Trajectory | Plan, indices: NDArray[Any], points: list[NDArray[Any]], outlines: list[list[NDArray[Any]]]
-) -> tuple[list[list[Force]], float, Box]:
+) -> tuple[list[list[Force]], float, axes.Box]:
     """Forces at each of some instants, their drawn length per force, and limits that hold all arrows and shapes."""
     forces = [[one for one in motion.loads_at(int(k)) if np.hypot(*one[1]) > 0] for k in indices]
     everything = list(chain(*forces))
     # a quarter of the finger: long enough to see the direction, without dwarfing the finger
     scale = force_scale(everything, 0.25 * motion.length)
     ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in everything]
-    box = bend_box([*points, *ends, *chain(*outlines)], 0.09 * motion.length)
+    box = axes.bend_box([*points, *ends, *chain(*outlines)], 0.09 * motion.length)
     return forces, scale, box
 
 
@@ -170,11 +156,11 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     t, tip = np.asarray(trajectory.t), np.asarray(trajectory.tip)
     span = np.nanmax(tip, axis=0) - np.nanmin(tip, axis=0)
     size = max(float(span.max()), 0.02 * trajectory.length)  # a tip that rests shows where it rests
-    ax = plane_axes(ax, bend_box([tip], 0.06 * size))
-    draw_timed(ax, np.stack([tip[:-1], tip[1:]], axis=1), (t[:-1] + t[1:]) / 2, t, 1.6)
+    ax = axes.plane_axes(ax, axes.bend_box([tip], 0.06 * size))
+    axes.draw_timed(ax, np.stack([tip[:-1], tip[1:]], axis=1), (t[:-1] + t[1:]) / 2, t, 1.6)
     ax.plot(*tip[0], "o", color="white", markeredgecolor=INK, markersize=6, label="start", zorder=4)
     ax.plot(*tip[-1], "s", color=INK, markersize=5, label="end", zorder=4)
-    head(ax, trajectory.name)
+    axes.head(ax, trajectory.name)
     return ax
 
 
@@ -196,16 +182,18 @@ def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -
     >>> len(plotting.plot_coordinates(motion).lines) == motion.n
     True
     """
-    ax = new_axes(ax)
-    names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
+    ax = axes.new_axes(ax)
+    names = [axes.split_unit(name) for name in trajectory.x_names[: trajectory.n]]
     values = np.asarray(trajectory.x)[:, : trajectory.n]
     alone = len(names) == 1  # which the axis names; the others have a legend
-    for k, color in enumerate(colors(trajectory.n)):
-        ax.plot(trajectory.t, values[:, k], color=color, linewidth=1.5, label=None if alone else symbol(names[k][0]))
+    for k, color in enumerate(axes.colors(trajectory.n)):
+        ax.plot(
+            trajectory.t, values[:, k], color=color, linewidth=1.5, label=None if alone else axes.symbol(names[k][0])
+        )
     units = ", ".join(dict.fromkeys(unit for _, unit in names))
-    quantity = _QUANTITY.get(units, "bending coordinate") + (f" {symbol(names[0][0])}" if alone else "")
+    quantity = _QUANTITY.get(units, "bending coordinate") + (f" {axes.symbol(names[0][0])}" if alone else "")
     ax.margins(x=0.0)
-    return time_axes(ax, f"{quantity} [{units}]", trajectory.name, columns=8)
+    return axes.time_axes(ax, f"{quantity} [{units}]", trajectory.name, columns=8)
 
 
 def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
@@ -226,13 +214,13 @@ def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     >>> [line.get_label() for line in plotting.plot_energy(motion).lines]
     ['kinetic', 'potential', 'total']
     """
-    ax = new_axes(ax)
+    ax = axes.new_axes(ax)
     kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
     ax.plot(trajectory.t, kinetic, color=ORANGE, linewidth=1.3, label="kinetic")
     ax.plot(trajectory.t, potential, color=BLUE, linewidth=1.3, label="potential")
     ax.plot(trajectory.t, kinetic + potential, color=INK, linewidth=1.8, label="total")
     ax.margins(x=0.0)
-    return time_axes(ax, "energy [J]", trajectory.name)
+    return axes.time_axes(ax, "energy [J]", trajectory.name)
 
 
 def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
@@ -261,14 +249,14 @@ def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None
     contacts = trajectory.contacts
     if contacts is None:
         raise InputError("there are no contacts to draw: the scene has no object", key="object")
-    ax = new_axes(ax)
+    ax = axes.new_axes(ax)
     normal, shear = np.asarray(contacts.normal_force), np.asarray(contacts.shear)
     touching = [k for k in range(len(contacts.names)) if np.any(normal[:, k] > 0.0)]
-    for k, color in zip(touching, colors(len(touching)), strict=True):
+    for k, color in zip(touching, axes.colors(len(touching)), strict=True):
         ax.plot(trajectory.t, normal[:, k], color=color, linewidth=1.5, label=contacts.names[k])
         ax.plot(trajectory.t, shear[:, k], color=color, linewidth=1.0, linestyle="--")
     ax.margins(x=0.0)
-    return time_axes(ax, "normal force, dashed: friction [N]", trajectory.name)
+    return axes.time_axes(ax, "normal force, dashed: friction [N]", trajectory.name)
 
 
 def plot_modes(
@@ -315,10 +303,10 @@ def plot_modes(
     rest = np.asarray(modes.backbone)
     length = float(np.hypot(*np.diff(rest, axis=0).T).sum())
     swing = amplitude * length * np.asarray(modes.shapes)[:wanted]
-    box = bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
-    axes = _new_axes(wanted, box, modes.stable) if given is None else given[:wanted]
-    for k, one in enumerate(axes):
-        plane_axes(one, box)
+    box = axes.bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
+    drawn = _new_axes(wanted, box, modes.stable) if given is None else given[:wanted]
+    for k, one in enumerate(drawn):
+        axes.plane_axes(one, box)
         plus, minus = rest + swing[k], rest - swing[k]
         one.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
         one.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
@@ -328,10 +316,10 @@ def plot_modes(
         damping = modes.damping_ratios[k]  # NaN of an unstable mode
         ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
         one.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)
-    return axes
+    return drawn
 
 
-def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
+def _new_axes(count: int, box: axes.Box, stable: bool) -> list[Axes]:
     """Axes for so many modes, in a figure that fits the box they share."""
     wide = (box[1] - box[0]) / (box[3] - box[2])
     if wide > 1.5 and count <= 3:  # a lying finger: one below the other
@@ -343,7 +331,7 @@ def _new_axes(count: int, box: Box, stable: bool) -> list[Axes]:
     rows = -(-count // columns)
     # at most 9.6 inch for all columns together, which a page in landscape holds
     each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))
-    figure = new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
+    figure = axes.new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
     if not stable:
         figure.suptitle("the equilibrium is unstable", color=ORANGE, fontsize=10)
-    return [quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(count)]
+    return [axes.quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(count)]
