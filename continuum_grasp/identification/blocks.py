@@ -77,6 +77,10 @@ class _RowsBlock(Block):
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         raise NotImplementedError
 
+    def _enter(self, row: int, what: str, group: str, unit: str, value: float, sigma: float | None = None) -> None:
+        number, fitted = row + 1, bool(self._fitted[row])
+        self.entries.append(Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number)))
+
 
 class PosesBlock(_RowsBlock):
     """Shapes at rest."""
@@ -84,17 +88,13 @@ class PosesBlock(_RowsBlock):
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
         self._observe = observation(self._shapes.model, [(one.quantity, one.at) for one in data.measured])
-        for row, fitted in enumerate(self._fitted):
+        for row in range(data.rows):
             for one in data.measured:
-                what = f"{one.quantity} at {'tip' if one.at is None else f'{one.at:g} m'}"
-                unit = UNIT_OF[one.quantity]
+                what, unit = f"{one.quantity} at {'tip' if one.at is None else f'{one.at:g} m'}", UNIT_OF[one.quantity]
                 group = "angles of poses" if unit == "rad" else "positions of poses"
                 if one.sigma is not None:  # a reading of known deviation is a group of its own
                     group = f"{data.name}: {what}"
-                value = float(np.asarray(one.values)[row])
-                number = row + 1
-                entry = Entry(f"{what}, row {number}", group, unit, value, bool(fitted), one.sigma, float(number))
-                self.entries.append(entry)
+                self._enter(row, what, group, unit, np.asarray(one.values)[row], one.sigma)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         z, dz, q, dq = self._shapes.shape(row, values)
@@ -110,14 +110,12 @@ class VibrationBlock(_RowsBlock):
         self._matrices, self._gradient = _pencil(self._shapes.model)
         self._modes = np.asarray(data.mode, dtype=int)
         self._decays = data.decay_rate is not None
-        columns = [("frequency", "Hz", np.asarray(data.frequency, dtype=float))]
-        if data.decay_rate is not None:
-            columns.append(("decay rate", "1/s", np.asarray(data.decay_rate, dtype=float)))
-        for row, (mode, fitted) in enumerate(zip(self._modes, self._fitted, strict=True)):
+        columns = [("frequency", "Hz", data.frequency), ("decay rate", "1/s", data.decay_rate)]
+        for row, mode in enumerate(self._modes):
             for quantity, unit, numbers in columns:
-                group, number = f"{quantity} of mode {mode}", row + 1
-                label, value = f"{group}, row {number}", float(numbers[row])
-                self.entries.append(Entry(label, group, unit, value, bool(fitted), None, float(number)))
+                if numbers is not None:
+                    what = f"{quantity} of mode {mode}"
+                    self._enter(row, what, what, unit, np.asarray(numbers)[row])
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
         z, dz, q, dq = self._shapes.shape(row, values)
