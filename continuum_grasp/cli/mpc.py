@@ -188,7 +188,7 @@ def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool
     with output.saving(folder):
         files = [save_trials(outcomes, folder)]
     if pictures:
-        from continuum_grasp.plotting.mission.timeline import plot_trials
+        from continuum_grasp.plotting.mission import plot_trials
         from continuum_grasp.results import save_picture
 
         with output.drawing(folder):

@@ -68,15 +68,15 @@ class ControlRun(MotionResult):
     )
     texts: ClassVar[tuple[File, ...]] = (File("report.txt", "closed_loop.result:ControlRun.report"),)
     pictures: ClassVar[tuple[File, ...]] = (
-        File("path.png", "plotting.control.closed_loop:plot_control_path"),
-        File("inputs.png", "plotting.control.closed_loop:plot_inputs"),
-        File("tracking.png", "plotting.control.closed_loop:plot_tracking"),
-        File("error.png", "plotting.control.closed_loop:plot_tracking_error"),
-        File("bounds.png", "plotting.control.closed_loop:plot_bounds"),
-        File("times.png", "plotting.control.closed_loop:plot_controller_times"),
-        File("disturbances.png", "plotting.control.closed_loop:plot_disturbances", needs="disturbance_names"),
+        File("path.png", "plotting.control:plot_control_path"),
+        File("inputs.png", "plotting.control:plot_inputs"),
+        File("tracking.png", "plotting.control:plot_tracking"),
+        File("error.png", "plotting.control:plot_tracking_error"),
+        File("bounds.png", "plotting.control:plot_bounds"),
+        File("times.png", "plotting.control:plot_controller_times"),
+        File("disturbances.png", "plotting.control:plot_disturbances", needs="disturbance_names"),
     )
-    frames: ClassVar[str] = "plotting.control.closed_loop:control_frames"
+    frames: ClassVar[str] = "plotting.control:control_frames"
 
     scene: ControlScene
     readings: Readings = field(repr=False)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
-from continuum_grasp.identification.data import Frequencies, Poses
-from continuum_grasp.identification.rows import Rows, Shapes, observation
+from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses
+from continuum_grasp.identification.rows import Rows, Shapes, observation, symbols
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
@@ -21,46 +21,28 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Entry:
-    """One measured number.
-
-    Attributes
-    ----------
-    label : str
-        Of what and where.
-    group : str
-        Entries of one group share a standard deviation.
-    unit : str
-    value : float
-    fitted : bool
-    sigma : float or None
-        Standard deviation, where known.
-    at : float
-        Row, or instant [s]: where it is drawn.
-    """
+    """One measured number."""
 
     label: str
+    """Of what and where."""
     group: str
+    """Entries of one group share a standard deviation."""
     unit: str
     value: float
     fitted: bool
     sigma: float | None
+    """Standard deviation, where known."""
     at: float
+    """Row, or instant [s]: where it is drawn."""
 
 
 class Block:
-    """One set of measurements.
-
-    Attributes
-    ----------
-    name : str
-    entries : list of Entry
-    horizons : bool
-        Whether a part from the start can be fitted before the whole.
-    """
+    """One set of measurements."""
 
     name: str
     entries: list[Entry]
     horizons = False
+    """Whether a part from the start can be fitted before the whole."""
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns).
@@ -82,23 +64,22 @@ class _RowsBlock(Block):
 
     def __init__(self, scene: Scene, data: Poses | Frequencies, unknowns: Sequence[Unknown]) -> None:
         self.name, self.entries = data.name, []
-        self._count = data.rows
-        self._rows = Rows(scene, unknowns, data.conditions, data.rows, data.name)
-        self._shapes = Shapes(self._rows, data.rows)
+        self._shapes = Shapes(Rows(scene, unknowns, data.name, data.conditions, data.rows))
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        """As of ``Block``."""
-        found = [self._row(row, values) for row in range(self._count)]
+        found = [self._row(row, values) for row in range(len(self._fitted))]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        """As of ``Block``."""
-        return self._shapes.warnings(self._rows, self._count, values)
+        return self._shapes.warnings(values)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
-        """Predictions of one row, and their derivatives."""
         raise NotImplementedError
+
+    def _enter(self, row: int, what: str, group: str, unit: str, value: float, sigma: float | None = None) -> None:
+        number, fitted = row + 1, bool(self._fitted[row])
+        self.entries.append(Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number)))
 
 
 class PosesBlock(_RowsBlock):
@@ -106,27 +87,17 @@ class PosesBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        self._observe = observation(self._rows.model, [(one.quantity, one.at) for one in data.measured])
+        self._observe = observation(self._shapes.model, [(one.quantity, one.at) for one in data.measured])
         for row in range(data.rows):
             for one in data.measured:
-                where = "tip" if one.at is None else f"{one.at:g} m"
-                turned = one.quantity in ("angle", "bend")
-                group = "angles of poses" if turned else "positions of poses"
-                self.entries.append(
-                    Entry(
-                        f"{one.quantity} at {where}, row {row + 1}",
-                        group if one.sigma is None else f"{data.name}: {one.quantity} at {where}",
-                        "rad" if turned else "m",
-                        float(np.asarray(one.values)[row]),
-                        bool(self._fitted[row]),
-                        one.sigma,
-                        float(row + 1),
-                    )
-                )
+                what, unit = f"{one.quantity} at {'tip' if one.at is None else f'{one.at:g} m'}", UNIT_OF[one.quantity]
+                group = "angles of poses" if unit == "rad" else "positions of poses"
+                if one.sigma is not None:  # a reading of known deviation is a group of its own
+                    group = f"{data.name}: {what}"
+                self._enter(row, what, group, unit, np.asarray(one.values)[row], one.sigma)
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
-        z, dz = self._rows.at(row, values)
-        q, dq = self._shapes.at(row, z)
+        z, dz, q, dq = self._shapes.shape(row, values)
         y, by_q, by_z = (np.array(v) for v in self._observe(q, z))
         return y.ravel(), (by_z + by_q @ dq) @ dz
 
@@ -136,28 +107,27 @@ class VibrationBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        self._matrices, self._gradient = _pencil(self._rows.model)
+        self._matrices, self._gradient = _pencil(self._shapes.model)
         self._modes = np.asarray(data.mode, dtype=int)
         self._decays = data.decay_rate is not None
-        columns = [("frequency", "Hz", np.asarray(data.frequency, dtype=float))]
-        if data.decay_rate is not None:
-            columns.append(("decay rate", "1/s", np.asarray(data.decay_rate, dtype=float)))
+        columns = [("frequency", "Hz", data.frequency), ("decay rate", "1/s", data.decay_rate)]
         for row, mode in enumerate(self._modes):
             for quantity, unit, numbers in columns:
-                label = f"{quantity} of mode {mode}, row {row + 1}"
-                group = f"{quantity} of mode {mode}"
-                own = bool(self._fitted[row])
-                self.entries.append(Entry(label, group, unit, float(numbers[row]), own, None, float(row + 1)))
+                if numbers is not None:
+                    what = f"{quantity} of mode {mode}"
+                    self._enter(row, what, what, unit, np.asarray(numbers)[row])
 
     def _row(self, row: int, values: Array) -> tuple[Array, Array]:
-        z, dz = self._rows.at(row, values)
-        q, dq = self._shapes.at(row, z)
+        z, dz, q, dq = self._shapes.shape(row, values)
         mass, damping, stiffness = (np.array(v) for v in self._matrices(q, z))
         pole, left, right = _mode(mass, damping, stiffness, int(self._modes[row]))
+        # l* (s^2 M + s D + K) r = 0 differentiated: ds = l* (s^2 dM + s dD + dK) r / -(l* (2 s M + D) r); dl and dr
+        # drop out, since l and r are null vectors (P. Lancaster, 1964, doi:10.1007/BF01386087)
         weights = np.outer(left.conj(), right)
         scale = -np.sum(weights * (2.0 * pole * mass + damping))
         slope = np.zeros(q.size + z.size, complex)
         terms = (pole**2 * weights, pole * weights, weights)
+        # CasADi is real: real and imaginary part one after the other
         for unit, parts in ((1.0, [term.real for term in terms]), (1.0j, [term.imag for term in terms])):
             slope += unit * np.array(self._gradient(q, z, *parts)).ravel() / scale
         change = (slope[q.size :] + slope[: q.size] @ dq) @ dz
@@ -171,20 +141,19 @@ class VibrationBlock(_RowsBlock):
 def _pencil(model: FingerModel) -> tuple[ca.Function, ca.Function]:
     """Mass, damping and stiffness of small motions as functions (q, z), and the gradient of a weighted sum of them."""
     n = model.n
-    q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
-    u, w, p = (ca.SX.sym(name, size) for name, size in (("u", model.nu), ("w", model.nw), ("p", model.np)))
+    q, u, w, p = symbols(model)
+    qd, qdd = (ca.SX.sym(name, n) for name in ("qd", "qdd"))
     missing = model.inverse_dynamics(q, qd, qdd, u, w, p)
     at_rest = [qd, qdd], [ca.SX.zeros(n), ca.SX.zeros(n)]
     three = [ca.substitute([ca.jacobian(missing, by)], *at_rest)[0] for by in (qdd, qd, q)]
     z = ca.vertcat(u, w, p)
     weights = [ca.SX.sym(name, n, n) for name in ("a", "b", "c")]
     total = sum((ca.dot(weight, matrix) for weight, matrix in zip(weights, three, strict=True)), ca.SX(0))
-    gradient = ca.gradient(total, ca.vertcat(q, z))
+    gradient = ca.cse([ca.densify(ca.gradient(total, ca.vertcat(q, z)))])
     outputs = ca.cse([ca.densify(matrix) for matrix in three])
-    matrices = ca.Function("pencil", [q, z], outputs, ["q", "z"], ["M", "D", "K"])
-    inputs = ["q", "z", "a", "b", "c"]
-    return matrices, ca.Function(
-        "pencil_gradient", [q, z, *weights], ca.cse([ca.densify(gradient)]), inputs, ["gradient"]
+    return (
+        ca.Function("pencil", [q, z], outputs, ["q", "z"], ["M", "D", "K"]),
+        ca.Function("pencil_gradient", [q, z, *weights], gradient, ["q", "z", "a", "b", "c"], ["gradient"]),
     )
 
 
@@ -193,8 +162,10 @@ def _mode(
 ) -> tuple[complex, NDArray[np.complex128], NDArray[np.complex128]]:
     """Pole (rate and pulsation [1/s]), left and right shape of the mode of that number, from 1."""
     n = len(mass)
+    # first order: d/dt (q, qd) = (qd, -M^-1 (K q + D qd))
     lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
     poles = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower]))
+    # of each pair of conjugates one; those without imaginary part do not vibrate
     ringing = sorted(poles[poles.imag > 1e-9 * np.abs(poles).max()], key=lambda pole: pole.imag)
     if len(ringing) < number:
         raise SolverError(
@@ -203,5 +174,6 @@ def _mode(
             advice="give another mode, take more elements, or bound damping and stiffness",
         )
     pole = complex(ringing[number - 1])
+    # null vectors: the singular vectors of the least singular value
     left, _, right = np.linalg.svd(pole**2 * mass + pole * damping + stiffness)
     return pole, left[:, -1], right[-1].conj()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,44 +85,39 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
     at = instants - instants[0]
     start = _spectral_peak(at, values, name)
     span = float(at[-1])
-
-    def residuals(nonlinear: Array) -> tuple[Array, Array]:
-        return _projected(at, values, nonlinear)
-
+    # beside the peak by a factor of four; from growth by exp(5) over the record to decay within part of a period
     lower, upper = np.array([0.25 * start, -5.0 / span]), np.array([4.0 * start, 50.0 * start])
-    found = least_squares(residuals, np.array([start, 0.5 / span]), lower, upper, np.array([0.1 / span, 1.0 / span]))
-    basis = _basis(at, *found.values)
+    sizes = np.array([0.1 / span, 1.0 / span])
+    found = least_squares(partial(_projected, at, values), np.array([start, 0.5 / span]), lower, upper, sizes)
+    frequency, decay = (float(value) for value in found.values)
+    basis = _basis(at, frequency, decay)
     weights = np.linalg.lstsq(basis, values, rcond=None)[0]
-    ring = basis[:, :2] @ weights[:2]
     left = values - basis @ weights
-    strength = float(np.sqrt(np.mean(ring**2)))
-    if not found.converged or strength <= 0.5 * float(np.sqrt(np.mean(left**2))):
+    noise, strength = (float(np.sqrt(np.mean(part**2))) for part in (left, basis[:, :2] @ weights[:2]))
+    # a sine fitted to noise alone leaves most of it
+    if not found.converged or strength <= 0.5 * noise:
         raise SolverError(
             f"{name}: no damped vibration found",
             status="no vibration",
-            violated=[f"residuals of {np.sqrt(np.mean(left**2)):.3g} beside a vibration of {strength:.3g}"],
+            violated=[f"residuals of {noise:.3g} beside a vibration of {strength:.3g}"],
             advice="choose a window in which one mode rings",
         )
-    variance = float(left @ left) / max(1, at.size - 6)
+    variance = float(left @ left) / max(1, at.size - 6)  # six unknowns
     covariance = variance * np.linalg.inv(found.jacobian.T @ found.jacobian)
-    return DampedSine(
-        float(found.values[0]),
-        float(found.values[1]),
-        np.sqrt(np.diag(covariance)),
-        float(np.hypot(weights[0], weights[1])),
-        float(np.sqrt(np.mean(left**2))) / strength,
-    )
+    amplitude = float(np.hypot(weights[0], weights[1]))
+    return DampedSine(frequency, decay, np.sqrt(np.diag(covariance)), amplitude, noise / strength)
 
 
 def _spectral_peak(t: Array, values: Array, name: str) -> float:
     """Frequency [Hz] of the greatest peak of the spectrum, with offset and drift taken off."""
     steps = max(64, t.size)
+    # evenly sampled, windowed against leakage, and padded with zeros eightfold, which interpolates the spectrum
     even = np.linspace(0.0, t[-1], steps)
     line = np.polyfit(t, values, 1)
     detrended = np.interp(even, t, values - np.polyval(line, t)) * np.hanning(steps)
     power = np.abs(np.fft.rfft(detrended, 8 * steps)) ** 2
     frequencies = np.fft.rfftfreq(8 * steps, even[1])
-    beyond = frequencies >= 1.0 / t[-1]
+    beyond = frequencies >= 1.0 / t[-1]  # less than a period is drift
     if not beyond.any() or not power[beyond].max() > 0.0:
         raise SolverError(f"{name}: no damped vibration found", status="no vibration", advice="the signal is constant")
     return float(frequencies[beyond][np.argmax(power[beyond])])
@@ -140,5 +136,7 @@ def _projected(t: Array, values: Array, nonlinear: Array) -> tuple[Array, Array]
     ring = basis[:, :2] @ weights[:2]
     turned = basis[:, 1] * -weights[0] + basis[:, 0] * weights[1]
     columns = np.stack([2.0 * np.pi * t * turned, -t * ring], axis=1)
+    # Kaufman's approximation drops the term with the derivative of the pseudo-inverse (L. Kaufman, 1975,
+    # doi:10.1007/BF01932995)
     columns -= orthogonal @ (orthogonal.T @ columns)
     return basis @ weights - values, columns

@@ -12,7 +12,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
-QUANTITIES = ("x", "y", "angle", "bend")
+UNIT_OF = {"x": "m", "y": "m", "angle": "rad", "bend": "rad"}
+"""SI units of the quantities that are measured at a section."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,8 @@ class Poses:
         if not self.measured:
             raise InputError("measured: expected at least one reading", key=self.name)
         for k, reading in enumerate(self.measured):
-            if reading.quantity not in QUANTITIES:
-                message = f"expected one of {', '.join(QUANTITIES)}, got {reading.quantity!r}"
+            if reading.quantity not in UNIT_OF:
+                message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
                 raise InputError(message, key=f"{self.name}.measured[{k}].quantity")
             column(f"{self.name}.measured[{k}].values", reading.values, self.rows)
             positive(f"{self.name}.measured[{k}].sigma", reading.sigma)
@@ -73,7 +74,7 @@ class Poses:
     @property
     def rows(self) -> int:
         """Number of rows R."""
-        return int(np.size(np.asarray(self.measured[0].values)))
+        return int(np.size(self.measured[0].values))
 
 
 @dataclass(frozen=True)
@@ -156,20 +157,14 @@ class Frequencies:
     @property
     def rows(self) -> int:
         """Number of rows R."""
-        return int(np.size(np.asarray(self.frequency)))
+        return int(np.size(self.frequency))
 
 
 Data = Poses | TipPath | Frequencies
 
 
 def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
-    """A row of finite numbers.
-
-    Raises
-    ------
-    InputError
-        If it is none, or has not ``count`` entries.
-    """
+    """A row of finite numbers, of which there must be ``count``; anything else is an `InputError`."""
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
+from continuum_grasp.identification.unknowns import DEADBAND
 from continuum_grasp.results.result import File, Result, Stored
 from continuum_grasp.scene.finger import Finger, PointMass, Rod
 from continuum_grasp.scene.simulate import Scene
@@ -130,15 +131,12 @@ class Fit(Result):
         return self._errors(~self.fitted)
 
     def _errors(self, chosen: NDArray[np.bool_]) -> tuple[Error, ...]:
-        groups = [entry.group for entry in self.entries]
         found = []
-        for group in dict.fromkeys(groups):
-            members = chosen & np.array([name == group for name in groups])
-            if members.any():
-                size = np.abs(self.residuals[members])
-                unit = self.entries[int(np.flatnonzero(members)[0])].unit
+        for group, unit in {entry.group: entry.unit for entry in self.entries}.items():
+            size = np.abs(self.residuals[chosen & np.array([entry.group == group for entry in self.entries])])
+            if size.size:
                 rms = float(np.sqrt(np.mean(size**2)))
-                found.append(Error(group, unit, rms, float(size.max()), int(members.sum())))
+                found.append(Error(group, unit, rms, float(size.max()), int(size.size)))
         return tuple(found)
 
     def apply(self, scene: Scene | None = None) -> Scene:
@@ -154,8 +152,6 @@ class Fit(Result):
         InputError
             If the scene does not take a value.
         """
-        from continuum_grasp.identification.unknowns import DEADBAND
-
         changed = self.scene if scene is None else scene
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
             if target != DEADBAND:
@@ -169,46 +165,30 @@ class Fit(Result):
         return tuple(entry.label for entry in self.entries)
 
     def details(self) -> dict[str, Any]:
-        """The identified finger, and the summary."""
-        return {"identified_finger": self._finger(), **self.summary()}
-
-    def _finger(self) -> dict[str, Any] | None:
-        """The finger with the estimates in it; None where an estimate is out of a finger's range."""
+        """The identified finger, None where an estimate is out of a finger's range, and the summary."""
         try:
-            return self.apply().finger.model_dump(mode="json", exclude_unset=True)
+            finger = self.apply().finger.model_dump(mode="json", exclude_unset=True)
         except InputError:
-            return None
+            finger = None
+        return {"identified_finger": finger, **self.summary()}
 
     def summary(self) -> dict[str, Any]:
         """Parameters and errors as plain data."""
-
-        def errors(found: Sequence[Error]) -> list[dict[str, Any]]:
-            return [dict(vars(one)) for one in found]
-
-        rows = zip(self.names, self.units, self.values, self.deviations, self.intervals, strict=True)
+        keys = ("name", "unit", "value", "deviation", "interval")
+        rows = zip(self.names, self.units, self.values, self.deviations, map(list, self.intervals), strict=True)
         return {
-            "parameters": [
-                {"name": name, "unit": unit, "value": value, "deviation": deviation, "interval": list(interval)}
-                for name, unit, value, deviation, interval in rows
-            ],
+            "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
             "correlation": self.correlation,
             "singular_values": self.singular_values,
             "freedom": self.freedom,
-            "errors": errors(self.errors),
-            "holdout_errors": errors(self.holdout_errors),
+            "errors": [dict(vars(one)) for one in self.errors],
+            "holdout_errors": [dict(vars(one)) for one in self.holdout_errors],
             "blocks": [{"name": name, "entries": count} for name, count in self.blocks],
         }
 
 
 def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
-    """The scene with one run-time parameter of the model at another value.
-
-    Parameters
-    ----------
-    scene : Scene
-    target : str
-        Name of the parameter, as in ``FingerModel(..., parameters=...)``.
-    value : float
+    """The scene with one run-time parameter of the model, as in ``FingerModel(..., parameters=...)``, at another value.
 
     Raises
     ------
@@ -241,6 +221,7 @@ def _rod(rod: Rod, target: str, value: float) -> Rod:
     given = {name: getattr(rod, name) for name in rod.model_fields_set}
     if target == "rotary_inertia":
         return Rod(**{**given, "rotary_inertia": value})
+    # a rod by its section: the section stays, and the material changes
     if rod.youngs_modulus is None or rod.density is None:
         return Rod(**{**given, target: value})
     if target == "bending_stiffness":

@@ -1,19 +1,19 @@
-"""What least squares tell about the parameters: standard deviations, intervals, and what the data cannot see.
+"""What least squares report of the parameters: deviations, intervals, what the data cannot see, and what is doubtful.
 
 A model with twice the elements says whether the model's own error matters beside these deviations.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
-from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
 
@@ -29,32 +29,30 @@ zero."""
 _ALIKE = 0.99
 """Correlation [1] from which two parameters can hardly be distinguished: each interval is then seven
 times as wide as with the other known."""
+_TINY = 1e-300
+"""In place of zero in a denominator."""
+_SIGNIFICANT = 2.5
+"""Correlation of successive residuals, in standard deviations of that of noise [1], from which it is reported: noise
+exceeds it in 0.6 % of paths."""
+_SERIES = 30
+"""Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
+_APART = 8.0
+"""Variance between sets of a group per variance within [1] from which it is reported: Fisher's ratio, which
+two independent sets of six repeats exceed in 2 % of cases."""
+_LITTLE = 0.6
+"""Misfit per range of what was measured [1] from which it is reported: the best constant has 0.29 where measurements
+are spread evenly, and 0.5 where half of them are at either end."""
 
 
-@dataclass(frozen=True)
-class Inference:
-    """Uncertainty of the parameters; infinite where the data do not see them.
-
-    Attributes
-    ----------
-    deviations : (n,) ndarray
-    intervals : (n, 2) ndarray
-        95 %, by Student's t.
-    correlation : (n, n) ndarray
-    singular_values : (n,) ndarray
-        Of the Jacobian in standard deviations of the data per typical size of the parameters.
-    directions : (n, n) ndarray
-        Rows: the combinations of parameters, in typical sizes, that belong to them.
-    freedom : int
-        Degrees of freedom.
-    warnings : tuple of str
-    """
+class Inference(NamedTuple):
+    """Uncertainty of the n parameters; infinite where the data do not see them."""
 
     deviations: Array
     intervals: Array
+    """(n, 2), 95 %, by Student's t."""
     correlation: Array
     singular_values: Array
-    directions: Array
+    """(n,), of the Jacobian in standard deviations of the data per typical size of the parameters."""
     freedom: int
     warnings: tuple[str, ...]
 
@@ -62,58 +60,57 @@ class Inference:
 def infer(
     unknowns: Sequence[Unknown], values: Array, jacobian: Array, residuals: Array, inflation: float = 1.0
 ) -> Inference:
-    """Uncertainty at the minimum.
+    """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
-    Parameters
-    ----------
-    unknowns : sequence of Unknown
-    values : (n,) ndarray
-        Estimates.
-    jacobian : (m, n) ndarray
-        Of the weighted residuals of what was fitted.
-    residuals : (m,) ndarray
-        Weighted residuals; their mean square scales the covariance.
-    inflation : float
-        Further factor of the covariance, for a robust loss.
+    The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss.
     """
     from scipy.special import stdtrit
 
     count, rows = len(unknowns), len(residuals)
     sizes = np.array([one.typical for one in unknowns])
     freedom = rows - count
+    # with fewer rows than parameters, the full basis has the directions that no row sees
     _, singular, directions = np.linalg.svd(jacobian * sizes, full_matrices=rows < count)
     singular = np.append(singular, np.zeros(count - len(singular)))
-    blind = singular <= _BLIND * max(float(singular[0]), 1e-300)
-    variance = inflation * float(residuals @ residuals) / freedom if freedom > 0 else np.inf
-    seen = directions[~blind]
-    covariance = (
-        variance * (seen.T @ (seen / singular[~blind, None] ** 2)) if freedom > 0 else np.full((count,) * 2, np.inf)
-    )
-    lost = np.any(np.abs(directions[blind]) > _PART, axis=0)
-    spread = np.sqrt(np.diag(covariance)) if freedom > 0 else np.full(count, np.inf)
+    blind = singular <= _BLIND * max(float(singular[0]), _TINY)
+    seen, unseen = directions[~blind], directions[blind]
+    lost = np.any(np.abs(unseen) > _PART, axis=0)
+    covariance, spread, quantile = np.full((count, count), np.inf), np.full(count, np.inf), np.inf
+    if freedom > 0:
+        variance = inflation * float(residuals @ residuals) / freedom
+        # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
+        covariance = variance * (seen.T @ (seen / singular[~blind, None] ** 2))
+        spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(spread, spread)
     correlation[~np.isfinite(correlation)] = np.nan
-    correlation[np.outer(lost, lost) | np.outer(lost, ~lost) | np.outer(~lost, lost)] = np.nan
+    correlation[lost[:, None] | lost] = np.nan
     np.fill_diagonal(correlation, 1.0)
     deviations = spread * sizes
-    reach = stdtrit(freedom, 0.975) * deviations if freedom > 0 else np.full(count, np.inf)
+    reach = quantile * deviations
     intervals = np.stack([values - reach, values + reach], axis=1)
-    warnings = [*_blindness(unknowns, directions[blind], jacobian * sizes)]
+    warnings = _blindness(unknowns, unseen, jacobian * sizes)
     warnings += _weakness(unknowns, values, deviations, correlation, lost)
-    warnings += _limits(unknowns, values, lost)
+    warnings += [
+        f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
+        for one, value, gone in zip(unknowns, values, lost, strict=True)
+        if not gone and (value <= one.lower or value >= one.upper)
+    ]
     if freedom <= 0:
         warnings.append(f"{rows} fitted numbers for {count} parameters: nothing is left to tell their uncertainty")
-    return Inference(deviations, intervals, correlation, singular, directions, freedom, tuple(warnings))
+    return Inference(deviations, intervals, correlation, singular, freedom, tuple(warnings))
 
 
 def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array) -> list[str]:
-    found = []
+    """Parameters that the data do not see, alone or in the combinations (k, n) that no prediction changes with."""
     lengths = np.linalg.norm(scaled, axis=0)
-    unseen = lengths <= _BLIND * max(float(lengths.max(initial=0.0)), 1e-300)
-    for one in (unknowns[int(k)] for k in np.flatnonzero(unseen)):
-        found.append(f"the data cannot see {one.name}: no prediction changes with it; its value is the start value")
+    unseen = lengths <= _BLIND * max(float(lengths.max(initial=0.0)), _TINY)
+    found = [
+        f"the data cannot see {one.name}: no prediction changes with it; its value is the start value"
+        for one, gone in zip(unknowns, unseen, strict=True)
+        if gone
+    ]
     for direction in directions:
         parts = [int(k) for k in np.flatnonzero(np.abs(direction) > _PART) if not unseen[k]]
         if len(parts) > 1:
@@ -129,6 +126,7 @@ def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array) ->
 def _weakness(
     unknowns: Sequence[Unknown], values: Array, deviations: Array, correlation: Array, lost: NDArray[np.bool_]
 ) -> list[str]:
+    """Parameters that the data hardly see, or hardly distinguish."""
     found = []
     for k, one in enumerate(unknowns):
         size = max(abs(float(values[k])), one.typical)
@@ -146,49 +144,107 @@ def _weakness(
     return found
 
 
-def _limits(unknowns: Sequence[Unknown], values: Array, lost: NDArray[np.bool_]) -> list[str]:
-    return [
-        f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
-        for one, value, unseen in zip(unknowns, values, lost, strict=True)
-        if not unseen and (value <= one.lower or value >= one.upper)
-    ]
-
-
-_MOST = 12
-"""Elements beyond which a model is not refined to see its error: twice as many take far longer than the search."""
-
-
-def refined(scene: Scene) -> Scene | None:
-    """The scene with every element cut in two; None where it has many already."""
-    model = FingerModel(Scene(**{name: getattr(scene, name) for name in Scene.model_fields}))
-    if len(model.lengths) > _MOST:
-        return None
-    halves = tuple(0.5 * h for h in model.lengths for _ in range(2))
-    fidelity = scene.fidelity.model_copy(update={"family": model.family, "elements": halves})
-    return scene.model_copy(update={"fidelity": fidelity})
-
-
 def model_error_warnings(
-    names: Sequence[str], deviations: Array, jacobian: Array, predictions: Array, finer: Array
+    unknowns: Sequence[Unknown], deviations: Array, jacobian: Array, predictions: Array, finer: Array
 ) -> tuple[str, ...]:
     """Parameters that a finer model would move by more than their deviations.
 
-    Parameters
-    ----------
-    names : sequence of str
-    deviations : (n,) ndarray
-        Of the estimates.
-    jacobian : (m, n) ndarray
-        Of the predictions that were fitted, per their standard deviations.
-    predictions, finer : (m,) ndarray
-        Of the model and of one with twice the elements at the same parameters, per standard deviation.
+    ``predictions`` and ``finer`` (m,), of the model and of one with twice the elements at the same parameters, and the
+    Jacobian (m, n) of the former are of what was fitted, per standard deviation.
     """
+    # a Gauss-Newton step of the finer model, by the coarse one's Jacobian: the error of that is of higher order
     moved = np.linalg.lstsq(jacobian, predictions - finer, rcond=None)[0]
-    shares = np.abs(moved) / np.maximum(deviations, 1e-300)
-    seen = [k for k in range(len(names)) if np.isfinite(deviations[k]) and shares[k] > 1.0]
+    shares = np.abs(moved) / np.maximum(deviations, _TINY)
+    seen = [k for k in range(len(unknowns)) if np.isfinite(deviations[k]) and shares[k] > 1.0]
     if not seen:
         return ()
-    parts = ", ".join(f"{names[k]} by {moved[k]:.2g} ({shares[k]:.1f} deviations)" for k in seen)
+    parts = ", ".join(f"{unknowns[k].name} by {moved[k]:.2g} ({shares[k]:.1f} deviations)" for k in seen)
     return (
         f"twice the elements would move {parts}: the intervals leave the model's own error out; take more elements",
     )
+
+
+def doubts(problem: Problem, solution: Solution, freedom: int) -> list[str]:
+    """What speaks against normal, independent residuals, on which the intervals rest, and against the model."""
+    weighted = (solution.predictions - problem.measured) / solution.sigma
+    return [
+        *(_outliers(problem, weighted) if freedom >= 5 else ()),
+        *_series(problem, weighted),
+        *_sets(problem, weighted),
+        *_misfits(problem, solution.predictions),
+    ]
+
+
+def _outliers(problem: Problem, weighted: Array) -> list[str]:
+    """Fitted entries far from what the rest says."""
+    sizes = np.abs(weighted[problem.fitted])
+    scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
+    limit = max(4.0, 1.5 + math.sqrt(2.0 * math.log(sizes.size)))  # that normal noise rarely reaches
+    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
+    if not far.size:
+        return []
+    first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
+    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
+
+
+def _misfits(problem: Problem, predictions: Array) -> list[str]:
+    """Groups of which the model explains little: wrong units, signs or conditions do that."""
+    found = []
+    for group, entries in problem.groups.items():
+        members = problem.fitted & entries
+        values = problem.measured[members]
+        if values.size <= 2:  # which say nothing of a spread
+            continue
+        left, spread = float(np.sqrt(np.mean((predictions[members] - values) ** 2))), float(np.ptp(values))
+        if spread > 0.0 and left > _LITTLE * spread:
+            found.append(
+                f"{group}: the model is off by {left:.2g} r.m.s. where the measurements spread over {spread:.2g}: "
+                "check units, signs and conditions of the data"
+            )
+    return found
+
+
+def _sets(problem: Problem, weighted: Array) -> list[str]:
+    """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
+    found = []
+    which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
+    # instants of a path are no repeats; `_series` judges them
+    still = np.array([not block.horizons for block in problem.blocks])[which]
+    for group, entries in problem.groups.items():
+        members = problem.fitted & still & entries
+        sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
+        sets = [one for one in sets if one.size > 2]
+        if len(sets) < 2:
+            continue
+        # one-way analysis of variance: Fisher's ratio
+        count = sum(one.size for one in sets)
+        mean = sum(float(one.sum()) for one in sets) / count
+        between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
+        within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
+        if between > _APART * within:
+            found.append(
+                f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
+                "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
+            )
+    return found
+
+
+def _series(problem: Problem, weighted: Array) -> list[str]:
+    """Paths whose residuals hang together: then they are the model's error rather than noise."""
+    found, at = [], 0
+    for block in problem.blocks:
+        own = weighted[at : at + len(block.entries)]
+        at += len(block.entries)
+        count = sum(entry.at == block.entries[0].at for entry in block.entries)
+        if not block.horizons or own.size < _SERIES * count:
+            continue
+        before, after = own[:-count] - own.mean(), own[count:] - own.mean()
+        # of each coordinate with itself one instant later
+        share = float(before @ after) / max(float(before @ before), 1e-300)
+        if share > _SIGNIFICANT / np.sqrt(own.size):
+            found.append(
+                f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
+                "next): the model misses something, and the intervals are too narrow; more elements show whether it is "
+                "the family's own error"
+            )
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,20 +22,8 @@ _AT_BOUND = 1e-6
 """Distance from a bound per typical size at which a value is put on it [1]; the iterates themselves stay inside."""
 
 
-@dataclass(frozen=True)
-class Minimum:
-    """Where the sum of squares is least.
-
-    Attributes
-    ----------
-    values : (n,) ndarray
-    residuals : (m,) ndarray
-    jacobian : (m, n) ndarray
-    iterations : int
-    evaluations : int
-    status : str
-        ``converged``, ``iteration limit`` or ``no step possible``.
-    """
+class Minimum(NamedTuple):
+    """Where the sum of squares is least: values (n,), residuals (m,) and their Jacobian (m, n)."""
 
     values: Array
     residuals: Array
@@ -43,6 +31,7 @@ class Minimum:
     iterations: int
     evaluations: int
     status: str
+    """``converged``, ``iteration limit`` or ``no step possible``."""
 
     @property
     def converged(self) -> bool:
@@ -51,46 +40,24 @@ class Minimum:
 
 
 def least_squares(
-    function: Function,
-    start: Array,
-    lower: Array,
-    upper: Array,
-    sizes: Array,
-    *,
-    evaluations: int = 200,
+    function: Function, start: Array, lower: Array, upper: Array, sizes: Array, *, evaluations: int = 200
 ) -> Minimum:
-    """Minimize the sum of squares of residuals between bounds.
+    """Minimize the sum of squares of residuals between bounds, all (n,), by at most so many evaluations.
 
-    Parameters
-    ----------
-    function : callable
-        Residuals (m,) and their Jacobian (m, n) at values (n,). Where it raises ``SolverError`` or ``NumericalError``
-        other than at the start, shorter steps are tried.
-    start, lower, upper : (n,) ndarray
-        First values and bounds.
-    sizes : (n,) ndarray
-        Typical sizes of the values, which scale the search.
-    evaluations : int
-        Most evaluations of the function.
+    The function gives residuals (m,) and their Jacobian (m, n) at values (n,). Where it raises `SolverError` or
+    `NumericalError` other than at the start, shorter steps are tried. Typical sizes of the values scale the search.
 
-    Returns
-    -------
-    Minimum
+    The trust-region reflective method of ``scipy.optimize.least_squares`` (M. A. Branch, T. F. Coleman, Y. Li, 1999,
+    doi:10.1137/S1064827595289108) stays inside the bounds; values that end beside one which the gradient pushes
+    against are put on it, and the others are sought once more.
 
     Raises
     ------
     NumericalError
         If residuals or derivatives at the start are not finite.
-
-    Notes
-    -----
-    The trust-region reflective method of ``scipy.optimize.least_squares`` (M. A. Branch, T. F. Coleman, Y. Li, 1999,
-    doi:10.1137/S1064827595289108) stays inside the bounds; values that end beside one which the gradient pushes
-    against are put on it, and the others are sought once more.
     """
-    values = np.clip(start, lower, upper)
-    found = _at(function, values)
-    free = np.ones(len(values), dtype=bool)
+    found = _at(function, np.clip(start, lower, upper))
+    free = np.ones(len(start), dtype=bool)
     while True:
         found = _search(function, found, lower, upper, sizes, free, evaluations)
         values, gradient = found.values, (found.jacobian * sizes).T @ found.residuals
@@ -131,6 +98,7 @@ def _search(
 
     scale, count = sizes[free], start.evaluations
     accepted = start.values[free] / scale
+    # scipy asks for residuals and Jacobian one after the other; predictions give both at once
     known = {accepted.tobytes(): (start.values, start.residuals, start.jacobian)}
 
     def residuals(scaled: Array) -> Array:
@@ -146,13 +114,13 @@ def _search(
                     known[key] = values, y, jacobian
         if key in known:
             return known[key][1]
-        if np.abs(scaled - accepted).max() <= _STEP:
+        if np.abs(scaled - accepted).max() <= _STEP:  # scipy would shorten steps until they are lost in rounding
             raise _NoStepPossibleError
         return np.full_like(start.residuals, np.nan)  # which makes the search try a shorter step
 
     def slopes(scaled: Array) -> Array:
         nonlocal accepted
-        accepted = scaled.copy()
+        accepted = scaled.copy()  # scipy asks for the Jacobian only where it takes the step
         return np.asarray((known[scaled.tobytes()][2] * sizes)[:, free])
 
     iterations, status = start.iterations, "no step possible"
@@ -165,7 +133,7 @@ def _search(
             x_scale="jac",
             ftol=_DECREASE,
             xtol=_STEP,
-            gtol=None,
+            gtol=None,  # the gradient has the unit of the data, for which there is no one tolerance
             max_nfev=max(evaluations - count, 1),
         )
         iterations += found.njev - 1

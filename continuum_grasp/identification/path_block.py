@@ -19,7 +19,7 @@ from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.data import TipPath, column
-from continuum_grasp.identification.rows import Rows, Shapes, observation, runtime_names
+from continuum_grasp.identification.rows import Rows, Shapes, observation, runtime_names, symbols
 from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
@@ -42,50 +42,50 @@ class PathBlock(Block):
         self.name = data.name
         self._unknowns = unknowns
         self._model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
+        # a tip that is matched to a lagging moment has its rate as an input, which the variational equations lack
         if model.nx > 2 * model.n and model.structure.matched:
             free = default_family(free_tip=True)
             raise InputError(f"paths of tendons with a time constant need fidelity.family: {free}", key=data.name)
         family = scene.fidelity.model_copy(update={"family": model.family})
-        self._scene = scene.model_copy(update={"fidelity": family})
+        self._scene = scene = scene.model_copy(update={"fidelity": family})
         self._signals = Signals(scene, model)
-        self._rows = Rows(self._scene, unknowns, {}, 1, data.name)
-        self._start = _Start(self._scene, unknowns, data.name)
-        t = column(f"{data.name}.t", data.t)
-        self._t = t
-        quantities = [key for key, values in (("x", data.x), ("y", data.y)) if values is not None]
-        self._observe = observation(model, [(key, data.at) for key in quantities]).map(t.size)
-        values = np.array([one.start for one in unknowns])
+        self._rows = Rows(scene, unknowns, data.name)
+        self._start = _start_rows(scene, unknowns, data.name)
+        self._t = t = column(f"{data.name}.t", data.t)
+        columns = [(key, np.asarray(v, dtype=float)) for key, v in (("x", data.x), ("y", data.y)) if v is not None]
+        self._observe = observation(model, [(key, data.at) for key, _ in columns]).map(t.size)
         self._acting = self._signals.u(t), self._signals.w(t)
-        self._motion = Motion(model, self._signals, self._slope(values), t)
+        self._motion = _Motion(model, self._signals, self._slope(np.array([one.start for one in unknowns])), t)
         where = "tip" if data.at is None else f"{data.at:g} m"
         group = "positions on paths" if data.sigma is None else f"{data.name}: positions"
-        columns = [np.asarray(data.x if key == "x" else data.y, dtype=float) for key in quantities]
         self.entries = [
             Entry(f"{key} of {where} at {at:g} s", group, "m", float(numbers[k]), data.fitted, data.sigma, float(at))
             for k, at in enumerate(t)
-            for key, numbers in zip(quantities, columns, strict=True)
+            for key, numbers in columns
         ]
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        """As of ``Block``."""
-        z, _ = self._rows.at(0, values)
-        p, slope = self._rows.split(z)[2], self._slope(values)
-        x, by_values = self._motion.at(*self._begin(values), p)
+        x, by_values, p = self._moved(values)
         n, count = self._model.n, len(x)
         acting = np.hstack([*self._acting, np.tile(p, (count, 1))])
         y, by_q, by_z = (np.array(v) for v in self._observe(x[:, :n].T, acting.T))
         size, start = y.shape[0], self._model.nu + self._model.nw
+        # a mapped function puts the matrices of all instants side by side
         by_q = by_q.reshape(size, count, n).transpose(1, 0, 2)
         by_p = by_z.reshape(size, count, acting.shape[1]).transpose(1, 0, 2)[:, :, start:]
-        derivative = by_q @ by_values[:, :n] + by_p @ slope
+        derivative = by_q @ by_values[:, :n] + by_p @ self._slope(values)
         return y.T.ravel(), derivative.reshape(size * count, len(self._unknowns))
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        """As of ``Block``."""
-        p = self._rows.split(self._rows.at(0, values)[0])[2]
-        q = self._motion.at(*self._begin(values), p)[0][:, : self._model.n]
+        x, _, p = self._moved(values)
+        q = x[:, : self._model.n]
         use = np.array(self._model.range_use.map(len(q))(q.T, self._acting[0].T, np.tile(p, (len(q), 1)).T)).T
         return limit_warnings(self._model, use, self._t)
+
+    def _moved(self, values: Array) -> tuple[Array, Array, Array]:
+        """States (T, nx), their derivatives (T, nx, unknowns) and the parameters p."""
+        p = self._rows.split(self._rows.at(0, values)[0])[2]
+        return *self._motion.at(*self._begin(values), p), p
 
     def _slope(self, values: Array) -> Array:
         """Derivative of p with respect to the unknowns."""
@@ -93,46 +93,37 @@ class PathBlock(Block):
         return derivative[len(derivative) - self._model.np :]
 
     def _begin(self, values: Array) -> tuple[Array, Array]:
-        """State (nx,) at time zero, and its derivative (nx, unknowns)."""
-        model, (q, by_q) = self._model, self._start.at(values)
+        """State (nx,) at time zero as ``initial`` of the scene says, and its derivative (nx, unknowns)."""
+        model, n, initial = self._model, self._model.n, self._scene.initial
         x, slope = np.zeros(model.nx), np.zeros((model.nx, len(self._unknowns)))
-        x[: model.n], slope[: model.n] = q, by_q
-        rates = self._scene.initial.qd
-        if rates is not None:
-            x[model.n : 2 * model.n] = rates
-        if model.nx > 2 * model.n:
+        if isinstance(self._start, Shapes):
+            _, by_values, q, by_z = self._start.shape(0, values)
+            x[:n], slope[:n] = q, by_z @ by_values
+        elif initial.q is not None:
+            if len(initial.q) != n:
+                raise InputError(f"q has {len(initial.q)} entries, the model has {n}", key="initial.q")
+            x[:n] = initial.q
+        if initial.qd is not None:
+            x[n : 2 * n] = initial.qd
+        if model.nx > 2 * n:
+            # the lagging moment of the tendons begins as their tensions give it
             u = self._signals.u(0.0)[0]
             offsets = [k for k, one in enumerate(self._unknowns) if one.target == "tendon_offset"]
             tendons = self._scene.finger.tendons
             offset = values[offsets[0]] if offsets else (tendons.offset if tendons is not None else 0.0)
-            x[2 * model.n] = (u[0] - u[1]) * offset
-            slope[2 * model.n, offsets] = u[0] - u[1]
+            x[2 * n] = (u[0] - u[1]) * offset
+            slope[2 * n, offsets] = u[0] - u[1]
         return x, slope
 
 
-class _Start:
-    """Shape at time zero as a function of the unknowns, as ``initial`` of the scene says."""
-
-    def __init__(self, scene: Scene, unknowns: Sequence[Unknown], name: str) -> None:
-        self._initial, self._count = scene.initial, len(unknowns)
-        loads = (*scene.loads, *scene.initial.held_by)
-        if scene.initial.pose == "rest":
-            scene, loads = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None}), ()
-        self._rows = Rows(scene, unknowns, {}, 1, name, loads=loads)
-        if scene.initial.pose in ("equilibrium", "rest"):
-            self._shapes = Shapes(self._rows, 1)
-
-    def at(self, values: Array) -> tuple[Array, Array]:
-        """Shape (n,) and its derivative (n, unknowns)."""
-        n = self._rows.model.n
-        if self._initial.pose in ("equilibrium", "rest"):
-            z, slope = self._rows.at(0, values)
-            q, by_z = self._shapes.at(0, z)
-            return q, by_z @ slope
-        q = np.zeros(n) if self._initial.q is None else np.array(self._initial.q, dtype=float)
-        if q.shape != (n,):
-            raise InputError(f"q has {q.size} entries, the model has {n}", key="initial.q")
-        return q, np.zeros((n, self._count))
+def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
+    """The shape at time zero, where it is an equilibrium; None where the scene gives its coordinates."""
+    pose = scene.initial.pose
+    scene = scene.model_copy(update={"loads": (*scene.loads, *scene.initial.held_by)})
+    if pose == "rest":
+        scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
+    rows = Rows(scene, unknowns, name)
+    return Shapes(rows) if pose in ("equilibrium", "rest") else None
 
 
 _MOST_STEPS = 200_000
@@ -145,69 +136,21 @@ _SHAPES = 6
 """Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
 
-class Motion:
+class _Motion:
     """Integrates x' = f(x, u, w, p) and its derivative X' = f_x X + f_p B by the classical Runge-Kutta method.
 
-    Parameters
-    ----------
-    model : FingerModel
-    signals : Signals
-        Inputs and forces.
-    slope : (np, unknowns) ndarray
-        B, the derivative of p with respect to the unknowns.
-    t : (T,) ndarray
-        Instants that are wanted, from 0 on [s].
+    B (np, unknowns) is the derivative of p with respect to the unknowns; instants t (T,) [s] are wanted, from 0 on.
     """
 
     def __init__(self, model: FingerModel, signals: Signals, slope: Array, t: Array) -> None:
         self._model, self._signals, self._slope, self._t = model, signals, slope, t
-        self._nx = model.nx
         self._core = Core(model, compiled=False)
         functions = SimpleNamespace(forward_dynamics=_variational(model, slope.shape[1]))
         self._run = Rollouts.of(step_function(functions, "rk4"))
         self._settled: tuple[Array, float] | None = None
 
-    def _settle(self, start: Array, p: Array) -> None:
-        """Steps that are short enough for parameters p; they stay while these change little."""
-        if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
-            return
-        signals, model = self._signals, self._model
-        shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
-        rate = _FINER * spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p) / TARGET_RADIUS
-        if not np.isfinite(rate):
-            raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
-        if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:
-            rate = self._settled[1]
-        else:
-            self._lay(_Grid(self._t, rate))
-        self._settled = (p, rate)
-
-    def _lay(self, grid: _Grid) -> None:
-        """Take a grid, with inputs and forces on it."""
-        if grid.steps * grid.substeps > _MOST_STEPS:
-            raise NumericalError(
-                f"{grid.steps * grid.substeps:.3g} steps are needed to follow this motion at these parameters; at most "
-                f"{_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, or bounds on stiffness and "
-                "damping",
-                time=0.0,
-            )
-        self._grid, signals, model = grid, self._signals, self._model
-        halves = np.arange(2 * grid.steps * grid.substeps + 1) * (0.5 * grid.spacing / grid.substeps)
-        at = halves[:1] if signals.constant else halves
-        u, w = signals.u(at), signals.w(at)
-        rows = len(halves)
-        self._u = signal("u", u[0] if signals.constant else u, model.nu, rows, None)
-        self._w = signal("w", w[0] if signals.constant else w, model.nw, rows, None)
-
     def at(self, start: Array, slope: Array, p: Array) -> tuple[Array, Array]:
-        """States (T, nx) and their derivatives (T, nx, unknowns) at the instants that are wanted.
-
-        Parameters
-        ----------
-        start : (nx,) ndarray
-        slope : (nx, unknowns) ndarray
-            Derivative of the start.
-        p : (np,) ndarray
+        """States (T, nx) and their derivatives (T, nx, unknowns), from a start (nx,) with its derivative.
 
         Raises
         ------
@@ -215,7 +158,7 @@ class Motion:
             If the motion does not stay finite, or is too stiff.
         """
         self._settle(start, p)
-        grid, count = self._grid, self._slope.shape[1]
+        grid, count, nx = self._grid, self._slope.shape[1], len(start)
         whole = np.concatenate([start, slope.ravel(order="F")])[None]
         arguments = np.concatenate([p, self._slope.ravel(order="F")])
         states, finished = self._run(
@@ -225,23 +168,48 @@ class Motion:
             time = float(finished[0]) * grid.spacing
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
         rows = grid.pick(states[0])
-        slopes = rows[:, self._nx :].reshape(len(rows), count, self._nx)
-        return rows[:, : self._nx], slopes.transpose(0, 2, 1)
+        return rows[:, :nx], rows[:, nx:].reshape(len(rows), count, nx).transpose(0, 2, 1)
+
+    def _settle(self, start: Array, p: Array) -> None:
+        """Steps that are short enough for parameters p; they stay while these change little.
+
+        Other steps have another error, which a search would take for a change of the parameters.
+        """
+        if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
+            return
+        signals, model = self._signals, self._model
+        shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
+        rate = _FINER * spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p) / TARGET_RADIUS
+        if not np.isfinite(rate):
+            raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
+        if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:
+            self._settled = (p, self._settled[1])
+            return
+        grid = _Grid(self._t, rate)
+        count = grid.steps * grid.substeps
+        if count > _MOST_STEPS:
+            raise NumericalError(
+                f"{count:.3g} steps are needed to follow this motion at these parameters; at most "
+                f"{_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, or bounds on stiffness and "
+                "damping",
+                time=0.0,
+            )
+        # a Runge-Kutta step takes inputs and forces at its start, middle and end
+        halves = np.arange(2 * count + 1) * (0.5 * grid.spacing / grid.substeps)
+        at = halves[:1] if signals.constant else halves
+        u, w = (values[0] if signals.constant else values for values in (signals.u(at), signals.w(at)))
+        self._u = signal("u", u, model.nu, len(halves), None)
+        self._w = signal("w", w, model.nw, len(halves), None)
+        self._grid, self._settled = grid, (p, rate)
 
 
 class _Grid:
-    """Equal steps on which the instants lie, or between which they are interpolated by cubics.
-
-    Attributes
-    ----------
-    spacing : float
-        Time between stored states [s].
-    steps, substeps : int
-    """
+    """Equal steps on which the instants lie, or between which they are interpolated by cubics."""
 
     def __init__(self, t: Array, rate: float) -> None:
         gap = float(np.diff(np.append(0.0, t) if t[0] > 0.0 else t).min())
         shares = t / gap
+        # instants as they stand in files, rounded
         self._even = bool(np.all(np.abs(shares - np.round(shares)) < 1e-6))
         if self._even:
             self.spacing = float(t[-1] / round(t[-1] / gap))
@@ -249,6 +217,7 @@ class _Grid:
             self.steps = int(self._index[-1])
             self.substeps = max(1, math.ceil(self.spacing * rate))
         else:
+            # half a step between stored states, for the cubics between them
             self.spacing = 0.5 / rate
             self.substeps = 1
             self.steps = max(4, math.ceil(t[-1] / self.spacing))
@@ -261,7 +230,7 @@ class _Grid:
             return np.asarray(rows[self._index])
         s = self._within[:, None]
         total: Array = np.zeros((len(s), rows.shape[1]))
-        for k in range(4):
+        for k in range(4):  # Lagrange's polynomials on the nodes 0 to 3
             weight = np.ones_like(s)
             for j in range(4):
                 if j != k:
@@ -272,9 +241,8 @@ class _Grid:
 
 def _variational(model: FingerModel, count: int) -> ca.Function:
     """Dynamics of [x, X] with the parameters [p, B]."""
-    x, u, w, p = (
-        ca.SX.sym(name, size) for name, size in (("x", model.nx), ("u", model.nu), ("w", model.nw), ("p", model.np))
-    )
+    _, u, w, p = symbols(model)
+    x = ca.SX.sym("x", model.nx)
     moved, turned = ca.SX.sym("X", model.nx, count), ca.SX.sym("B", model.np, count)
     rate = model.forward_dynamics(x, u, w, p)
     slope = ca.jtimes(rate, ca.vertcat(x, p), ca.vertcat(moved, turned))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,8 @@ _HUBER = 1.345
 """Deviations beyond which Huber's loss is linear [1]: 95 % efficient for normal noise (P. J. Huber, 1981)."""
 _ROUNDS = 25
 """Most rounds of weights; standard deviations settle in two or three, robust weights linearly."""
-_HORIZONS = (0.1, 0.25, 0.5, 1.0)
-"""Parts of the paths that are fitted one after the other, so that a wrong start does not end in a wrong period."""
+_HORIZONS = (0.1, 0.25, 0.5)
+"""Parts of the paths that are fitted before the whole, so that a wrong start does not end in a wrong period."""
 _LEAST_ROWS = 4
 """Fitted numbers per parameter from which a part of the data is fitted at all."""
 _FIRST, _EVALUATIONS = 12, 200
@@ -30,36 +31,23 @@ _REACH = 2.0
 """Greatest relative change of a parameter in a search on a part of the data [1], which may not see it yet."""
 
 
-class Solution:
-    """The parameters at the minimum, with the weights that led there.
+class Solution(NamedTuple):
+    """The parameters (n,) at the minimum, with the weights that led there."""
 
-    Attributes
-    ----------
-    values : (n,) ndarray
-    predictions : (m,) ndarray
-        Of every entry, fitted or not.
-    jacobian : (m, n) ndarray
-    sigma : (m,) ndarray
-        Standard deviation of every entry, as known or found.
-    inflation : float
-        Factor on the covariance for a robust loss.
-    iterations, evaluations : int
-    """
-
-    def __init__(self, minimum: Minimum, predictions: Array, jacobian: Array, sigma: Array, inflation: float) -> None:
-        self.values = minimum.values
-        self.predictions, self.jacobian, self.sigma, self.inflation = predictions, jacobian, sigma, inflation
-        self.iterations = self.evaluations = 0
+    values: Array
+    predictions: Array
+    """(m,), of every entry, fitted or not."""
+    jacobian: Array
+    sigma: Array
+    """Standard deviation (m,) of every entry, as known or found."""
+    inflation: float
+    """Factor on the covariance for a robust loss."""
+    iterations: int
+    evaluations: int
 
 
 class Problem:
-    """Measurements of all sets and the model's predictions of them.
-
-    Parameters
-    ----------
-    blocks : sequence of Block
-    unknowns : sequence of Unknown
-    loss : {"squares", "huber"}
+    """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
 
     Raises
     ------
@@ -75,14 +63,9 @@ class Problem:
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")
         names = [entry.group for entry in self.entries]
-        self.groups = list(dict.fromkeys(names))
-        self._group = np.array([self.groups.index(name) for name in names])
+        self.groups = {name: np.array([one == name for one in names]) for name in dict.fromkeys(names)}
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._iterations = self._evaluations = 0
-
-    def members(self, group: int) -> NDArray[np.bool_]:
-        """Entries of one group."""
-        return np.asarray(self._group == group)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n)."""
@@ -98,8 +81,7 @@ class Problem:
             If the search does not converge.
         """
         values, sigma = np.array([one.start for one in self.unknowns]), self._first_sigma()
-        horizons = _HORIZONS if any(block.horizons for block in self.blocks) else (1.0,)
-        for share in horizons[:-1]:
+        for share in _HORIZONS if any(block.horizons for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):
                 values = self._search(values, chosen, 1.0 / sigma, first=True).values
@@ -108,23 +90,23 @@ class Problem:
         for round_ in range(_ROUNDS):
             minimum = self._search(values, self.fitted, scale / sigma)
             predictions, jacobian = self.predict(minimum.values)
+            # each group by its own residuals (iteratively reweighted): meters and radians weigh as they scatter
             new_sigma = self._new_sigma(predictions, jacobian, sigma)
             new_scale = self._new_scale(predictions, new_sigma)
             settled = np.allclose(new_sigma, sigma, rtol=1e-3, atol=0.0) and np.allclose(new_scale, scale, atol=1e-4)
             values, sigma, scale = minimum.values, new_sigma, new_scale
             progress(0.5 + 0.5 * (round_ + 1) / _ROUNDS)
+            # one weight for all does not move the minimum
             if settled or (len(self.groups) == 1 and self._loss == "squares"):
                 break
-        solution = Solution(minimum, predictions, jacobian, sigma, self._inflation(predictions, sigma))
-        solution.iterations, solution.evaluations = self._iterations, self._evaluations
-        return solution
+        inflation = self._inflation(predictions, sigma)
+        return Solution(values, predictions, jacobian, sigma, inflation, self._iterations, self._evaluations)
 
     def _search(self, start: Array, chosen: NDArray[np.bool_], weights: Array, first: bool = False) -> Minimum:
-        lower = np.array([one.lower for one in self.unknowns])
-        upper = np.array([one.upper for one in self.unknowns])
-        sizes = np.array([max(abs(one.start), one.typical) for one in self.unknowns])
+        bounds = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in self.unknowns]
+        lower, upper, sizes = (np.array(column) for column in zip(*bounds, strict=True))
         if first:
-            reach = _REACH * np.maximum(np.abs(start), sizes / _REACH)
+            reach = np.maximum(_REACH * np.abs(start), sizes)
             lower, upper = np.maximum(lower, start - reach), np.minimum(upper, start + reach)
 
         def residuals(values: Array) -> tuple[Array, Array]:
@@ -139,9 +121,7 @@ class Problem:
             raise SolverError(
                 "the parameters were not found",
                 status=found.status,
-                violated=[
-                    f"{one.name} = {v:.6g} {one.unit}" for one, v in zip(self.unknowns, found.values, strict=True)
-                ],
+                violated=[f"{u.name} = {v:.6g} {u.unit}" for u, v in zip(self.unknowns, found.values, strict=True)],
                 advice="check units and signs of the data, start nearer to the values, bound them, or estimate fewer",
                 result=found,
             )
@@ -158,8 +138,7 @@ class Problem:
     def _first_sigma(self) -> Array:
         """Known standard deviations; a hundredth of the spread of what was measured for the others."""
         sigma = self._known.copy()
-        for k in range(len(self.groups)):
-            members = self._group == k
+        for members in self.groups.values():
             values = self.measured[members]
             spread = max(float(np.ptp(values)), float(np.abs(values).max()), 1e-12)
             sigma[members & np.isnan(self._known)] = 0.01 * spread
@@ -170,25 +149,28 @@ class Problem:
         fitted, residuals = self.fitted, predictions - self.measured
         basis, singular, _ = np.linalg.svd((jacobian / sigma[:, None])[fitted], full_matrices=False)
         keep = singular > 1e-10 * max(float(singular.max(initial=0.0)), 1e-300)
+        # diagonal of the projection onto the columns: their sum is the number of parameters that the data see
         leverage = np.zeros(len(sigma))
         leverage[fitted] = np.sum(basis[:, keep] ** 2, axis=1)
-        found = sigma.copy()
-        for k in range(len(self.groups)):
-            members = (self._group == k) & np.isnan(self._known)
+        found, first = sigma.copy(), self._first_sigma()
+        for group in self.groups.values():
+            members = group & np.isnan(self._known)
             used = members & fitted
             freedom = float(np.sum(1.0 - leverage[used]))
             if freedom > 0.5:
-                first = self._first_sigma()[members]
-                found[members] = np.maximum(self._spread(residuals[used], freedom), 1e-6 * first)
+                # exact data must not weigh infinitely
+                found[members] = np.maximum(self._spread(residuals[used], freedom), 1e-6 * first[members])
         return found
 
     def _spread(self, residuals: Array, freedom: float) -> float:
         """Standard deviation: of all residuals, or from their median where outliers are expected."""
         if self._loss == "huber" and residuals.size >= 5:
+            # 1.4826 makes the median of sizes the standard deviation of normal noise
             return 1.4826 * float(np.median(np.abs(residuals))) * float(np.sqrt(residuals.size / freedom))
         return float(np.sqrt(residuals @ residuals / freedom))
 
     def _new_scale(self, predictions: Array, sigma: Array) -> Array:
+        """Roots of Huber's weights, which multiply the residuals."""
         if self._loss == "squares":
             return np.ones(len(sigma))
         size = np.abs(predictions - self.measured) / sigma

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
-from continuum_grasp.identification.data import Data, Frequencies, Poses, Reading, TipPath
-from continuum_grasp.identification.table import Table, read_table, unit_of_quantity
+from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.rows import split_unit
+from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.assembly import apply_override, read_overrides
 from continuum_grasp.scene.document import Document, Place
@@ -26,7 +27,6 @@ from continuum_grasp.scene.identify import (
     IdentifyScene,
     RingDown,
     StaticPoses,
-    TipTrajectory,
 )
 from continuum_grasp.scene.simulate import Scene
 
@@ -114,31 +114,36 @@ def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
 
 
 def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data:
-    fitted = one.use == "fit"
+    rows, fitted = len(table.rows), one.use == "fit"
     if isinstance(one, StaticPoses):
-        _check_places(one, scene, key)
-        readings = [
-            Reading(m.quantity, _column(table, m, unit_of_quantity(m.quantity)), m.at, m.sigma) for m in one.measured
-        ]
-        chosen = _chosen(len(table.rows), fitted, one.holdout_rows, key)
+        length, readings = scene.finger.rod.length, []
+        for k, m in enumerate(one.measured):
+            if m.at is not None and m.at > length * (1 + 1e-9):
+                message = f"{m.at:g} m is beyond the finger's length of {length:g} m"
+                raise InputError(message, key=f"{key}.measured[{k}].at")
+            readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma))
+        chosen = _chosen(rows, fitted, one.holdout_rows, key)
         return Poses(readings, _conditions(table, one.conditions, scene, key), chosen, scene, name)
     if isinstance(one, FrequencyTable):
-        rows = len(table.rows)
         mode = np.full(rows, one.mode) if isinstance(one.mode, int) else table.numbers(one.mode)
         decay = None if one.decay_rate is None else _column(table, one.decay_rate, "1/s")
         chosen = _chosen(rows, fitted, one.holdout_rows, key)
         conditions = _conditions(table, one.conditions, scene, key)
         return Frequencies(mode, _column(table, one.frequency, "Hz"), decay, conditions, chosen, scene, name)
     t = _column(table, one.t, "s")
-    inside = _inside(t, one.window, table)
-    if isinstance(one, TipTrajectory):
-        x = None if one.x is None else _column(table, one.x, "m")[inside]
-        y = None if one.y is None else _column(table, one.y, "m")[inside]
-        try:
-            return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name)
-        except InputError as error:
-            raise InputError(error.message, file=table.file) from None
-    return _ring_downs(one, table, t, inside, scene, name)
+    inside = np.ones(t.size, dtype=bool) if one.window is None else (t >= one.window[0]) & (t <= one.window[1])
+    if one.window is not None and not inside.any():
+        start, end = one.window
+        message = f"no sample between {start:g} and {end:g} s; they go from {t.min():g} to {t.max():g} s"
+        raise InputError(message, file=table.file)
+    if isinstance(one, RingDown):
+        return _ring_downs(one, table, t, inside, scene, name)
+    x = None if one.x is None else _column(table, one.x, "m")[inside]
+    y = None if one.y is None else _column(table, one.y, "m")[inside]
+    try:
+        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name)
+    except InputError as error:
+        raise InputError(error.message, file=table.file) from None
 
 
 def _ring_downs(
@@ -153,18 +158,9 @@ def _ring_downs(
             found.append(fit_damped_sine(t[there], signal[there], heading))
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
-    count = len(found)
-    fitted = np.full(count, one.use == "fit")
+    fitted, modes = np.full(len(found), one.use == "fit"), np.full(len(found), one.mode)
     frequency, decay = [sine.frequency for sine in found], [sine.decay_rate for sine in found]
-    return Frequencies(np.full(count, one.mode), frequency, decay, {}, fitted, scene, name)
-
-
-def _inside(t: Array, window: tuple[float, float] | None, table: Table) -> NDArray[np.bool_]:
-    inside = np.ones(t.size, dtype=bool) if window is None else (t >= window[0]) & (t <= window[1])
-    if window is not None and not inside.any():
-        message = f"no sample between {window[0]:g} and {window[1]:g} s; they go from {t.min():g} to {t.max():g} s"
-        raise InputError(message, file=table.file)
-    return inside
+    return Frequencies(modes, frequency, decay, {}, fitted, scene, name)
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
@@ -175,14 +171,6 @@ def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArra
             raise InputError(f"row {row} of {rows}", key=f"{key}.holdout_rows")
         chosen[row - 1] = False
     return chosen
-
-
-def _check_places(one: StaticPoses, scene: Scene, key: str) -> None:
-    length = scene.finger.rod.length
-    for k, measured in enumerate(one.measured):
-        if measured.at is not None and measured.at > length * (1 + 1e-9):
-            message = f"{measured.at:g} m is beyond the finger's length of {length:g} m"
-            raise InputError(message, key=f"{key}.measured[{k}].at")
 
 
 def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:
@@ -196,20 +184,20 @@ def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key
 
 def _unit_of_entry(name: str, scene: Scene, key: str) -> str:
     """Unit of an input, force or parameter of the model."""
+    # inputs are those of any model, so none is chosen by tolerance
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
     model = FingerModel(plain, input_rates=False)
-    labels = [*model.u_names, *model.w_names]
-    names = [label.split(" [")[0] for label in labels]
-    if name not in names:
+    units = dict(split_unit(label) for label in (*model.u_names, *model.w_names))
+    if name not in units:
         try:
             labels = FingerModel(plain, parameters=(name,), input_rates=False).p_names
         except InputError as error:
-            message = f"no input or force {name!r} (this scene has {', '.join(names)}), and {error.message}"
+            message = f"no input or force {name!r} (this scene has {', '.join(units)}), and {error.message}"
             raise InputError(message, key=key) from None
-        names = [label.split(" [")[0] for label in labels]
-    if name not in names:
-        raise InputError(f"{name} is several numbers: name one of {', '.join(names)}", key=key)
-    return labels[names.index(name)].split(" [")[1].rstrip("]")
+        units = dict(split_unit(label) for label in labels)
+    if name not in units:
+        raise InputError(f"{name} is several numbers: name one of {', '.join(units)}", key=key)
+    return units[name]
 
 
 def _column(table: Table, column: ColumnLike, si: str) -> Array:
@@ -242,7 +230,6 @@ def data_folder() -> Path | None:
 def _located(path: Path) -> Path:
     """A path as it is given, or in the data folder where it is relative and not found as given."""
     folder = data_folder()
-    if path.is_absolute() or path.exists() or folder is None:
+    if path.is_absolute() or path.exists() or folder is None or not (folder / path).exists():
         return path
-    inside = folder / path
-    return inside if inside.exists() else path
+    return folder / path

@@ -6,7 +6,6 @@ Equilibria are followed while loads and parameters change.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -16,7 +15,6 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium
@@ -38,25 +36,8 @@ def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str]
 class Rows:
     """The argument z = [u, w, p] of a model in every row, and its derivative with respect to the unknowns.
 
-    Parameters
-    ----------
-    scene : Scene
-        Values of what no row says, at time zero.
-    unknowns : sequence of Unknown
-    conditions : mapping of str to (R,) array_like
-        Values by row.
-    rows : int
-        Number of rows R.
-    name : str
-        Of the data, for errors.
-    loads : sequence of loads, optional
-        In place of the scene's.
-
-    Attributes
-    ----------
-    model : FingerModel
-    scene : Scene
-        With these loads.
+    Conditions (rows,) are values by row, under the names of the model; all others are the scene's, at time zero.
+    ``name`` is that of the data, for errors.
 
     Raises
     ------
@@ -68,39 +49,42 @@ class Rows:
         self,
         scene: Scene,
         unknowns: Sequence[Unknown],
-        conditions: Mapping[str, ArrayLike],
-        rows: int,
         name: str,
-        loads: Sequence[Load] | None = None,
+        conditions: Mapping[str, ArrayLike] | None = None,
+        rows: int = 1,
     ) -> None:
-        self.scene = scene if loads is None else scene.model_copy(update={"loads": tuple(loads)})
-        self._unknowns = list(unknowns)
-        plain = FingerModel(self.scene, parameters=runtime_names(scene, unknowns), input_rates=False)
-        entries = [label.split(" [")[0] for label in (*plain.u_names, *plain.w_names)]
-        more = [key for key in conditions if key not in entries]
-        for key in more:
-            if key in {one.target for one in unknowns if not one.added}:
-                raise InputError(f"{key} is to be estimated, and given by the data", key=f"{name}.conditions")
+        self.scene, self._unknowns, self.count, key = scene, list(unknowns), rows, f"{name}.conditions"
+        given = dict(conditions or {})
+        plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
+        entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
+        more = [one for one in given if one not in entries]
+        for one in more:
+            if one in {unknown.target for unknown in unknowns if not unknown.added}:
+                raise InputError(f"{one} is to be estimated, and given by the data", key=key)
         try:
-            self.model = FingerModel(
-                self.scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
+            # by the family of the model without these parameters: data must not change what is fitted
+            self.model = model = FingerModel(
+                scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
             )
         except InputError as error:
             where = f"inputs and forces: {', '.join(entries)}" if entries else "no inputs and forces"
-            raise InputError(f"{error.message}; {where}", key=f"{name}.conditions") from None
-        signals = Signals(self.scene, self.model)
-        self._nominal = np.concatenate([signals.u(0.0)[0], signals.w(0.0)[0], self.model.p_nominal])
-        model = self.model
-        self.names = [label.split(" [")[0] for label in (*model.u_names, *model.w_names, *model.p_names)]
-        self._table = np.tile(self._nominal, (rows, 1))
-        for key, values in conditions.items():
-            self._table[:, self._index(key, name)] = column(f"{name}.conditions.{key}", values, rows)
-        self._derivative, self._own = self._derivatives()
-
-    @property
-    def nominal(self) -> Array:
-        """Values of the scene."""
-        return self._nominal
+            raise InputError(f"{error.message}; {where}", key=key) from None
+        signals = Signals(scene, model)
+        self.nominal = np.concatenate([signals.u(0.0)[0], signals.w(0.0)[0], model.p_nominal])
+        names = [split_unit(label)[0] for label in (*model.u_names, *model.w_names, *model.p_names)]
+        self._table = np.tile(self.nominal, (rows, 1))
+        for one, values in given.items():
+            numbers = column(f"{key}.{one}", values, rows)
+            if one not in names:
+                raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
+            self._table[:, names.index(one)] = numbers
+        # z = own * table + derivative @ values, but for the deadband, which is not linear
+        self._derivative, self._own = np.zeros((len(names), len(unknowns))), np.ones(len(names))
+        for k, unknown in enumerate(unknowns):
+            if unknown.target != DEADBAND:
+                at = names.index(unknown.target)
+                self._derivative[at, k] = unknown.factor
+                self._own[at] = 1.0 if unknown.added else 0.0
 
     def split(self, z: Array) -> tuple[Array, Array, Array]:
         """The parts u, w and p of z."""
@@ -108,7 +92,7 @@ class Rows:
         return z[:u], z[u:w], z[w:]
 
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
-        """Values (nz,) of a row and their derivative (nz, unknowns)."""
+        """Values z (nz,) of a row and their derivative (nz, unknowns)."""
         z = self._own * self._table[row] + self._derivative @ values
         derivative = self._derivative
         for k, one in enumerate(self._unknowns):
@@ -116,23 +100,6 @@ class Rows:
                 derivative = derivative.copy()
                 z[:2], derivative[:2, k] = _behind_deadband(z[0], z[1], values[k])
         return z, derivative
-
-    def _derivatives(self) -> tuple[Array, Array]:
-        """dz/dvalues (nz, unknowns), and one (nz,) for each entry that has its own value too."""
-        derivative = np.zeros((len(self.names), len(self._unknowns)))
-        own = np.ones(len(self.names))
-        for k, one in enumerate(self._unknowns):
-            if one.target == DEADBAND:
-                continue
-            at = self.names.index(one.target)
-            derivative[at, k] = one.factor
-            own[at] = 1.0 if one.added else 0.0
-        return derivative, own
-
-    def _index(self, key: str, name: str) -> int:
-        if key not in self.names:
-            raise InputError(f"no entry {key!r}; expected one of {', '.join(self.names)}", key=f"{name}.conditions")
-        return self.names.index(key)
 
 
 def _behind_deadband(first: float, second: float, deadband: float) -> tuple[Array, Array]:
@@ -158,16 +125,10 @@ _SHORTEST = 1.0 / 1024.0
 
 
 class Shapes:
-    """Equilibria of the rows of measurements.
+    """Equilibria of rows of measurements.
 
-    Each is followed from the last one that was found for its row, in shorter steps of z where Newton's method fails.
-
-    Parameters
-    ----------
-    rows : Rows
-        Model, inputs, forces and parameters.
-    count : int
-        Number of rows.
+    Each is followed from the last one that was found for its row, in shorter steps of z where Newton's method fails:
+    a finger that can buckle keeps to its branch.
 
     Raises
     ------
@@ -175,34 +136,31 @@ class Shapes:
         If the scene has no equilibrium.
     """
 
-    def __init__(self, rows: Rows, count: int) -> None:
-        self._model = rows.model
-        self._reach = self._model.structure.family.coordinate_size(min(self._model.ranges), max(self._model.lengths))
-        start = equilibrium(rows.scene, model=self._model)
-        self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * count
+    def __init__(self, rows: Rows) -> None:
+        self.rows, self.model = rows, rows.model
+        self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
+        start = equilibrium(rows.scene, model=self.model)
+        self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * rows.count
+        q, u, w, p = symbols(self.model)
+        still = ca.SX(self.model.n, 1)
+        # (q, z) -> missing force and its derivatives with respect to q and z
+        missing = self.model.inverse_dynamics(q, still, still, u, w, p)
+        self._balance = with_slopes("balance", missing, q, ca.vertcat(u, w, p))
 
-    @cached_property
-    def _balance(self) -> ca.Function:
-        """(q, z) -> missing force, its derivatives with respect to q and z."""
-        model = self._model
-        q, u, w, p = (ca.SX.sym(name, size) for name, size in _sizes(model))
-        missing = model.inverse_dynamics(q, ca.SX(model.n, 1), ca.SX(model.n, 1), u, w, p)
-        z = ca.vertcat(u, w, p)
-        outputs = [ca.densify(v) for v in (missing, ca.jacobian(missing, q), ca.jacobian(missing, z))]
-        return ca.Function("balance", [q, z], ca.cse(outputs), ["q", "z"], ["Q", "K", "P"])
-
-    def at(self, row: int, z: Array) -> tuple[Array, Array]:
-        """Equilibrium (n,) of a row and its derivative (n, nz) with respect to z.
+    def shape(self, row: int, values: Array) -> tuple[Array, Array, Array, Array]:
+        """Values z (nz,) of a row, dz/dvalues, the equilibrium q (n,) and dq/dz.
 
         Raises
         ------
         SolverError
             If it cannot be followed there.
         """
+        z, by_values = self.rows.at(row, values)
         q, before = self._last[row]
         done, step = 0.0, 1.0
         while done < 1.0:
             step = min(step, 1.0 - done)
+            # the last step ends at z itself, not at a rounding of it
             target = z if step == 1.0 - done else before + (done + step) * (z - before)
             found = self._newton(q, target)
             if found is None:
@@ -218,16 +176,17 @@ class Shapes:
             q, done, step = found, done + step, 2.0 * step
         self._last[row] = (q, z)
         _, stiffness, slope = self._evaluate(q, z)
-        return q, np.asarray(-np.linalg.solve(stiffness, slope))
+        # implicit function theorem: Q(q(z), z) = 0
+        return z, by_values, q, np.asarray(-np.linalg.solve(stiffness, slope))
 
-    def warnings(self, rows: Rows, count: int, values: Array) -> tuple[str, ...]:
+    def warnings(self, values: Array) -> tuple[str, ...]:
         """What the user must know of shapes beyond the bending range or the strain limit."""
         use = []
-        for row in range(count):
-            z, _ = rows.at(row, values)
-            u, _, p = rows.split(z)
-            use.append(np.array(self._model.range_use(self.at(row, z)[0], u, p)).ravel())
-        return limit_warnings(self._model, np.array(use))
+        for row in range(self.rows.count):
+            z, _, q, _ = self.shape(row, values)
+            u, _, p = self.rows.split(z)
+            use.append(np.array(self.model.range_use(q, u, p)).ravel())
+        return limit_warnings(self.model, np.array(use))
 
     def _newton(self, q: Array, z: Array) -> Array | None:
         for _ in range(_ITERATIONS):
@@ -237,6 +196,7 @@ class Shapes:
             except np.linalg.LinAlgError:
                 return None
             size = float(np.abs(change).max()) / self._reach
+            # a step of half the bending range leads to another branch as well as to this one
             if not size < 0.5:  # NaN too
                 return None
             q = q + change
@@ -250,34 +210,40 @@ class Shapes:
 
 
 def observation(model: FingerModel, places: Sequence[tuple[str, float | None]]) -> ca.Function:
-    """What is measured as a function (q, z) -> y, with its derivatives with respect to q and z.
-
-    Parameters
-    ----------
-    model : FingerModel
-    places : sequence of (str, float or None)
-        Quantity and position along the finger [m]; None: the tip.
+    """What is measured, quantities at positions along the finger [m] or None for the tip, as `with_slopes` of (q, z).
 
     Raises
     ------
     InputError
         If a position is not on the finger.
     """
-    q, u, w, p = (ca.SX.sym(name, size) for name, size in _sizes(model))
+    q, u, w, p = symbols(model)
     length, values = model.finger.rod.length, []
     for quantity, at in places:
         s = length if at is None else at
-        if not 0.0 <= s <= length * (1 + 1e-9):
+        if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
             raise InputError(f"{quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
         if quantity in ("x", "y"):
             values.append(model.position(q, u, s, p)["xy".index(quantity)])
         else:
             base = model.orientation(q, u, 0.0, p) if quantity == "bend" else 0.0
             values.append(model.orientation(q, u, s, p) - base)
-    y, z = ca.vertcat(*values), ca.vertcat(u, w, p)
+    return with_slopes("observation", ca.vertcat(*values), q, ca.vertcat(u, w, p))
+
+
+def with_slopes(name: str, y: ca.SX, q: ca.SX, z: ca.SX) -> ca.Function:
+    """Function (q, z) -> y, dy/dq, dy/dz."""
     outputs = [ca.densify(v) for v in (y, ca.jacobian(y, q), ca.jacobian(y, z))]
-    return ca.Function("observation", [q, z], ca.cse(outputs), ["q", "z"], ["y", "C", "E"])
+    return ca.Function(name, [q, z], ca.cse(outputs), ["q", "z"], ["y", "by_q", "by_z"])
 
 
-def _sizes(model: FingerModel) -> list[tuple[str, int]]:
-    return [("q", model.n), ("u", model.nu), ("w", model.nw), ("p", model.np)]
+def symbols(model: FingerModel) -> list[ca.SX]:
+    """Symbols q, u, w and p of a model."""
+    sizes = {"q": model.n, "u": model.nu, "w": model.nw, "p": model.np}
+    return [ca.SX.sym(name, size) for name, size in sizes.items()]
+
+
+def split_unit(label: str) -> tuple[str, str]:
+    """Name and unit of ``"name [unit]"``."""
+    name, _, unit = label.partition(" [")
+    return name, unit.rstrip("]")

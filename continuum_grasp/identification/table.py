@@ -7,7 +7,7 @@ import difflib
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ _HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text cells, and the line of each.
+    """Rows of text cells, and the line of each. Every method raises `InputError` with the place of what is wrong.
 
     Attributes
     ----------
@@ -48,69 +48,31 @@ class Table:
     header_line: int
 
     def index(self, heading: str) -> int:
-        """Number of a column, from 0.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
+        """Number of a column, from 0, by its heading with or without the unit."""
         wanted = _HEADING.fullmatch(heading.strip())
         name = wanted[1] if wanted and heading not in self.headings else heading
         if name in self.headings:
             return self.headings.index(name)
         near = difflib.get_close_matches(name, self.headings, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise InputError(
-            f"no column {heading!r}{hint} (it has {', '.join(self.headings)})",
-            file=self.file,
-            line=self.header_line,
-            column=1,
-        )
+        raise self.error(f"no column {heading!r}{hint} (it has {', '.join(self.headings)})", 0)
 
     def chosen(self, heading: str, texts: Sequence[str]) -> Table:
-        """The rows in which a column has one of some texts; numbers are compared as such.
-
-        Raises
-        ------
-        InputError
-            If there is no such column, or no such row.
-        """
+        """The rows in which a column has one of some texts; numbers are compared as such."""
         at = self.index(heading)
         keep = [k for k, row in enumerate(self.rows) if any(_same(row[at], text) for text in texts)]
         if not keep:
-            found = list(dict.fromkeys(row[at] for row in self.rows))[:8]
-            raise InputError(
-                f"no row in which {heading} is {' or '.join(texts)}; it is {', '.join(found)}", file=self.file
-            )
-        rows, lines = tuple(self.rows[k] for k in keep), tuple(self.lines[k] for k in keep)
-        return Table(self.file, self.headings, self.units, rows, lines, self.header_line)
+            found = ", ".join(list(dict.fromkeys(row[at] for row in self.rows))[:8])
+            raise InputError(f"no row in which {heading} is {' or '.join(texts)}; it is {found}", file=self.file)
+        return replace(self, rows=tuple(self.rows[k] for k in keep), lines=tuple(self.lines[k] for k in keep))
 
     def numbers(self, heading: str, *, gaps: bool = False) -> Array:
-        """A column as numbers (rows,), as they stand in the file.
-
-        Parameters
-        ----------
-        heading : str
-        gaps : bool
-            Whether a cell may be empty, which then is NaN.
-
-        Raises
-        ------
-        InputError
-            If a cell is no finite number, with its place.
-        """
+        """A column as finite numbers (rows,), as they stand in the file; with gaps, empty cells are NaN."""
         at = self.index(heading)
         return np.array([self._number(k, at, gaps) for k in range(len(self.rows))])
 
-    def in_si(self, heading: str, si: str, unit: str | None = None, *, gaps: bool = False) -> Array:
-        """A column (rows,) in an SI unit; ``unit`` is that of the data where its heading does not say it.
-
-        Raises
-        ------
-        InputError
-            If the unit does not fit, or says another than the heading.
-        """
+    def in_si(self, heading: str, si: str, unit: str | None = None) -> Array:
+        """A column (rows,) in an SI unit; ``unit`` is that of the data where its heading does not say it."""
         at = self.index(heading)
         own = self.units[at]
         if unit is not None and own is not None and unit != own:
@@ -119,7 +81,7 @@ class Table:
             factor = factor_to_si(unit or own or si, si)
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
-        return factor * self.numbers(heading, gaps=gaps)
+        return factor * self.numbers(heading)
 
     def error(self, message: str, at: int, row: int | None = None) -> InputError:
         """An error at a cell, or at the heading of a column."""
@@ -130,16 +92,14 @@ class Table:
 
     def _number(self, row: int, at: int, gaps: bool) -> float:
         text = self.rows[row][at]
+        if not text and gaps:
+            return math.nan
         if not text:
-            if gaps:
-                return math.nan
             raise self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
-        try:
-            value = float(text)
-        except ValueError:
+        value = _number_in(text)
+        if value is None:
             hint = " (write a decimal point, not a comma)" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
-            message = f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}"
-            raise self.error(message, at, row) from None
+            raise self.error(f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}", at, row)
         if not math.isfinite(value):
             raise self.error(f"column {self.headings[at]}: expected a finite number, got {text!r}", at, row)
         return value
@@ -185,11 +145,7 @@ def read_table(path: str | Path) -> Table:
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if len(numbered) < 2:
         raise InputError("expected a line of headings and rows of numbers", file=name)
-    return _table(name, numbered)
-
-
-def _table(name: str, numbered: list[tuple[int, str]]) -> Table:
-    header_line, header = numbered[0]
+    (header_line, header), *body = numbered
     cells = _cells(header)
     if len(cells) == 1 and (";" in header or "\t" in header):
         raise InputError("expected columns that are separated by commas", file=name, line=header_line)
@@ -201,39 +157,34 @@ def _table(name: str, numbered: list[tuple[int, str]]) -> Table:
             raise InputError(f"column {k + 1} has no heading", file=name, line=header_line)
         if heading in headings[:k]:
             raise InputError(f"two columns are called {heading!r}", file=name, line=header_line)
-        if _is_number(heading):
+        if _number_in(heading) is not None:
             raise InputError(f"expected headings, got the number {heading}", file=name, line=header_line)
-    rows = []
-    for line, text in numbered[1:]:
-        row = _cells(text)
+    rows = tuple(_cells(line) for _, line in body)
+    for (line, _), row in zip(body, rows, strict=True):
         if len(row) != len(headings):
             raise InputError(f"expected {len(headings)} cells, got {len(row)}", file=name, line=line)
-        rows.append(row)
-    return Table(name, headings, units, tuple(rows), tuple(k for k, _ in numbered[1:]), header_line)
+    return Table(name, headings, units, rows, tuple(line for line, _ in body), header_line)
 
 
 def _cells(line: str) -> tuple[str, ...]:
     return tuple(cell.strip() for cell in next(csv.reader([line])))
 
 
-def _is_number(text: str) -> bool:
+def _number_in(text: str) -> float | None:
     try:
-        float(text)
+        return float(text)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _same(cell: str, text: str) -> bool:
-    if _is_number(cell) and _is_number(text):
-        return math.isclose(float(cell), float(text), rel_tol=1e-12)
-    return cell == text
+    a, b = _number_in(cell), _number_in(text)
+    return cell == text if a is None or b is None else math.isclose(a, b, rel_tol=1e-12)
 
 
-_DEGREE = math.pi / 180.0  # rad
 _UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": _DEGREE},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3, "kgf": 9.80665},
     "N m": {"N m": 1.0, "N mm": 1e-3, "mN m": 1e-3},
@@ -242,37 +193,21 @@ _UNITS: dict[str, dict[str, float]] = {
     "1/s": {"1/s": 1.0, "1/ms": 1e3},
     "1/m": {"1/m": 1.0, "1/cm": 1e2, "1/mm": 1e3},
 }
-_QUANTITIES = {"x": "m", "y": "m", "angle": "rad", "bend": "rad", "t": "s", "frequency": "Hz", "decay_rate": "1/s"}
-
-
-def unit_of_quantity(quantity: str) -> str:
-    """SI unit of a measured quantity."""
-    return _QUANTITIES[quantity]
 
 
 def factor_to_si(unit: str, si: str) -> float:
-    """Factor from a unit to the SI unit of the same dimension.
-
-    Parameters
-    ----------
-    unit : str
-        What the data is in.
-    si : str
-        What is wanted, such as ``m`` or ``N m``.
+    """Factor from a unit to the SI unit of the same dimension, such as ``m`` or ``N m``.
 
     Raises
     ------
     InputError
         If the unit is unknown, or of another dimension.
     """
-    if unit == si:
-        return 1.0
     known = _UNITS.get(si, {si: 1.0})
-    if unit in known:
-        return known[unit]
-    spaced = unit.replace("*", " ").replace("·", " ").replace("°", "deg")
-    if spaced in known:
-        return known[spaced]
+    for one in (unit, unit.replace("*", " ").replace("·", " ").replace("°", "deg")):
+        if one in known:
+            return known[one]
+    # names of one or two letters resemble each other by chance
     near = difflib.get_close_matches(unit, known, n=1, cutoff=0.75)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")

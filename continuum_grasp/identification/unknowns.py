@@ -5,10 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
@@ -16,52 +13,36 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.simulate import Scene
 
-Array = NDArray[np.float64]
-
 DEADBAND = "tension_deadband"
 """Of the drive, not of the model: the difference of tensions that friction takes before the finger feels any."""
 _LEAST = 1e-9
 """Lower bound per typical size [1] of what must stay positive."""
 _UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", DEADBAND: "N"}
+_SIGNED = ("rest_curvature", "clamp_angle", "base_angle")
+_POSITIVE = ("youngs_modulus", "bending_stiffness", "linear_density", "tendon_offset")
+"""The model divides by these, or means nothing without them; the others may be zero, but not negative."""
 
 
-@dataclass(frozen=True)
-class Unknown:
-    """One parameter to estimate.
-
-    Attributes
-    ----------
-    name, unit : str
-    target : str
-        Run-time parameter of the model that it sets, or ``tension_deadband``.
-    factor : float
-        The run-time parameter is factor * value.
-    added : bool
-        Whether it is added to the scene's value rather than put in its place.
-    start, lower, upper : float
-    typical : float
-        A typical size, against which it is judged whether the data see the parameter.
-    """
+class Unknown(NamedTuple):
+    """One parameter to estimate, between bounds."""
 
     name: str
     unit: str
     target: str
+    """Run-time parameter of the model that it sets, or ``tension_deadband``."""
     factor: float
+    """The run-time parameter is factor * value."""
     added: bool
+    """Whether it is added to the scene's value rather than put in its place."""
     start: float
     lower: float
     upper: float
     typical: float
+    """A typical size, against which it is judged whether the data see the parameter."""
 
 
 def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unknown]:
-    """What is to be estimated, with bounds and sizes.
-
-    Parameters
-    ----------
-    scene : Scene
-        Where start values come from.
-    estimates : sequence of Estimate or str
+    """What is to be estimated, with bounds and sizes; start values come from the scene.
 
     Raises
     ------
@@ -87,33 +68,33 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
 
 def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     name, finger, rod = asked.name, scene.finger, scene.finger.rod
-    factor, added, unit = 1.0, False, _UNITS.get(name, "")
+    target, factor, nominal, unit = name, 1.0, 0.0, _UNITS.get(name, "")
     if name == "youngs_modulus":
         target, factor = "bending_stiffness", _second_moment(scene, asked, key)
         nominal = rod.stiffness / factor
     elif name == "clamp_angle":
-        target, added, nominal = "base_angle", True, 0.0
+        target = "base_angle"
     elif name == DEADBAND:
         if finger.tendons is None:
             raise InputError(f"{DEADBAND} needs finger.tendons", key=f"{key}.name")
-        target, nominal = DEADBAND, 0.0
     else:
-        target = name
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
-    lower, upper = _bounds(name, typical)
-    lower = asked.min if asked.min is not None else lower
-    upper = asked.max if asked.max is not None else upper
-    start = asked.start if asked.start is not None else nominal
-    if asked.start is None:
-        start = min(max(start, lower), upper)
+    lower, upper = asked.min, asked.max
+    if lower is None:
+        lower = -math.inf if name in _SIGNED else _LEAST * typical if name in _POSITIVE else 0.0
+    if upper is None:
+        upper = math.inf
+    # a scene's value beside the bounds starts on them; a start that is asked for must be inside
+    start = asked.start if asked.start is not None else min(max(nominal, lower), upper)
     if not lower <= start <= upper:
         raise InputError(f"{start:g} is outside {lower:g} to {upper:g}", key=f"{key}.start")
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
-    return Unknown(name, unit, target, factor, added, start, lower, upper, typical)
+    return Unknown(name, unit, target, factor, name == "clamp_angle", start, lower, upper, typical)
 
 
 def _second_moment(scene: Scene, asked: Estimate, key: str) -> float:
+    """Second moment of area [m4], of the rod's section or as asked for."""
     rod = scene.finger.rod
     if rod.youngs_modulus is not None:
         if asked.second_moment is not None:
@@ -130,6 +111,7 @@ def _second_moment(scene: Scene, asked: Estimate, key: str) -> float:
 def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
     """Nominal value and unit of a run-time parameter of the model."""
     try:
+        # under friction the moment at the tip depends on the shape, which a family that matches it cannot have
         stated = name != "tendon_friction" or scene.fidelity.family is not None
         family = None if stated else default_family(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
@@ -146,6 +128,7 @@ def _typical(scene: Scene, name: str) -> float:
     """Size of a parameter whose nominal value is zero."""
     rod = scene.finger.rod
     length, stiffness, mass = rod.length, rod.stiffness, rod.mass_per_length
+    # time scale of bending; the first pulsation of a clamped rod is 3.5 over it
     slow = length**2 * math.sqrt(mass / stiffness)
     sizes = {
         "base_angle": 0.1,
@@ -157,12 +140,4 @@ def _typical(scene: Scene, name: str) -> float:
         "tendon_friction": 0.1,
         DEADBAND: 1.0,
     }
-    return sizes.get(name, 0.1 * mass * length)
-
-
-def _bounds(name: str, typical: float) -> tuple[float, float]:
-    if name in ("rest_curvature", "clamp_angle", "base_angle"):
-        return -math.inf, math.inf
-    if name in ("youngs_modulus", "bending_stiffness", "linear_density", "tendon_offset"):
-        return _LEAST * typical, math.inf
-    return 0.0, math.inf
+    return sizes.get(name, 0.1 * mass * length)  # point masses: a tenth of the finger's

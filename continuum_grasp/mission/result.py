@@ -35,10 +35,10 @@ class MissionRun(MotionResult):
     )
     texts: ClassVar[tuple[File, ...]] = (File("report.txt", "mission.result:MissionRun.report"),)
     pictures: ClassVar[tuple[File, ...]] = (
-        File("timeline.png", "plotting.mission.timeline:plot_mission_timeline"),
-        File("snapshots.png", "plotting.mission.instants:plot_mission_snapshots"),
+        File("timeline.png", "plotting.mission:plot_mission_timeline"),
+        File("snapshots.png", "plotting.mission:plot_mission_snapshots"),
     )
-    frames: ClassVar[str] = "plotting.mission.instants:mission_frames"
+    frames: ClassVar[str] = "plotting.mission:mission_frames"
     fps: ClassVar[float] = 25.0
 
     assignment: Assignment

@@ -138,12 +138,12 @@ class Plan(MotionResult):
         Stored("tip", "(T, 2)", "m", "world position of the tip"),
     )
     pictures: ClassVar[tuple[File, ...]] = (
-        File("path.png", "plotting.control.plan_motion:plot_plan_path"),
-        File("inputs.png", "plotting.control.plan_motion:plot_plan_inputs"),
-        File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
-        File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
+        File("path.png", "plotting.control:plot_plan_path"),
+        File("inputs.png", "plotting.control:plot_plan_inputs"),
+        File("coordinates.png", "plotting.motion:plot_coordinates"),
+        File("contact_forces.png", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
-    frames: ClassVar[str] = "plotting.motion.snapshots:motion_frames"
+    frames: ClassVar[str] = "plotting.motion:motion_frames"
 
     scene: PlanScene
     status: PlanStatus

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.plotting.drawing.axes import new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
 from continuum_grasp.scene.families import FAMILIES
 
@@ -23,20 +23,13 @@ _PANELS = (
     ("evaluation [ns]", "frequency 1", "error of the first frequency"),
     ("real-time factor", "motion / L", "r.m.s. tip error in motion / L"),
 )
+_COSTS = {"evaluation [ns]": "forward dynamics [ns]", "real-time factor": "times faster than real time"}
 
 
 def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw errors of the choices against their cost, and the front that no choice beats.
 
-    Parameters
-    ----------
-    report : AccuracyReport
-    ax : sequence of matplotlib.axes.Axes, optional
-        Where to draw: static error, frequency, motion; a new figure with those that the report has where not given.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
+    Axes are of static error, frequency and motion; a new figure has those that the report has.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -45,39 +38,36 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     if ax is None:
         figure = new_figure(4.6 * max(len(panels), 1), 4.2)
         ax = [quiet(one) for one in figure.subplots(1, max(len(panels), 1), squeeze=False)[0]]
-    for one, (cost, error, label) in zip(ax, panels, strict=False):
+    for one, (cost, error, text) in zip(ax, panels, strict=False):
         i, j = columns.index(cost), columns.index(error)
         front = report.front(cost, error)
         one.plot([row[i] for row in front], [row[j] for row in front], color=GRAY, linewidth=5.0, alpha=0.35, zorder=1)
         for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
             own = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
-            one.plot(
-                [row[i] for row in own],
-                [row[j] for row in own],
-                color=color,
-                marker=marker,
-                markersize=4.5,
-                linewidth=0.0,
-                label=family.replace("_", " "),
-            )
+            look: dict[str, Any] = {
+                "color": color,
+                "markersize": 4.5,
+                "linewidth": 0.0,
+                "label": family.replace("_", " "),
+            }
+            one.plot([row[i] for row in own], [row[j] for row in own], marker=marker, **look)
             for row in own:
                 one.annotate(str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color)
         one.set_xscale("log")
         one.set_yscale("log")
         costs = [row[i] for row in rows if _drawn(row[i])]
+        # decades alone would leave a narrow range with one tick or none
         subs = (1.0,) if max(costs) > 50.0 * min(costs) else (1.0, 2.0, 5.0)
         one.xaxis.set_major_locator(LogLocator(subs=subs, numticks=9))
         one.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
         one.xaxis.set_minor_formatter(NullFormatter())
-        if cost == "real-time factor":
+        if cost == "real-time factor":  # greater is better: turned, so that the best is at the lower left as elsewhere
             one.invert_xaxis()
-            one.set_xlabel("times faster than real time", color=INK)
-        else:
-            one.set_xlabel("forward dynamics [ns]", color=INK)
-        one.set_ylabel(label, color=INK)
+        label(one, _COSTS[cost], text)
     ax[0].legend(frameon=False, fontsize=8, title="number of elements beside", title_fontsize=8)
     return list(ax)
 
 
 def _drawn(value: Any) -> bool:
+    """Whether logarithmic axes can show it."""
     return isinstance(value, int | float) and math.isfinite(value) and value > 0

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import head, new_axes, new_figure, quiet
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
+from continuum_grasp.plotting.drawing.axes import head, label, new_axes, new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,59 +19,25 @@ if TYPE_CHECKING:
 
 
 def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
-    """Draw residuals in standard deviations, set by set; those that were not fitted as open rings.
-
-    Parameters
-    ----------
-    fit : Fit
-        What an identification found.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; axes of a new figure where not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-    """
+    """Draw residuals in standard deviations, set by set; those that were not fitted as open rings."""
     ax = new_axes(ax, 7.2, 4.0)
     scaled = fit.residuals / fit.sigma
-    number = np.arange(1, scaled.size + 1)
-    size = 22.0 if scaled.size <= 200 else 7.0
-    inside, outside = np.asarray(fit.fitted), ~np.asarray(fit.fitted)
+    # 95 % of normal residuals are within two deviations
     ax.axhspan(-2.0, 2.0, color=BLUE, alpha=0.08, linewidth=0)
     ax.axhline(0.0, color=GRAY, linewidth=0.8)
-    ax.scatter(number[inside], scaled[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
-    if outside.any():
-        ax.scatter(
-            number[outside], scaled[outside], s=size, facecolor="none", edgecolor=ORANGE, label="hold-out", zorder=3
-        )
-    end = 0
-    for _, count in fit.blocks[:-1]:
-        end += count
+    _draw_points(ax, fit, np.ones(scaled.size, dtype=bool), np.arange(1, scaled.size + 1), scaled)
+    for end in np.cumsum([count for _, count in fit.blocks[:-1]]):
         ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
     ax.set_ylim(-reach, reach)
     ax.locator_params(axis="x", integer=True)
-    ax.set_xlabel("number of the measurement (dotted: next set)", color=INK)
-    ax.set_ylabel("residual [standard deviations]", color=INK)
-    head(ax, "Residuals: predicted less measured", 1 + int(outside.any()))
+    label(ax, "number of the measurement (dotted: next set)", "residual [standard deviations]")
+    head(ax, "Residuals: predicted less measured")
     return ax
 
 
 def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
-    """Draw predictions of one group over measurements; on the line they agree.
-
-    Parameters
-    ----------
-    fit : Fit
-        What an identification found.
-    group : str
-        Which numbers: ``entry.group`` of some.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; axes of a new figure where not given.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
+    """Draw predictions of one group of entries over measurements; on the line they agree.
 
     Raises
     ------
@@ -83,48 +50,34 @@ def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
         raise InputError(f"expected one of {known}, got {group!r}", key="group")
     unit = next(entry.unit for entry in fit.entries if entry.group == group)
     ax = new_axes(ax, 4.8, 4.6)
-    inside, outside = members & np.asarray(fit.fitted), members & ~np.asarray(fit.fitted)
     numbers = np.concatenate([fit.measured[members], fit.predictions[members]])
-    size = 22.0 if members.sum() <= 200 else 7.0
     margin = 0.05 * max(float(np.ptp(numbers)), 1e-12)
     ends = [float(numbers.min()) - margin, float(numbers.max()) + margin]
     ax.plot(ends, ends, color=GRAY, linewidth=0.9, zorder=1)
-    ax.scatter(fit.measured[inside], fit.predictions[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
-    if outside.any():
-        ax.scatter(
-            fit.measured[outside],
-            fit.predictions[outside],
-            s=size,
-            linewidth=0.8,
-            facecolor="none",
-            edgecolor=ORANGE,
-            label="hold-out",
-            zorder=3,
-        )
+    _draw_points(ax, fit, members, fit.measured, fit.predictions, linewidth=0.8)
     ax.set_xlim(*ends)
     ax.set_ylim(*ends)
     ax.set_box_aspect(1.0)
     ax.locator_params(nbins=5)
-    ax.set_xlabel(f"measured [{unit}]", color=INK)
-    ax.set_ylabel(f"predicted [{unit}]", color=INK)
-    head(ax, group[:1].upper() + group[1:], int(inside.any()) + int(outside.any()))
+    label(ax, f"measured [{unit}]", f"predicted [{unit}]")
+    head(ax, group[:1].upper() + group[1:])
     return ax
 
 
+def _draw_points(
+    ax: Axes, fit: Fit, members: NDArray[np.bool_], x: NDArray[Any], y: NDArray[Any], **ring: float
+) -> None:
+    """Draw some of the entries: filled where they were fitted, as open rings where not."""
+    size = 22.0 if members.sum() <= 200 else 7.0  # more would overlap
+    inside, outside = members & fit.fitted, members & ~fit.fitted
+    ax.scatter(x[inside], y[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
+    if outside.any():
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": ORANGE, "label": "hold-out", "zorder": 3, **ring}
+        ax.scatter(x[outside], y[outside], s=size, **look)
+
+
 def plot_all_predictions(fit: Fit, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
-    """Draw predictions over measurements, one picture per group.
-
-    Parameters
-    ----------
-    fit : Fit
-        What an identification found.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Where to draw, one per group; a new figure with at most six where not given.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-    """
+    """Draw predictions over measurements, one picture per group, of which a new figure holds six at most."""
     groups = list(dict.fromkeys(entry.group for entry in fit.entries))
     if ax is None:
         groups = groups[:6]  # two rows of three; more are not read at a glance

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.axes import color_bar, head, new_axes, time_map
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
+from continuum_grasp.plotting.drawing.axes import color_bar, head, label, new_axes, time_map
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,10 +32,6 @@ def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import numpy as np
@@ -54,9 +50,8 @@ def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
     shown = draw(ax, drawn, kinds)
     if np.isfinite(drawn.color).any():
         color_bar(ax, shown, drawn.labels[2])
-    ax.set_xlabel(drawn.labels[0], color=INK)
-    ax.set_ylabel(drawn.labels[1], color=INK)
-    head(ax, None if kinds else drawn.labels[2], len(kinds), columns=2)
+    label(ax, drawn.labels[0], drawn.labels[1])
+    head(ax, None if kinds else drawn.labels[2], columns=2)
     return ax
 
 
@@ -70,10 +65,6 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Examples
     --------
     >>> import numpy as np
@@ -85,29 +76,30 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     'tension [N]'
     """
     ax = new_axes(ax, 6.6, 4.9)
-    size = 18.0 if len(drawn.x) < 2000 else 5.0
+    size = _size(drawn.x, 18.0, 5.0)
     if drawn.color is None:
         ax.scatter(drawn.x, drawn.y, s=size, color=BLUE, alpha=0.45, linewidths=0.0, label="grasps")
     else:
         shown = ax.scatter(drawn.x, drawn.y, s=size, c=drawn.color, cmap=time_map(), linewidths=0.0, label="grasps")
         color_bar(ax, shown, drawn.labels[2])
-    ax.plot(drawn.x[drawn.best], drawn.y[drawn.best], color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
-    ax.plot(
-        drawn.x[drawn.best],
-        drawn.y[drawn.best],
-        linestyle="none",
-        marker="o",
-        markersize=7.5,
-        markerfacecolor="none",
-        markeredgecolor=ORANGE,
-        markeredgewidth=1.6,
-        zorder=4,
-        label=f"front: {len(drawn.best)} of {len(drawn.x)}; {drawn.best_words}",
-    )
-    ax.set_xlabel(drawn.labels[0], color=INK)
-    ax.set_ylabel(drawn.labels[1], color=INK)
-    head(ax, None, 2, columns=2)
+    front = drawn.x[drawn.best], drawn.y[drawn.best]
+    ax.plot(*front, color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
+    text = f"front: {len(drawn.best)} of {len(drawn.x)}; {drawn.best_words}"
+    ring: dict[str, Any] = {
+        "markersize": 7.5,
+        "markerfacecolor": "none",
+        "markeredgecolor": ORANGE,
+        "markeredgewidth": 1.6,
+    }
+    ax.plot(*front, "o", zorder=4, label=text, **ring)
+    label(ax, drawn.labels[0], drawn.labels[1])
+    head(ax, None, columns=2)
     return ax
+
+
+def _size(points: NDArray[Any], few: float, many: float) -> float:
+    """Area of a dot [points^2]: thousands of large ones would hide each other."""
+    return few if len(points) < 2000 else many
 
 
 def _draw_grid(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
@@ -119,32 +111,23 @@ def _draw_grid(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
         here = drawn.kind == kind
         shade = _SHADES[k % len(_SHADES)]
         look: dict[str, Any] = {"hatch": _HATCHES[k % len(_HATCHES)], "edgecolor": GRAY, "linewidth": 0.0}
+        # pcolormesh cannot hatch
         ax.pcolor(x, y, np.ma.masked_where(~here, np.ones(here.shape)), cmap=ListedColormap([shade]), **look)
         ax.fill([], [], facecolor=shade, label=f"no grasp, {kind}: {int(here.sum())}", **look)
-    for set_scale, set_ticks, values in (
-        (ax.set_xscale, ax.set_xticks, drawn.x),
-        (ax.set_yscale, ax.set_yticks, drawn.y),
-    ):
+    for name, values in (("x", drawn.x), ("y", drawn.y)):
         if values.dtype.kind not in "iuf":
-            set_ticks(range(len(values)), [str(value) for value in values])
+            ax.set(**{f"{name}ticks": range(len(values)), f"{name}ticklabels": [str(value) for value in values]})
         elif _is_log(values):
-            set_scale("log")
+            ax.set(**{f"{name}scale": "log"})
     return shown
 
 
 def _draw_points(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
-    size = 26.0 if len(drawn.x) < 2000 else 6.0
+    size = _size(drawn.x, 26.0, 6.0)
     for k, kind in enumerate(kinds):
         here = drawn.kind == kind
-        ax.scatter(
-            drawn.x[here],
-            drawn.y[here],
-            s=0.7 * size,
-            marker=_MARKERS[k % len(_MARKERS)],
-            color=GRAY,
-            linewidths=1.0,
-            label=f"no grasp, {kind}: {int(here.sum())}",
-        )
+        look: dict[str, Any] = {"marker": _MARKERS[k % len(_MARKERS)], "label": f"no grasp, {kind}: {int(here.sum())}"}
+        ax.scatter(drawn.x[here], drawn.y[here], s=0.7 * size, color=GRAY, linewidths=1.0, **look)
     there = np.isfinite(drawn.color)
     return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
 
@@ -154,7 +137,7 @@ def _edges(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.kind not in "iuf":
         return np.arange(len(values) + 1) - 0.5
     middle = np.log(values) if _is_log(values) else values.astype(float)
-    if len(middle) == 1:
+    if len(middle) == 1:  # there is no neighbor to share a border with
         wide = 0.05 * abs(float(middle[0])) or 0.5
         return np.array([middle[0] - wide, middle[0] + wide])
     between = 0.5 * (middle[1:] + middle[:-1])
@@ -167,4 +150,5 @@ def _is_log(values: NDArray[Any]) -> bool:
     if len(values) < 3 or values[0] <= 0:
         return False
     steps, ratios = np.diff(values), np.diff(np.log(values))
+    # ratios ten times as even; a row that is neither stays on the plain axis
     return bool(np.ptp(ratios) / ratios.mean() < 0.1 * np.ptp(steps) / steps.mean())

@@ -38,7 +38,7 @@ class Modes(Result):
         Stored("backbone", "(points, 2)", "m", "equilibrium shape, world"),
         Stored("shapes", "(m, points, 2)", "1", "displacements of the backbone, each of greatest length one"),
     )
-    pictures: ClassVar[tuple[File, ...]] = (File("modes.png", "plotting.motion.modes:plot_modes"),)
+    pictures: ClassVar[tuple[File, ...]] = (File("modes.png", "plotting.motion:plot_modes"),)
 
     frequencies_hz: Array
     damping_ratios: Array

@@ -61,13 +61,13 @@ class Trajectory(MotionResult):
         *CONTACTS_STORED,
     )
     pictures: ClassVar[tuple[File, ...]] = (
-        File("snapshots.png", "plotting.motion.snapshots:plot_snapshots"),
-        File("tip_path.png", "plotting.motion.snapshots:plot_tip_path"),
-        File("coordinates.png", "plotting.motion.over_time:plot_coordinates"),
-        File("energy.png", "plotting.motion.over_time:plot_energy"),
-        File("contact_forces.png", "plotting.motion.over_time:plot_contact_forces", needs="contacts"),
+        File("snapshots.png", "plotting.motion:plot_snapshots"),
+        File("tip_path.png", "plotting.motion:plot_tip_path"),
+        File("coordinates.png", "plotting.motion:plot_coordinates"),
+        File("energy.png", "plotting.motion:plot_energy"),
+        File("contact_forces.png", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
-    frames: ClassVar[str] = "plotting.motion.snapshots:motion_frames"
+    frames: ClassVar[str] = "plotting.motion:motion_frames"
 
     t: Array
     x: Array

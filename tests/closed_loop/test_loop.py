@@ -22,7 +22,7 @@ from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.plotting import control as plotting
-from continuum_grasp.plotting.control.closed_loop import control_frames
+from continuum_grasp.plotting.control import control_frames
 from continuum_grasp.scene import (
     ControlScene,
     Damping,

@@ -22,7 +22,7 @@ from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, m
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.trials import Outcome, save_trials, summarize
 from continuum_grasp.mission.verdict import Verdict, judge
-from continuum_grasp.plotting.mission.timeline import plot_trials
+from continuum_grasp.plotting.mission import plot_trials
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import LineCollection
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 Box = tuple[float, float, float, float]
-
-_SYMBOL = re.compile(r"(theta|kappa|tau|phi)_?(\d*)")
+"""Left, right, bottom, top [m]."""
 
 
 def new_figure(width: float = 6.4, height: float = 4.2) -> Figure:
-    """An empty figure [inch] on an Agg canvas, unknown to pyplot."""
+    """An empty figure [inch] on an Agg canvas, unknown to pyplot, which would keep it alive."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -40,38 +40,62 @@ def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:
 
 def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
     """World axes in meters, one scale for both: those given, or new ones in a figure that fits."""
+    # at most 5.4 x 4.4 inch for the drawing itself; the rest is for labels, title and color bar
     wide = (box[1] - box[0]) / (box[3] - box[2])
     height = min(4.4, 5.4 / wide)
     ax = new_axes(ax, wide * height + (1.9 if colorbar else 0.8), height + 1.1)
-    ax.set_aspect("equal", adjustable="box")
-    ax.set_xlim(box[0], box[1])
-    ax.set_ylim(box[2], box[3])
-    ax.set_xlabel("x [m]", color=INK)
-    ax.set_ylabel("y [m]", color=INK)
+    show_box(ax, box)
+    label(ax, "x [m]", "y [m]")
     return ax
 
 
-def color_bar(ax: Axes, drawn: ScalarMappable, label: str = "time [s]") -> None:
+def show_box(ax: Axes, box: Box) -> None:
+    """Show these limits at one scale for both axes."""
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_xlim(box[0], box[1])
+    ax.set_ylim(box[2], box[3])
+
+
+def label(ax: Axes, x: str, y: str, **style: Any) -> None:
+    """Write what the axes count, with units."""
+    ax.set_xlabel(x, color=INK, **style)
+    ax.set_ylabel(y, color=INK, **style)
+
+
+def color_bar(ax: Axes, drawn: ScalarMappable, text: str = "time [s]") -> None:
     """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
-    bar.set_label(label, color=INK)
+    bar.set_label(text, color=INK)
     bar.ax.tick_params(colors=INK, labelsize=9)
     bar.outline.set_visible(False)
+
+
+def draw_timed(ax: Axes, lines: NDArray[Any], at: NDArray[Any], t: NDArray[Any], width: float = 2.0) -> LineCollection:
+    """Draw lines (n, points, 2) in the colors of their instants (n,) [s] within all instants t, with a color bar."""
+    from matplotlib.collections import LineCollection
+
+    drawn = LineCollection(list(lines), cmap=time_map(), linewidths=width, capstyle="round", zorder=Z.SHAPE)
+    drawn.set_array(at)
+    # a run of one instant has no range of its own
+    drawn.set_clim(float(t[0]), float(t[-1]) if t[-1] > t[0] else float(t[0]) + 1.0)
+    ax.add_collection(drawn)
+    color_bar(ax, drawn)
+    return drawn
 
 
 def quiet(ax: Axes) -> Axes:
     """Leave out the frame's top and right side, and draw a light grid behind everything."""
     ax.spines[["top", "right"]].set_visible(False)
-    for side in ("left", "bottom"):
-        ax.spines[side].set_color(GRAY)
+    ax.spines[["left", "bottom"]].set_color(GRAY)
     ax.tick_params(colors=INK, labelsize=9)
     ax.grid(True, color="#E4E4E4", linewidth=0.6)
     ax.set_axisbelow(True)
     return ax
 
 
-def head(ax: Axes, name: str | None, entries: int = 0, columns: int = 4) -> None:
-    """Above the axes: the name, where there is no title yet, and under it a legend of so many entries."""
+def head(ax: Axes, name: str | None, columns: int = 4) -> None:
+    """Above the axes: the name, where there is no title yet, and under it a legend of what has a label."""
+    entries = len(ax.get_legend_handles_labels()[1])
     if entries:
         legend = ax.legend(
             frameon=False,
@@ -84,17 +108,17 @@ def head(ax: Axes, name: str | None, entries: int = 0, columns: int = 4) -> None
             handletextpad=0.4,
             columnspacing=1.2,
         )
-        legend.set_in_layout(False)  # the title keeps its place free
+        legend.set_in_layout(False)  # the title's padding keeps its place free already
     if not ax.get_title() and not ax.get_title("left"):
         rows = -(-entries // columns)
+        # 15 points per row of 9-point text; an empty title takes the same place, so that axes of all pictures align
         ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
 
 
-def time_axes(ax: Axes, label: str, name: str | None, entries: int = 0, columns: int = 4) -> Axes:
+def time_axes(ax: Axes, text: str, name: str | None, columns: int = 4) -> Axes:
     """Finish axes over time: what is drawn, with its unit, and what stands above."""
-    ax.set_xlabel("time [s]", color=INK)
-    ax.set_ylabel(label, color=INK)
-    head(ax, name, entries, columns)
+    label(ax, "time [s]", text)
+    head(ax, name, columns)
     return ax
 
 
@@ -104,9 +128,14 @@ def split_unit(name: str) -> tuple[str, str]:
     return head.strip(), rest.rpartition("]")[0].strip() if bracket else ""
 
 
+def words(name: str) -> str:
+    """``"tip_moment [N m]"`` as it is written in a legend: without unit and underscores."""
+    return split_unit(name)[0].replace("_", " ")
+
+
 def symbol(name: str) -> str:
     """A name as it is typeset in a legend: ``theta_1`` becomes the Greek letter with an index."""
-    found = _SYMBOL.fullmatch(name)
+    found = re.fullmatch(r"(theta|kappa|tau|phi)_?(\d*)", name)
     if not found:
         return name
     index = f"_{{{found[2]}}}" if found[2] else ""
@@ -116,9 +145,7 @@ def symbol(name: str) -> str:
 def colors(count: int) -> list[Any]:
     """Colors for so many curves: distinct ones for a few, an ordered scale for many."""
     few = [BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY]
-    if count <= len(few):
-        return few[:count]
-    return list(time_map()(np.linspace(0.0, 1.0, count)))
+    return few[:count] if count <= len(few) else list(time_map()(np.linspace(0.0, 1.0, count)))
 
 
 def time_map() -> Colormap:
@@ -130,9 +157,9 @@ def time_map() -> Colormap:
 
 
 def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.5) -> Box:
-    """Limits (left, right, bottom, top) [m] around world points (..., 2), with a margin on every side.
+    """Limits around world points (..., 2), with a margin on every side [m]; those that are not finite are left out.
 
-    Neither side is shorter than ``slimmest`` of the other.
+    Neither side is shorter than ``slimmest`` of the other: a straight finger would leave a strip without ticks.
     """
     flat = np.concatenate([np.reshape(p, (-1, 2)) for p in points])
     flat = flat[np.isfinite(flat).all(axis=1)]
@@ -145,34 +172,20 @@ def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-_HEAD = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
-_METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
-_NAMES = re.compile(r'( id="|href="#|url\(#)')
+def inline_svg(ax: Axes, name: str, described: str) -> str:
+    """The figure of some axes as an SVG element that refers to nothing outside itself, as wide as the page lets it be.
 
-
-def inline_svg(ax: Axes, name: str, label: str) -> str:
-    """The figure of some axes as an SVG element that refers to nothing outside itself.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-    name : str
-        What the names inside it begin with, so that several such elements fit on one page: letters and digits.
-    label : str
-        What it shows, for those who cannot see it; escaped already.
-
-    Returns
-    -------
-    str
-        Without width and height: it is as wide as the page lets it be. The same text for the same drawing.
+    Ids begin with ``name``, letters and digits, so that several elements fit on one page; ``described`` is for those
+    who cannot see it, escaped already. The same drawing gives the same text.
     """
     from matplotlib import rc_context
 
     buffer = io.StringIO()
+    # without a salt matplotlib draws ids at random; date and metadata would differ from run to run
     with rc_context({"svg.hashsalt": name}):
         ax.figure.savefig(buffer, format="svg", metadata={"Date": None})  # type: ignore[union-attr]
-    text = _METADATA.sub("", _HEAD.sub("", buffer.getvalue()))
+    text = re.sub(r"\A.*?(?=<svg)|<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
     opening, rest = text.split(">", 1)
     opening = re.sub(r' (width|height|version|xmlns(:\w+)?)="[^"]*"', "", opening)
-    rest = rest.replace("xlink:href", "href")
-    return f'{opening} role="img" aria-label="{label}">' + _NAMES.sub(rf"\g<1>{name}-", rest)
+    rest = rest.replace("xlink:href", "href")  # HTML has no name spaces
+    return f'{opening} role="img" aria-label="{described}">' + re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{name}-", rest)

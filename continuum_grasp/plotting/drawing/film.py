@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import Box, new_figure, plane_axes, quiet
-from continuum_grasp.plotting.drawing.style import INK
+from continuum_grasp.plotting.drawing.bodies import mass_positions, masses_of
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, Z
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
+    from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
 _DPI = 100
@@ -31,22 +33,43 @@ class Film:
         self._figure.set_dpi(_DPI)
         self.ax = plane_axes(quiet(self._figure.add_subplot()), box)
 
-    def corner_text(self) -> Text:
+    def line(self, *marker: str, **style: Any) -> Line2D:
+        """A line that moves, empty at first."""
+        return self.ax.plot([], [], *marker, animated=True, **style)[0]
+
+    def clock(self) -> Text:
         """A text in the upper right corner that moves on."""
         style: dict[str, Any] = {"ha": "right", "va": "top", "color": INK, "animated": True}
         return self.ax.text(0.985, 0.975, "", transform=self.ax.transAxes, **style)
 
+    def finger(self, motion: Any, at: NDArray[Any], shapes: NDArray[Any], dot: float) -> Callable[[int], list[Artist]]:
+        """Draw the path of the tip so far, the backbone (n, points, 2) at instants (n,), point masses and the time.
+
+        The function returned moves them to the k-th of the instants and returns them.
+        """
+        tip, masses = np.asarray(motion.tip), masses_of(motion.scene.finger)
+        trail = self.line(color=GRAY, linewidth=0.9, zorder=Z.SUPPORT)
+        body = self.line(color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
+        dots = self.line("o", color=INK, markersize=dot, zorder=Z.MASS)
+        clock = self.clock()
+
+        def move(k: int) -> list[Artist]:
+            trail.set_data(*tip[: at[k] + 1].T)
+            body.set_data(*shapes[k].T)
+            clock.set_text(f"{motion.t[at[k]]:.2f} s")
+            if masses:
+                dots.set_data(*mass_positions(shapes[k], masses, motion.length).T)
+            return [trail, body, clock, dots]
+
+        return move
+
     def frames(
         self, numbers: Iterable[int], moving: Callable[[int], tuple[Sequence[Artist], Sequence[Artist]]]
     ) -> Iterator[NDArray[np.uint8]]:
-        """Draw frame after frame.
+        """Draw frame after frame (height, width, 3).
 
         ``moving`` is given the number of a frame and returns the artists that it moved, and those that it added to the
         axes for this frame alone.
-
-        Yields
-        ------
-        ndarray of uint8 (height, width, 3)
         """
         canvas: Any = self._figure.canvas
         canvas.draw()
@@ -55,6 +78,7 @@ class Film:
         for number in numbers:
             canvas.restore_region(background)
             lasting, passing = moving(number)
+            # matplotlib sorts by zorder only where it draws whole axes
             for artist in sorted([*lasting, *passing], key=lambda artist: float(artist.get_zorder())):
                 self.ax.draw_artist(artist)
             for artist in passing:

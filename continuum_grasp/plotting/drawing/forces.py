@@ -26,55 +26,53 @@ _COLORS = {"contact": BLUE, "load": ORANGE, "tip": GREEN, "support": SKY}
 _SPARE = PURPLE, YELLOW, SKY
 
 
-def sizes_of(forces: Iterable[Force]) -> list[float]:
-    """Sizes of forces [N]."""
-    return [float(np.hypot(*force)) for _, force, _ in forces]
-
-
-def force_scale(sizes: Iterable[float], longest: float) -> float:
-    """Drawn length per force: the greatest of the sizes [N] is drawn ``longest``; 0 where there is none."""
-    greatest = max(sizes, default=0.0)
+def force_scale(forces: Iterable[Force], longest: float) -> float:
+    """Drawn length per force [m/N]: the greatest is drawn ``longest``; 0 where there is none."""
+    greatest = _greatest(forces)
     return longest / greatest if math.isfinite(greatest) and greatest > 0 else 0.0
 
 
-def draw_forces(ax: Axes, forces: Sequence[Force], scale: float) -> dict[str, Quiver]:
-    """Draw forces as arrows from where they act, ``scale`` drawn length per force [m/N]; returns those of each kind."""
-    drawn = {}
+def _greatest(forces: Iterable[Force]) -> float:
+    return max((float(np.hypot(*force)) for _, force, _ in forces), default=0.0)
+
+
+def draw_forces(ax: Axes, forces: Sequence[Force], scale: float) -> list[Quiver]:
+    """Draw forces as arrows from where they act, ``scale`` drawn length per force [m/N]; one patch for each kind."""
+    drawn = []
     for kind in _kinds(forces):
-        position = np.array([p for p, _, k in forces if k == kind])
-        force = np.array([f for _, f, k in forces if k == kind])
-        drawn[kind] = ax.quiver(
-            *position.T,
-            *(force * scale).T,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            units="dots",
-            width=ax.figure.dpi / 55,
-            headwidth=4,
-            headlength=5,
-            headaxislength=4.5,
-            minlength=0.5,
-            color=_color(kind),
-            zorder=Z.FORCE,
+        at, force = np.array([(p, f) for p, f, k in forces if k == kind]).transpose(1, 2, 0)
+        drawn.append(
+            ax.quiver(
+                *at,
+                *(force * scale),
+                angles="xy",
+                scale_units="xy",
+                scale=1.0,
+                units="dots",
+                width=ax.figure.dpi / 55,  # 1.3 points at any resolution
+                headwidth=4,
+                headlength=5,
+                headaxislength=4.5,
+                minlength=0.5,
+                color=_color(kind),
+                zorder=Z.FORCE,
+            )
         )
     return drawn
 
 
-def draw_arrow(
-    ax: Axes, start: Array, end: Array, color: str, *, shape: str = "-|>", width: float = 2.0, **style: Any
-) -> Annotation:
+def draw_arrow(ax: Axes, start: Array, end: Array, color: str, *, width: float = 2.0, **style: Any) -> Annotation:
     """Draw one arrow; ``width`` is that of its line [points]."""
-    look = {"arrowstyle": shape, "color": color, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
+    look = {"arrowstyle": "-|>", "color": color, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
     return ax.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops=look, **{"zorder": Z.FORCE, **style})
 
 
-def force_keys(forces: Sequence[Force], words: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
-    """Per kind the look of an entry of a legend, with the greatest force; ``words`` are other names of kinds."""
+def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+    """Per kind the look of an entry of a legend, with the greatest force; ``names`` are other names of kinds."""
     found = []
     for kind in _kinds(forces):
-        greatest = max(sizes_of(force for force in forces if force[2] == kind))
-        label = rf"{(words or {}).get(kind, kind)} $\leq$ {greatest:.3g} N"
+        greatest = _greatest(force for force in forces if force[2] == kind)
+        label = rf"{(names or {}).get(kind, kind)} $\leq$ {greatest:.3g} N"
         look = {"color": _color(kind), "marker": r"$\rightarrow$", "markersize": 13, "linestyle": ""}
         found.append({"label": label, **look})
     return found
@@ -85,12 +83,10 @@ def explain(ax: Axes, masses: Sequence[tuple[float, float]], forces: Sequence[Fo
     if masses:
         label = ", ".join(f"{1e3 * mass:.3g} g" for mass in dict.fromkeys(mass for _, mass in masses))
         ax.plot([], [], "o", color=INK, markersize=6, label=label)
-    keys = force_keys(forces)
-    for key in keys:
+    for key in force_keys(forces):
         ax.plot([], [], **key)
-    entries = bool(masses) + len(keys)
-    slim = np.ptp(ax.get_xlim()) < 1.3 * np.ptp(ax.get_ylim())
-    head(ax, name, entries, columns=2 if slim and entries > 2 else 4)
+    # four entries are as wide as a picture of plain shape
+    head(ax, name, columns=2 if np.ptp(ax.get_xlim()) < 1.3 * np.ptp(ax.get_ylim()) else 4)
 
 
 def _kinds(forces: Sequence[Force]) -> list[str]:
@@ -98,5 +94,5 @@ def _kinds(forces: Sequence[Force]) -> list[str]:
 
 
 def _color(kind: str) -> str:
-    """The color of a kind of force; the same for the same word."""
+    """The color of a kind of force; the same for the same word, which ``hash`` would not give in another process."""
     return _COLORS.get(kind) or _SPARE[sum(kind.encode()) % len(_SPARE)]

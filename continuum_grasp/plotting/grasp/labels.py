@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +14,13 @@ from continuum_grasp.plotting.drawing.style import Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.text import Text
 
 Array = NDArray[Any]
 
 _CELL = 2.0
 """Side of a cell of the map of what is taken [points]: as wide as the widest line."""
+_FONT = 8.0
+"""Size [points]."""
 _PAD = 2.5
 """Free margin around a label [points]."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
@@ -34,119 +34,79 @@ better.
 """
 
 
-@dataclass(frozen=True)
-class Label:
-    """A text, what it names, and on which side of it it would best stand.
-
-    Attributes
-    ----------
-    text : str
-    color : str
-    at : ndarray, shape (2,)
-        What it names, in data coordinates.
-    away : ndarray, shape (2,)
-        Direction in which to look first; zeros where there is none.
-    on_body : bool
-        Whether it may stand on ``bodies``, though not on their outlines.
-    """
+class Label(NamedTuple):
+    """A text, what it names, and on which side of it it would best stand."""
 
     text: str
     color: str
     at: Array
+    """What it names (2,), in data coordinates."""
     away: Array
+    """Direction (2,) in which to look first; zeros where there is none."""
     on_body: bool = False
+    """Whether it may stand on ``bodies``, though not on their outlines."""
 
 
 def place_labels(
-    ax: Axes,
-    labels: Sequence[Label],
-    areas: Sequence[Array],
-    lines: Sequence[Array],
-    bodies: Sequence[Array] = (),
-    size: float = 8.0,
-) -> list[Text]:
+    ax: Axes, labels: Sequence[Label], areas: Sequence[Array], lines: Sequence[Array], bodies: Sequence[Array]
+) -> None:
     """Write labels where nothing else is drawn, with a thin line to what they name where that is not near.
 
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        With its final limits.
-    labels : sequence of Label
-    areas, lines : sequence of ndarray, shape (points, 2)
-        Filled outlines and lines that are drawn, in data coordinates.
-    bodies : sequence of ndarray, shape (points, 2), optional
-        Filled outlines on which some labels may stand.
-    size : float, optional
-        Of the font [points].
-
-    Returns
-    -------
-    list of matplotlib.text.Text
-        In the order of the labels.
+    The axes have their final limits. ``areas`` and ``bodies`` are filled outlines and ``lines`` lines that are drawn,
+    (points, 2) each, in data coordinates; on bodies some labels may stand.
     """
-    ax.figure.draw_without_rendering()  # type: ignore[union-attr]
+    ax.figure.draw_without_rendering()  # type: ignore[union-attr]  # before which axes have no place in pixels
     sheet = _Sheet(ax, areas, lines, bodies)
-    return [sheet.write(label, size) for label in labels]
+    for label in labels:
+        sheet.write(label)
 
 
 class _Sheet:
     """The axes as a map of cells, in points from their lower left corner."""
 
     def __init__(self, ax: Axes, areas: Sequence[Array], lines: Sequence[Array], bodies: Sequence[Array]) -> None:
+        from matplotlib.transforms import Affine2D
+
         self.ax = ax
-        self.points_per_pixel = 72.0 / ax.figure.dpi
-        self.corner = np.array([ax.bbox.x0, ax.bbox.y0])
-        self.size = np.array([ax.bbox.width, ax.bbox.height]) * self.points_per_pixel
+        self.points_per_pixel = scale = 72.0 / ax.figure.dpi
+        self.points = ax.transData + Affine2D().translate(-ax.bbox.x0, -ax.bbox.y0).scale(scale)
+        self.size = np.array([ax.bbox.width, ax.bbox.height]) * scale
         shape = np.maximum(1, np.ceil(self.size / _CELL).astype(int))
-        self.taken = np.zeros(shape, dtype=bool)
-        self.texts = np.zeros(shape, dtype=bool)
-        self.bodies = np.zeros(shape, dtype=bool)
+        self.taken, self.texts, self.bodies = (np.zeros(shape, dtype=bool) for _ in range(3))
         for body in bodies:
-            self.bodies |= self._inside(self.to_points(body))
+            self.bodies |= self._inside(self.points.transform(body))
         for area in areas:
-            self.taken |= self._inside(self.to_points(area))
+            self.taken |= self._inside(self.points.transform(area))
         for line in [*lines, *(np.concatenate([a, a[:1]]) for a in (*areas, *bodies))]:
-            self._trace(self.to_points(line))
+            self._trace(self.points.transform(line))
 
-    def to_points(self, data: Array) -> Array:
-        """Data coordinates as points on the sheet."""
-        pixels = np.asarray(self.ax.transData.transform(data))
-        return np.asarray((pixels - self.corner) * self.points_per_pixel)
-
-    def write(self, label: Label, size: float) -> Text:
+    def write(self, label: Label) -> None:
         """Place one label and mark its box as taken."""
-        text = self.ax.text(
-            0, 0, label.text, color=label.color, fontsize=size, ha="center", va="center", zorder=Z.LABEL
-        )
-        text.set_multialignment("center")
-        text.set_linespacing(1.15)
+        look: dict[str, Any] = {"color": label.color, "fontsize": _FONT, "multialignment": "center"}
+        look |= {"linespacing": 1.15, "ha": "center", "va": "center", "zorder": Z.LABEL}
+        text = self.ax.text(0, 0, label.text, **look)
         shown = text.get_window_extent()
         half = 0.5 * np.array([shown.width, shown.height]) * self.points_per_pixel + _PAD
-        at = self.to_points(label.at)
-        taken = self.taken if label.on_body else self.taken | self.bodies
-        center = self._best(taken, at, half, self._direction(label))
-        data = self.ax.transData.inverted().transform(center / self.points_per_pixel + self.corner)
-        text.set_position((float(data[0]), float(data[1])))
+        at = self.points.transform(label.at)
+        wanted = None
+        if np.any(label.away):
+            way = self.points.transform(label.at + label.away) - at
+            wanted = math.atan2(way[1], way[0])
+        center = self._best(self.taken if label.on_body else self.taken | self.bodies, at, half, wanted)
+        x, y = self.points.inverted().transform(center)
+        text.set_position((float(x), float(y)))
         low, high = self._cells(center - half), self._cells(center + half)
         self.texts[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
         end = np.clip(at, center - half, center + half)
-        if float(np.hypot(*(end - at))) > 1.6 * _NEAR:
-            tail = self.ax.transData.inverted().transform(end / self.points_per_pixel + self.corner)
-            path = np.array([label.at, tail])
-            self.ax.plot(
-                *path.T, color=label.color, linewidth=0.7, alpha=0.8, zorder=Z.LEADER, scalex=False, scaley=False
-            )
+        if float(np.hypot(*(end - at))) > 1.6 * _NEAR:  # at all places but the nearest
+            path = np.array([label.at, self.points.inverted().transform(end)]).T
+            look = {"color": label.color, "linewidth": 0.7, "alpha": 0.8, "zorder": Z.LEADER}
+            self.ax.plot(*path, scalex=False, scaley=False, **look)
             self._trace(np.array([at, end]))
-        return text
-
-    def _direction(self, label: Label) -> float | None:
-        if not np.any(label.away):
-            return None
-        way = self.to_points(label.at + label.away) - self.to_points(label.at)
-        return math.atan2(way[1], way[0])
 
     def _best(self, taken: Array, at: Array, half: Array, wanted: float | None) -> Array:
         """Center of the box that costs least [points]."""
+        # summed-area tables: the share of a box costs four look-ups, however large it is
         full, words = _sums(taken), _sums(self.texts)
         best, least = at, math.inf
         for turn in _TURNS:
@@ -156,7 +116,7 @@ class _Sheet:
             for distance in np.arange(_NEAR, _FAR, _STEP):
                 cost = distance + _ASIDE * aside
                 if cost >= least:
-                    break
+                    break  # farther ones cost more
                 center = at + (distance + edge) * way
                 low, high = center - half, center + half
                 if (low < 0).any() or (high > self.size).any():
@@ -188,10 +148,9 @@ class _Sheet:
             points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
             inside = ((points >= 0) & (points <= self.size)).all(axis=1)
             cells = self._cells(points[inside])
-            for dx in (-1, 0, 1):
-                for dy in (-1, 0, 1):
-                    wide = np.clip(cells + np.array([dx, dy]), 0, np.array(self.taken.shape) - 1)
-                    self.taken[wide[:, 0], wide[:, 1]] = True
+            for shift in product((-1, 0, 1), repeat=2):  # a line is up to a cell wide, on either side of its cell
+                wide = np.clip(cells + shift, 0, np.array(self.taken.shape) - 1)
+                self.taken[wide[:, 0], wide[:, 1]] = True
 
     def _inside(self, outline: Array) -> Array:
         """Cells whose centers lie inside an outline."""

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import new_figure, quiet
-from continuum_grasp.plotting.drawing.fingers import draw_body, draw_clamp
+from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.objects import draw_object, draw_supports
 from continuum_grasp.plotting.drawing.style import GRAY, INK, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
@@ -48,6 +47,8 @@ def plot_grasp(
 ) -> Axes:
     """Draw a grasp in the plane of the fingers, in millimeters.
 
+    Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
+
     Parameters
     ----------
     result : GraspResult
@@ -62,11 +63,6 @@ def plot_grasp(
     resisted : array_like, shape (D, 2), optional
         Greatest resisted force in each of D directions around the circle [N], drawn below the numbers.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-        Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
-
     Examples
     --------
     >>> import continuum_grasp as cg
@@ -80,20 +76,17 @@ def plot_grasp(
     alone = ax is None
     if ax is None:
         ax = _sheet(view, _panel_rows(view) if numbers else [], resisted)
-    low, high = view.box
-    ax.set_aspect("equal", adjustable="box")
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-    ax.set_xlabel("x [mm]", color=INK)
-    ax.set_ylabel("y [mm]", color=INK)
+    (left, bottom), (right, top) = view.box
+    show_box(ax, (left, right, bottom, top))
+    label(ax, "x [mm]", "y [mm]")
     ax.set_title(_title(result), fontsize=10, color=INK if result.solved else _FAILED, loc="left")
     draw_object(ax, view.outlines)
     areas = [*draw_supports(ax, result.scene.supports, MM), *_draw_fingers(ax, view, tendons)]
     cones, arrows = _draw_contacts(ax, view)
     areas += [*cones, *_draw_scale(ax, view)]
-    place_labels(
-        ax, _labels(view, forces=numbers and not alone), areas, [*arrows, *_draw_weight(ax, view)], view.outlines
-    )
+    arrows += _draw_weight(ax, view)
+    # labels come last: they keep off all that is drawn
+    place_labels(ax, _labels(view, forces=numbers and not alone), areas, arrows, view.outlines)
     return ax
 
 
@@ -116,6 +109,7 @@ def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes
     if polygon and resisted is not None:
         forces = quiet(_at(figure, right + 0.55, height - _ABOVE - text - 0.6 - _POLYGON, _POLYGON, _POLYGON))
         plot_resistance(resisted, ax=forces)
+        # the title begins above the labels of the y axis
         forces.set_title(resistance_words(resisted), fontsize=8, color=INK, loc="left", x=-0.26)
     return ax
 
@@ -136,50 +130,42 @@ def _title(result: GraspResult) -> str:
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Of contacts and weight; with the forces where they do not stand beside the picture."""
-    found = []
-    for contact in view.contacts:
+    found, nowhere, scene = [], np.zeros(2), view.result.scene
+    for contact in view.result.contacts:
         numbers = f"\n{contact.normal_force:.2f} N, friction {abs(contact.friction_force):.2f} N" if forces else ""
         found.append(Label(contact.name + numbers, view.color(contact.name), MM * contact.position, contact.normal))
-    words = _weight_words(view)
-    if words:
-        found.append(Label(words, INK, view.center_of_mass, np.zeros(2), on_body=True))
+    if isinstance(scene.gravity, PlanarGravity | OutOfPlaneGravity):
+        into = ",\ninto the picture" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
+        text = f"weight {scene.weight:.2f} N{into}"
+        found.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.found:
-        for name in view.fingers:
-            base = view.backbones[name][0, 1:3]
-            found.append(Label(name, view.color(name), base, np.zeros(2)))
+        found += [Label(name, view.color(name), view.backbones[name][0, 1:3], nowhere) for name in view.fingers]
     return found
 
 
-def _draw_fingers(ax: Axes, view: GraspView, tendons: bool = True) -> list[Array]:
+def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
     """Draw all fingers; returns their outlines and those of their clamps [mm]."""
     drawn: list[Array] = []
     for name, finger in view.fingers.items():
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
         line, angle = backbone[:, 1:3], backbone[:, 3]
         across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        clamp = draw_clamp(ax, line, MM * finger.rod.length)
-        drawn += [body, np.asarray(clamp.get_xy())]
+        drawn += [body, draw_clamp(ax, line, MM * finger.rod.length)]
         edge, style = lighter(color, 0.25), "solid" if view.found else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
+        # tendons beside the body, on discs, would be taken for its outline
         if tendons and finger.tendons is not None and finger.tendons.offset < finger.thickness_radius:
             sides = {"both": (-1.0, 1.0), "left": (-1.0,), "right": (1.0,)}[finger.tendons_used]
             for side in sides:
                 path = line + side * MM * finger.tendons.offset * across
                 ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
         ax.plot(*line.T, color=edge, linewidth=1.5, zorder=Z.CENTERLINE)
-        for at in _joints(view, name):
-            ax.plot(*at, "o", markersize=3.6, color="white", markeredgecolor=edge, zorder=Z.JOINT)
+        if view.found:  # dots where elements meet
+            stations = MM * np.cumsum(view.result.fingers[name].lengths)[:-1]
+            joints = np.stack([np.interp(stations, backbone[:, 0], backbone[:, k]) for k in (1, 2)])
+            ax.plot(*joints, "o", markersize=3.6, color="white", markeredgecolor=edge, zorder=Z.JOINT)
     return drawn
-
-
-def _joints(view: GraspView, name: str) -> Array:
-    """Where elements meet, (joints, 2) [mm]."""
-    if not view.found:
-        return np.zeros((0, 2))
-    backbone = view.backbones[name]
-    stations = MM * np.cumsum(view.result.fingers[name].lengths)[:-1]
-    return np.stack([np.interp(stations, backbone[:, 0], backbone[:, k]) for k in (1, 2)], axis=1)
 
 
 _CONE = 0.3
@@ -195,7 +181,7 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     cones: list[Array] = []
     arrows: list[Array] = []
     reach = _CONE * view.extent
-    for contact in view.contacts:
+    for contact in view.result.contacts:
         color, at = view.color(contact.name), MM * contact.position
         half = math.atan(view.result.scene.friction(contact.name))
         spread = np.linspace(-half, half, 21)
@@ -204,7 +190,7 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
         ax.add_patch(Polygon(wedge, facecolor=color, alpha=0.14, linewidth=0.0, zorder=Z.CONE))
         for edge in (wedge[1], wedge[-1]):
             ax.plot(*np.transpose([at, edge]), color=color, alpha=0.45, linewidth=0.7, zorder=Z.CONE)
-        end = at - view.force_scale * contact.force
+        end = at - view.force_scale * contact.force  # force acts on what touches; the object bears the opposite
         draw_arrow(ax, at, end, color)
         arrows.append(np.array([at, end]))
         ax.plot(*at, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8, zorder=Z.CONTACT)
@@ -214,24 +200,16 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
 def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
     """Draw the center of mass and the weight; returns the arrow as a line [mm]."""
     at = view.center_of_mass
-    if isinstance(view.result.scene.gravity, OutOfPlaneGravity):
+    if isinstance(view.result.scene.gravity, OutOfPlaneGravity):  # the tail of an arrow that flies away
         ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=Z.FORCE)
         ax.plot(*at, "x", markersize=5.5, color=INK, zorder=Z.FORCE + 0.1)
         return []
     ax.plot(*at, "+", color=INK, markersize=7, zorder=Z.FORCE)
-    end = at + view.force_scale * view.weight
     if not view.weight.any():
         return []
+    end = at + view.force_scale * view.weight
     draw_arrow(ax, at, end, INK)
     return [np.array([at, end])]
-
-
-def _weight_words(view: GraspView) -> str:
-    """What stands at the center of mass; empty without weight."""
-    scene = view.result.scene
-    if isinstance(scene.gravity, PlanarGravity):
-        return f"weight {scene.weight:.2f} N"
-    return f"weight {scene.weight:.2f} N,\ninto the picture" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
 
 
 def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
@@ -240,27 +218,20 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
         return []
     decade = 10.0 ** math.floor(math.log10(view.greatest_force))
     size = max(k * decade for k in _ROUND_SIZES if k * decade <= view.greatest_force)
-    (low, high) = view.box
+    low, high = view.box
     unit = 0.01 * float((high - low).max())
     right, bottom, length = high[0] - 2.5 * unit, low[1] + 2.5 * unit, size * view.force_scale
     draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), GRAY)
     ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=GRAY, ha="right", va="bottom", zorder=Z.SCALE)
-    wide = max(length, 9 * unit) + unit
-    corners = [
-        [right - wide, low[1]],
-        [high[0], low[1]],
-        [high[0], bottom + 6 * unit],
-        [right - wide, bottom + 6 * unit],
-    ]
-    return [np.array(corners)]
+    left, top = right - max(length, 9 * unit) - unit, bottom + 6 * unit
+    return [np.array([[left, low[1]], [high[0], low[1]], [high[0], top], [left, top]])]
 
 
 _ROW = 0.17
 """Height of a row [inch]."""
 _SIZE = 8.0
 """Of the font [points]: a row of 0.17 inch is 12 points high."""
-_Cell = tuple[str, str]
-Row = tuple[_Cell, ...]
+Row = tuple[tuple[str, str], ...]
 
 
 def _panel_rows(view: GraspView) -> list[Row]:
@@ -270,7 +241,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
     lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)
     heads = ["normal", "friction", *(["lift"] if lifted else []), "margin"]
     rows: list[Row] = [(("contact [N]", GRAY), *((word, GRAY) for word in heads))]
-    for c in view.contacts:
+    for c in view.result.contacts:
         words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, _margin(c)))))
     rows += [(("", INK),), (("tendons [N]", GRAY), ("left", GRAY), ("right", GRAY), ("of", GRAY))]
@@ -291,12 +262,14 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     for k, row in enumerate(rows):
         ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
         for j, (text, color) in enumerate(row[1:]):
-            right = 1.0 - 0.175 * (columns - 1 - j)
+            right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
             ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
 
 
 def _margin(contact: Contact) -> str:
     """Share of the friction cone that is left; nothing where nothing presses."""
+    # forces are written with two digits: what reads 0.00 has no margin
     if contact.normal_force < 5e-3 or contact.friction_margin <= -9.99:
         return "\N{EN DASH}"
+    # rounding to the percent must not give "-0%"
     return f"{contact.friction_margin if contact.friction_margin < -5e-4 else max(contact.friction_margin, 0.0):.0%}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.plotting.drawing.axes import new_axes
+from continuum_grasp.plotting.drawing.axes import label, new_axes, show_box
 from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ Array = NDArray[Any]
 def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     """Draw how great a force in each direction the grasp resists, on top of the weight.
 
+    The outline encloses the forces that are resisted; the dashed circle those of any direction.
+
     Parameters
     ----------
     resisted : array_like, shape (D, 2)
@@ -27,11 +29,6 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
         are not finite are left out.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        The outline encloses the forces that are resisted; the dashed circle those of any direction.
 
     Examples
     --------
@@ -47,18 +44,15 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     if len(forces) > 2:
         ax.add_patch(Polygon(forces, facecolor=BLUE, alpha=0.16, linewidth=0.0, zorder=2))
         ax.add_patch(Polygon(forces, facecolor="none", edgecolor=BLUE, linewidth=1.4, joinstyle="round", zorder=3))
-    if least > 0.02 * greatest:
+    if least > 0.02 * greatest:  # a smaller circle is hidden by the cross
         ax.add_patch(Circle((0, 0), least, facecolor="none", edgecolor=ORANGE, linestyle=(0, (4, 2)), zorder=4))
     ax.plot(0, 0, "+", color=INK, markersize=7, zorder=5)
     corners = np.concatenate([forces, np.zeros((1, 2))])
-    center, reach = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), 0.56 * float(np.ptp(corners, axis=0).max())
-    reach = reach or 1.0
-    ax.set_xlim(center[0] - reach, center[0] + reach)
-    ax.set_ylim(center[1] - reach, center[1] + reach)
-    ax.set_aspect("equal", adjustable="box")
+    center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    reach = 0.56 * float(np.ptp(corners, axis=0).max()) or 1.0  # half, and a margin of 6 %
+    show_box(ax, (center[0] - reach, center[0] + reach, center[1] - reach, center[1] + reach))
     ax.locator_params(nbins=5)
-    ax.set_xlabel("force x [N]", color=INK, fontsize=8)
-    ax.set_ylabel("force y [N]", color=INK, fontsize=8)
+    label(ax, "force x [N]", "force y [N]", fontsize=8)
     ax.tick_params(labelsize=8)
     return ax
 

@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.plotting.drawing.fingers import finger_outline
-from continuum_grasp.plotting.drawing.forces import force_scale
-from continuum_grasp.plotting.drawing.objects import object_outlines
+from continuum_grasp.plotting.drawing.bodies import CIRCLE, finger_outline, object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE
 from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import Contact, GraspResult
+    from continuum_grasp.grasp.result import GraspResult
 
 Array = NDArray[Any]
 
@@ -37,13 +35,8 @@ _LEAST_MARGIN_MM, _MARGIN = 14.0, 0.13
 
 @dataclass(frozen=True)
 class GraspView:
-    """A result turned into shapes.
-
-    Attributes
-    ----------
-    result : GraspResult
-        A grasp, the closest point to one, or a scene without any numbers: its fingers are then drawn unloaded, its
-        object where it starts.
+    """A result turned into shapes: a grasp, the closest point to one, or a scene without any numbers, whose fingers are
+    drawn unloaded and whose object is where it starts.
     """
 
     result: GraspResult
@@ -53,32 +46,25 @@ class GraspView:
         """Whether there are numbers to draw."""
         return "object.pose" in self.result.arrays
 
-    @cached_property
+    @property
     def fingers(self) -> Mapping[str, GraspFinger]:
         """Fingers of the scene by name."""
         return self.result.scene.named_fingers
 
     @cached_property
-    def contacts(self) -> tuple[Contact, ...]:
-        """The contacts."""
-        return self.result.contacts
-
-    @cached_property
     def pose(self) -> Array:
-        """World x, y [mm] and angle [rad] of the object (3,)."""
-        pose = self.result.object_pose if self.found else np.array(self.result.scene.object.pose)
-        return np.asarray(pose, dtype=float) * [MM, MM, 1.0]
+        """World x, y [m] and angle [rad] of the object (3,)."""
+        return np.asarray(self.result.object_pose if self.found else self.result.scene.object.pose, dtype=float)
 
     @cached_property
     def center_of_mass(self) -> Array:
         """World (2,) [mm]."""
-        return self.pose[:2] + turned(MM * np.array(self.result.scene.object.com), self.pose[2])
+        return MM * (self.pose[:2] + turned(np.array(self.result.scene.object.com), self.pose[2]))
 
     @cached_property
     def outlines(self) -> tuple[Array, ...]:
         """Outlines of the object's parts in the world, (points, 2) each [mm]."""
-        pose = self.pose / [MM, MM, 1.0]
-        return tuple(MM * outline for outline in object_outlines(self.result.scene.object, pose))
+        return tuple(MM * outline for outline in object_outlines(self.result.scene.object, self.pose))
 
     @cached_property
     def backbones(self) -> dict[str, Array]:
@@ -98,10 +84,10 @@ class GraspView:
         """Lower left and upper right corner of what must be seen, with a margin for labels [mm]."""
         points = [*self.outlines, *(self.body(name) for name in self.fingers)]
         for wall in self.result.scene.walls:
-            if math.isfinite(wall.half_length):
+            if math.isfinite(wall.half_length):  # the others are everywhere
                 along = turned(np.array(wall.normal), 0.5 * math.pi)
                 points.append(MM * (np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along)))
-        points += [MM * np.array([peg.position]) + MM * peg.radius * _ROUND for peg in self.result.scene.pegs]
+        points += [MM * np.array([peg.position]) + MM * peg.radius * CIRCLE for peg in self.result.scene.pegs]
         points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
         low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
         margin = max(_LEAST_MARGIN_MM, _MARGIN * float((high - low).max()))
@@ -119,18 +105,19 @@ class GraspView:
     def extent(self) -> float:
         """Diameter of a disc about as large as the object [mm]."""
         points = np.concatenate(self.outlines)
+        # the geometric mean of width and height: neither a slab's thickness nor its length scales the arrows
         return float(np.sqrt(np.prod(points.max(axis=0) - points.min(axis=0))))
 
     @cached_property
     def greatest_force(self) -> float:
         """Of all contacts, and the weight in the plane [N]."""
-        forces = [float(np.hypot(*contact.force)) for contact in self.contacts]
+        forces = [float(np.hypot(*contact.force)) for contact in self.result.contacts]
         return max([float(np.hypot(*self.weight)), *forces])
 
     @cached_property
     def force_scale(self) -> float:
         """Drawn length per force [mm/N]."""
-        return force_scale([self.greatest_force], _LONGEST_FORCE * self.extent)
+        return _LONGEST_FORCE * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
 
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with."""
@@ -151,10 +138,6 @@ def lighter(color: str, share: float) -> str:
     return "#" + "".join(f"{round(p + (255 - p) * share):02X}" for p in parts)
 
 
-_ROUND = np.stack([np.cos(np.linspace(0, math.tau, 25)), np.sin(np.linspace(0, math.tau, 25))], axis=1)
-"""Points of a unit circle: enough for the limits of a picture."""
-
-
 def _unloaded(finger: GraspFinger) -> Array:
     """The backbone of a finger that nothing bends but its rest curvature (points, 4) [mm, rad]."""
     s = np.linspace(0.0, finger.rod.length, _PLACES)
@@ -163,6 +146,7 @@ def _unloaded(finger: GraspFinger) -> Array:
         curvature[(s[:-1] >= start - 1e-12) & (s[:-1] < end)] = value
     step = s[1]
     angle = finger.base.angle + np.concatenate([[0.0], np.cumsum(curvature * step)])
+    # each chord by the angle of its middle: of second order in the step
     middle = 0.5 * (angle[1:] + angle[:-1])
     path = np.concatenate([np.zeros((1, 2)), step * np.cumsum(np.stack([-np.sin(middle), np.cos(middle)], 1), axis=0)])
     return np.column_stack([MM * s, MM * (np.array(finger.base.position) + path), angle])

@@ -1,0 +1,225 @@
+"""Pictures of closed loops and of plans: paths, inputs, tracking, bounds, estimates and times; frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.closed_loop.result import ControlRun
+    from continuum_grasp.planning.result import Plan
+
+_SHAPES, _NODES = 9, 12
+"""Shapes drawn of a run, about two per second of a few seconds, which stay apart; nodes of a plan, as of a motion."""
+
+
+def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the path of the tip in the plane with its setpoints, some shapes of the finger and what must be avoided."""
+    tip, wanted = np.asarray(run.tip), run.tip_reference
+    shapes = run.backbone(_evenly(len(tip), _SHAPES), points=60)
+    ax = axes.plane_axes(ax, axes.bend_box(_shown_points(run, shapes), 0.07 * run.length), colorbar=False)
+    _draw_surroundings(ax, run)
+    bodies.draw_clamp(ax, shapes[0], run.length)
+    for shape in shapes:
+        ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
+    if wanted is not None:
+        # a setpoint that jumps is dots, not a line: 20 times the usual step is none of a path that is followed
+        steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
+        jumps = np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
+        ax.plot(*np.insert(wanted, jumps + 1, np.nan, axis=0).T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
+        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="setpoint", zorder=5)
+    ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
+    axes.head(ax, run.name)
+    return ax
+
+
+def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw the finger at several nodes, colored by time, the path of its tip, the goal and what must be avoided.
+
+    The backbones are the first collection of the axes.
+    """
+    scene, tip, zones = plan.scene, np.asarray(plan.tip), plan.scene.bounds.keep_out
+    shown = _evenly(len(tip), _NODES)
+    shapes = plan.backbone(shown, points=60)
+    outlines = bodies.outlines_at(plan, [0, -1])
+    points = [shapes, tip, *bodies.zone_points(zones), *(outlines[-1] if outlines else ())]
+    ax = axes.plane_axes(ax, axes.bend_box(points, 0.07 * plan.length))
+    bodies.draw_zones(ax, zones)
+    bodies.draw_supports(ax, scene.supports)
+    for k, outline in enumerate(outlines):
+        bodies.draw_object(ax, outline, faint=k == 0)
+    axes.draw_timed(ax, shapes, plan.t[shown], plan.t)
+    bodies.draw_clamp(ax, shapes[0], plan.length)
+    ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
+    goal = scene.goal
+    goals = [] if goal.tip is None else [goal.tip.value]
+    goals += [] if goal.shape is None else goal.shape.value
+    if goals:
+        ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
+    axes.head(ax, plan.name)
+    return ax
+
+
+def _evenly(count: int, most: int) -> NDArray[np.intp]:
+    """So many of the instants at most, from first to last."""
+    return np.unique(np.linspace(0, count - 1, most).astype(int))
+
+
+def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:
+    """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
+    wanted = run.tip_reference
+    zones = bodies.zone_points(run.scene.controller.bounds.keep_out)
+    return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones]
+
+
+def _draw_surroundings(ax: Axes, run: ControlRun) -> None:
+    """Draw zones, supports, and the object where it is at the start, into axes whose limits are set."""
+    scene = run.scene
+    bodies.draw_zones(ax, scene.controller.bounds.keep_out)
+    bodies.draw_supports(ax, scene.supports)
+    if scene.object is not None:
+        # a run has no poses of an object that is fixed
+        pose = np.asarray(scene.object.pose if run.object_pose is None else run.object_pose[0, :3])
+        bodies.draw_object(ax, bodies.object_outlines(scene.object, pose))
+
+
+def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the commands over time, with their limits."""
+    ax = axes.new_axes(ax)
+    for column, name, color in zip(np.asarray(run.u).T, run.u_names, axes.colors(len(run.u_names)), strict=True):
+        ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=axes.words(name))
+    for limit in np.unique([*run.u_min, *run.u_max]):
+        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
+    return axes.time_axes(ax, f"input [{axes.split_unit(run.u_names[0])[1]}]", run.name)
+
+
+def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw the inputs over time, one line each after those of the limits."""
+    ax = axes.new_axes(ax)
+    for limit in plan.scene.input_limits:
+        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
+    style = "default" if plan.scene.input.form == "linear" else "steps-post"
+    for column, name, color in zip(plan.u.T, plan.u_names, axes.colors(plan.u.shape[1]), strict=True):
+        ax.plot(plan.t, column, color=color, linewidth=1.5, drawstyle=style, label=axes.words(name))
+    ax.margins(x=0.0)
+    return axes.time_axes(ax, f"input [{axes.split_unit(plan.u_names[0])[1]}]", plan.name)
+
+
+def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw tracked quantities and setpoints over time; of several units, the first on the left, the second on the
+    right.
+    """
+    ax = axes.new_axes(ax)
+    groups = run.tracked_groups
+    units = list(dict.fromkeys(group.unit for group in groups))[:2]
+    columns = [(k, group.unit) for group in groups for k in group.columns if group.unit in units]
+    right = ax.twinx() if len(units) > 1 else ax
+    for (k, unit), color in zip(columns, axes.colors(len(columns)), strict=True):
+        axis = ax if unit == units[0] else right
+        axis.plot(run.t, run.r[:, k], color=color, linewidth=1.0, linestyle="--")
+        axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
+        if axis is not ax:  # the legend is of the left axes
+            ax.plot([], [], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
+    ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
+    if right is not ax:
+        right.set_ylabel(f"tracked [{units[1]}]", color=INK)
+    return axes.time_axes(ax, f"tracked [{units[0]}]", run.name)
+
+
+def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the distance of the tip from its setpoint over time, or else the greatest error of the first tracked
+    quantity.
+    """
+    ax = axes.new_axes(ax)
+    if run.tip_reference is not None:
+        size, name, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
+    else:
+        name, unit = axes.split_unit(run.r_names[0])
+        name = name.rstrip("0123456789_")  # entries of one quantity differ in their number
+        columns = [k for k, entry in enumerate(run.r_names) if entry.startswith(name)]
+        size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
+    ax.plot(run.t, size, color=BLUE, linewidth=1.4)
+    ax.set_ylim(bottom=0.0)
+    return axes.time_axes(ax, f"error of the {name.replace('_', ' ')} [{unit}]", run.name)
+
+
+def plot_bounds(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw how far each bound is away over time, as a share of its scale; above zero it is exceeded."""
+    ax = axes.new_axes(ax)
+    for bound, color in zip(run.bounds, axes.colors(len(run.bounds)), strict=True):
+        ax.plot(run.t, bound.excess / bound.scale, color=color, linewidth=1.3, label=axes.words(bound.name))
+    top = max(0.02, 1.1 * max(float(np.max(b.excess)) / b.scale for b in run.bounds))
+    bottom = min(-0.3, ax.get_ylim()[0])
+    ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
+    ax.set_ylim(max(bottom, -1.05), top)  # what is farther away than its scale does not matter
+    return axes.time_axes(ax, "beyond the bound [share of its scale]", run.name)
+
+
+def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw the estimated disturbances of the first one's unit, with two standard deviations either way."""
+    ax = axes.new_axes(ax)
+    names = run.disturbance_names
+    unit = axes.split_unit(names[0])[1] if names else ""
+    chosen = [k for k, name in enumerate(names) if axes.split_unit(name)[1] == unit]
+    for k, color in zip(chosen, axes.colors(len(chosen)), strict=True):
+        value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
+        ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
+        ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=axes.words(names[k]))
+    return axes.time_axes(ax, f"estimated disturbance [{unit}]", run.name, columns=2)
+
+
+def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+    """Draw a histogram of the time that each phase of the controller took."""
+    ax = axes.new_axes(ax)
+    times = 1e6 * np.asarray(run.phase_times)
+    positive = times[times > 0.0]
+    if positive.size:
+        # times are skewed, a long tail of preemptions: bins of equal ratios
+        edges = np.geomspace(positive.min() / 1.05, positive.max() * 1.05, 60).tolist()
+        for column, name, color in zip(times.T, run.phase_names, axes.colors(len(run.phase_names)), strict=True):
+            ax.hist(column, bins=edges, histtype="stepfilled", color=color, alpha=0.35)
+            text = f"{name}: median {np.median(column):.3g}, 99 % {np.quantile(column, 0.99):.3g}"
+            ax.hist(column, bins=edges, histtype="step", color=color, linewidth=1.3, label=text)
+        ax.set_xscale("log")
+    axes.label(ax, r"time of a step [$\mathrm{\mu}$s]", "steps [1]")
+    axes.head(ax, run.name, columns=2)
+    return ax
+
+
+def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
+    """Draw a closed loop frame by frame; as `motion_frames`."""
+    wanted = run.tip_reference
+    unique, back = np.unique(indices, return_inverse=True)
+    shapes = np.asarray(run.backbone(unique, points=60))
+    film = Film(axes.bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
+    ax = film.ax
+    _draw_surroundings(ax, run)
+    bodies.draw_clamp(ax, shapes[0], run.length)
+    cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
+    if wanted is not None:
+        ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
+    ahead = film.line(color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
+    target = film.line("+", markersize=11, zorder=Z.FORCE, **cross)
+    ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
+    ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
+    finger = film.finger(run, unique, shapes, dot=6)
+    axes.head(ax, run.name)
+
+    def moving(k: int) -> tuple[list[Any], list[Any]]:
+        at = unique[k]
+        ahead.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)  # nothing is planned at the last instant
+        if wanted is not None:
+            target.set_data(*wanted[at : at + 1].T)
+        return [ahead, target, *finger(k)], []
+
+    return film.frames(back, moving)

@@ -1,0 +1,189 @@
+"""What is solid: fingers, the object in any pose, what supports it, and zones that must not be entered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
+from continuum_grasp.scene.supports import VGroove
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Polygon
+
+    from continuum_grasp.scene.finger import Finger
+    from continuum_grasp.scene.objects import GraspObject
+    from continuum_grasp.scene.supports import Support
+
+Array = NDArray[Any]
+
+_CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035
+"""As parts of the finger's length: wider than any finger is thick."""
+_EDGE_WIDTH = 3.0
+"""[points]; half of it lies under the filling."""
+_DEPTH = 0.035
+"""Thickness of the hatched material, as a part of the picture: two strokes of the hatching."""
+_LEAST_RADIUS = 0.012
+"""Of a peg, as a part of the diagonal: a point peg is still seen."""
+CIRCLE = np.stack([np.cos(np.linspace(0.0, math.tau, 25)), np.sin(np.linspace(0.0, math.tau, 25))], axis=1)
+"""Points of a unit circle: enough for limits of pictures and places of labels."""
+
+
+def finger_outline(backbone: Array, half: float, angle: Array | None = None) -> Array:
+    """Outline (points, 2) of a finger with a rounded end, half as thick as ``half``, round a backbone (points, 2).
+
+    ``angle`` (points,) [rad] is that of the sections' X axes; by differences of the backbone where not given.
+    """
+    if angle is None:
+        tangent = np.gradient(backbone, axis=0)
+        angle = np.arctan2(-tangent[:, 0], tangent[:, 1])  # the tangent is the sections' Y axis
+    across = half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    cap = angle[-1] + np.linspace(0.0, math.pi, 25)
+    end = backbone[-1] + half * np.stack([np.cos(cap), np.sin(cap)], axis=1)
+    return np.concatenate([backbone + across, end, (backbone - across)[::-1]])
+
+
+def draw_body(ax: Axes, outline: Array, **style: Any) -> Polygon:
+    """Draw the thickness of a finger."""
+    from matplotlib.patches import Polygon
+
+    look: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.2, "linewidth": 0.0, "zorder": Z.BODY, **style}
+    body = Polygon(outline, **look)
+    ax.add_patch(body)
+    return body
+
+
+def draw_clamp(ax: Axes, backbone: Array, length: float) -> Array:
+    """Draw a hatched block that holds the base, across a finger of this length; returns its outline (5, 2)."""
+    from matplotlib.patches import Polygon
+
+    p = backbone
+    # one-sided difference of second order: the first chord of a bent finger would tilt the clamp
+    tangent = -3 * p[0] + 4 * p[1] - p[2] if len(p) > 2 else p[1] - p[0]
+    size = float(np.hypot(*tangent))
+    along = tangent / size if size > 0 else np.array([0.0, 1.0])
+    across = np.array([-along[1], along[0]])
+    half, depth = 0.5 * _CLAMP_WIDTH * length, _CLAMP_DEPTH * length
+    face = [p[0] - half * across, p[0] + half * across]
+    corners = np.array([*face, face[1] - depth * along, face[0] - depth * along])
+    ax.plot(*np.transpose(face), color=INK, linewidth=1.5, solid_capstyle="butt", zorder=Z.CLAMP_FACE)
+    block = Polygon(corners, zorder=Z.CLAMP, **CLAMP)
+    ax.add_patch(block)
+    return np.asarray(block.get_xy())
+
+
+def masses_of(finger: Finger) -> list[tuple[float, float]]:
+    """Positions along a finger [m] and masses [kg] of its point masses."""
+    return [(float(m.at), float(m.mass)) for m in finger.masses if m.mass > 0]
+
+
+def mass_positions(backbone: Array, masses: Sequence[tuple[float, float]], length: float) -> Array:
+    """World positions (len(masses), 2) on a backbone whose points are evenly spaced from base to tip."""
+    s = np.linspace(0.0, length, len(backbone))
+    at = [min(at, length) for at, _ in masses]
+    return np.column_stack([np.interp(at, s, backbone[:, k]) for k in (0, 1)])
+
+
+def object_outlines(body: GraspObject, pose: Array) -> list[Array]:
+    """World outlines (points, 2) [m] of the parts of an object in a pose (3,): x, y [m] and angle [rad]."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    turn = np.array([[c, s], [-s, c]])  # transposed, since points are rows
+    return [pose[:2] + np.asarray(part.outline()) @ turn for part in body.parts]
+
+
+def outlines_at(motion: Any, indices: Any) -> list[list[Array]]:
+    """Outlines of the object of a motion or a plan at some of its instants; none without an object."""
+    if motion.object_pose is None:
+        return []
+    return [object_outlines(motion.scene.object, pose) for pose in np.asarray(motion.object_pose)[indices, :3]]
+
+
+def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **style: Any) -> list[Polygon]:
+    """Draw an object by the outlines of its parts: as one body, or faintly as its outlines alone.
+
+    Returns the patches: once over all parts for a faint one, else first the edges of all parts, then their fillings.
+    """
+    from matplotlib.patches import Polygon
+
+    if faint:
+        layers = [{**FAINT, "zorder": Z.FAINT_OBJECT}]
+    else:  # all fillings lie on all edges, so that no edge shows where parts overlap
+        edge = {"facecolor": EDGE, "edgecolor": EDGE, "linewidth": _EDGE_WIDTH, "joinstyle": "round"}
+        layers = [{**edge, "zorder": Z.OBJECT}, {"facecolor": OBJECT, "linewidth": 0.0, "zorder": Z.OBJECT_FILL}]
+    drawn = [Polygon(outline, **{**layer, **style}) for layer in layers for outline in outlines]
+    for patch in drawn:
+        ax.add_patch(patch)
+    return drawn
+
+
+def draw_supports(ax: Axes, supports: Mapping[str, Support], unit: float = 1.0) -> list[Array]:
+    """Draw supports within the limits of the axes, in which a meter is ``unit`` long; returns their outlines."""
+    from matplotlib.patches import Circle, Polygon
+
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    diagonal = math.hypot(right - left, high - low)
+    # a half-plane ends outside of the picture, wherever its point is in it
+    far, depth = 2.0 * diagonal, _DEPTH * max(right - left, high - low)
+    drawn: list[Array] = []
+    for name, support in supports.items():
+        for block, face in _blocks(support, name, unit, far, depth):
+            ax.add_patch(Polygon(block, zorder=Z.SUPPORT, **MATERIAL))
+            ax.plot(*face.T, color=INK, linewidth=1.4, zorder=Z.FACE, scalex=False, scaley=False)
+            drawn.append(block)
+        for peg in support.pegs(name):
+            center, radius = unit * np.array(peg.position), max(unit * peg.radius, _LEAST_RADIUS * diagonal)
+            style = {**MATERIAL, "linewidth": 1.2, "edgecolor": INK, "zorder": Z.SUPPORT}
+            ax.add_patch(Circle((center[0], center[1]), radius, **style))
+            drawn.append(center + radius * CIRCLE)
+    return drawn
+
+
+def _blocks(support: Support, name: str, unit: float, far: float, depth: float) -> list[tuple[Array, Array]]:
+    """Outline of the material and its face, of each straight part; a groove is one, so that its corner is filled."""
+    if isinstance(support, VGroove):
+        apex, axis, half = unit * np.array(support.apex), support.axis_angle, 0.5 * support.opening_angle
+        face = np.array([apex + far * _direction(axis + half), apex, apex + far * _direction(axis - half)])
+        left, right = (_direction(axis + turn) for turn in (half + 0.5 * math.pi, -half - 0.5 * math.pi))
+        # the corner of two faces that are both moved outwards by the depth
+        corner = apex - depth / math.sin(half) * _direction(axis)
+        return [(np.concatenate([face, [face[2] + depth * right, corner, face[0] + depth * left]]), face)]
+    found = []
+    for wall in support.walls(name):
+        normal, reach = np.array(wall.normal), min(unit * wall.half_length, far)
+        face = unit * np.array(wall.point) + np.outer([-reach, reach], [-normal[1], normal[0]])
+        found.append((np.concatenate([face, face[::-1] - depth * normal]), face))
+    return found
+
+
+def _direction(angle: float) -> Array:
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def zone_points(zones: Mapping[str, Any]) -> list[Array]:
+    """World points (n, 2) that a picture should show: the edges of round zones, one point of straight ones."""
+    return [
+        np.array(zone.center) + zone.radius * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+        if zone.type == "disc"
+        else np.array([zone.point])
+        for zone in zones.values()
+    ]
+
+
+def draw_zones(ax: Axes, zones: Mapping[str, Any]) -> None:
+    """Draw zones as large as the axes, whose limits are set already."""
+    from matplotlib.patches import Circle, Polygon
+
+    for zone in zones.values():
+        if zone.type == "disc":
+            ax.add_patch(Circle(zone.center, zone.radius, zorder=Z.ZONE, **FORBIDDEN))
+            continue
+        normal = _direction(zone.normal_angle)
+        along = np.array([-normal[1], normal[0]])
+        far = 10.0 * (np.ptp(ax.get_xlim()) + np.ptp(ax.get_ylim()))
+        edge = [np.array(zone.point) + far * along, np.array(zone.point) - far * along]
+        ax.add_patch(Polygon([*edge, edge[1] - far * normal, edge[0] - far * normal], zorder=Z.ZONE, **FORBIDDEN))

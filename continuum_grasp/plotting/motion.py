@@ -1,0 +1,337 @@
+"""Pictures of motions and of natural modes: the bent finger at instants and frame by frame, curves over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing.film import Film
+from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.planning.result import Plan
+    from continuum_grasp.simulation.modes import Modes
+    from continuum_grasp.simulation.trajectory import Trajectory
+
+_QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
+
+
+def plot_snapshots(
+    trajectory: Trajectory,
+    *,
+    times: Sequence[float] | int = 12,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the finger at several instants, colored by time, with clamp, point masses and forces to scale.
+
+    An object is drawn at the same instants, filled at the last of them, with its supports. The backbones are the first
+    collection of the axes, arrows of each kind of force a quiver.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Its ``t``, ``backbone`` and ``loads_at`` are drawn, and the point masses of its ``scene``.
+    times : sequence of float, or int
+        Instants [s]; the nearest computed ones are drawn. A number: so many, evenly spaced from first to last.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Raises
+    ------
+    InputError
+        No instant is asked for, or one outside the trajectory.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> len(plotting.plot_snapshots(motion, times=[0.0, 0.05]).collections[0].get_segments())
+    2
+    """
+    t, length, scene = np.asarray(trajectory.t), trajectory.length, trajectory.scene
+    indices = _nearest(t, times)
+    shapes = np.asarray(trajectory.backbone(indices, points=60))
+    outlines = bodies.outlines_at(trajectory, indices)
+    forces, scale, box = _forces_and_box(trajectory, indices, [shapes], outlines)
+    ax = axes.plane_axes(ax, box)
+    bodies.draw_supports(ax, scene.supports)
+    for k, some in enumerate(outlines):
+        bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
+    if outlines:
+        bodies.draw_body(ax, bodies.finger_outline(shapes[-1], scene.finger.thickness_radius))
+    lines = axes.draw_timed(ax, shapes, t[indices], t)
+    bodies.draw_clamp(ax, shapes[0], length)
+    masses = bodies.masses_of(scene.finger)
+    if masses:
+        spots = np.concatenate([bodies.mass_positions(shape, masses, length) for shape in shapes])
+        shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
+        ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
+    everything = list(chain(*forces))
+    draw_forces(ax, everything, scale)
+    explain(ax, masses, everything, trajectory.name)
+    return ax
+
+
+def _nearest(t: np.ndarray, times: Sequence[float] | int) -> np.ndarray:
+    """Indices of the instants nearest to ``times``, each once."""
+    if isinstance(times, int):
+        if times < 1:
+            raise InputError(f"expected at least one instant, got {times}", key="times")
+        wanted = np.linspace(t[0], t[-1], times)
+    else:
+        wanted = np.asarray(times, dtype=float)
+    slack = 1e-9 * max(1.0, abs(float(t[-1])))  # rounding of an instant that a user computes, k * step
+    if not wanted.size or np.any((wanted < t[0] - slack) | (wanted > t[-1] + slack) | np.isnan(wanted)):
+        raise InputError(f"expected instants from {t[0]:g} s to {t[-1]:g} s, got {wanted.tolist()}", key="times")
+    return np.unique(np.abs(t[None, :] - wanted[:, None]).argmin(axis=1))
+
+
+def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
+    """Draw a motion at instants (F,), frame by frame: (height, width, 3), both even, as video coders want them."""
+    length, scene = trajectory.length, trajectory.scene
+    unique, back = np.unique(indices, return_inverse=True)
+    shapes = np.asarray(trajectory.backbone(unique, points=60))
+    outlines = bodies.outlines_at(trajectory, unique)
+    forces, scale, box = _forces_and_box(trajectory, unique, [shapes, np.asarray(trajectory.tip)], outlines)
+    film = Film(box, width)
+    ax = film.ax
+    bodies.draw_supports(ax, scene.supports)
+    bodies.draw_clamp(ax, shapes[0], length)
+    finger = film.finger(trajectory, unique, shapes, dot=7)
+    explain(ax, bodies.masses_of(scene.finger), list(chain(*forces)), trajectory.name)
+
+    def moving(k: int) -> tuple[list[Any], list[Any]]:
+        passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
+        if outlines:
+            half = scene.finger.thickness_radius
+            passing += bodies.draw_object(ax, outlines[k], animated=True)
+            passing.append(bodies.draw_body(ax, bodies.finger_outline(shapes[k], half), animated=True))
+        return finger(k), passing
+
+    return film.frames(back, moving)
+
+
+def _forces_and_box(
+    motion: Trajectory | Plan, indices: NDArray[Any], points: list[NDArray[Any]], outlines: list[list[NDArray[Any]]]
+) -> tuple[list[list[Force]], float, axes.Box]:
+    """Forces at each of some instants, their drawn length per force, and limits that hold all arrows and shapes."""
+    forces = [[one for one in motion.loads_at(int(k)) if np.hypot(*one[1]) > 0] for k in indices]
+    everything = list(chain(*forces))
+    # a quarter of the finger: long enough to see the direction, without dwarfing the finger
+    scale = force_scale(everything, 0.25 * motion.length)
+    ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in everything]
+    box = axes.bend_box([*points, *ends, *chain(*outlines)], 0.09 * motion.length)
+    return forces, scale, box
+
+
+def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
+    """Draw where the tip goes in the plane, colored by time; the path is the first collection of the axes.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Its ``t`` (T,) [s] and ``tip`` (T, 2) [m, world] are drawn.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> plotting.plot_tip_path(motion).get_xlabel()
+    'x [m]'
+    """
+    t, tip = np.asarray(trajectory.t), np.asarray(trajectory.tip)
+    span = np.nanmax(tip, axis=0) - np.nanmin(tip, axis=0)
+    size = max(float(span.max()), 0.02 * trajectory.length)  # a tip that rests shows where it rests
+    ax = axes.plane_axes(ax, axes.bend_box([tip], 0.06 * size))
+    axes.draw_timed(ax, np.stack([tip[:-1], tip[1:]], axis=1), (t[:-1] + t[1:]) / 2, t, 1.6)
+    ax.plot(*tip[0], "o", color="white", markeredgecolor=INK, markersize=6, label="start", zorder=4)
+    ax.plot(*tip[-1], "s", color=INK, markersize=5, label="end", zorder=4)
+    axes.head(ax, trajectory.name)
+    return ax
+
+
+def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw every bending coordinate over time, one line each, in order.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Its ``t`` (T,) [s] and the first ``n`` columns of ``x`` are drawn: angles [rad] or nodal curvatures [1/m].
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> len(plotting.plot_coordinates(motion).lines) == motion.n
+    True
+    """
+    ax = axes.new_axes(ax)
+    names = [axes.split_unit(name) for name in trajectory.x_names[: trajectory.n]]
+    values = np.asarray(trajectory.x)[:, : trajectory.n]
+    alone = len(names) == 1  # which the axis names; the others have a legend
+    for k, color in enumerate(axes.colors(trajectory.n)):
+        ax.plot(
+            trajectory.t, values[:, k], color=color, linewidth=1.5, label=None if alone else axes.symbol(names[k][0])
+        )
+    units = ", ".join(dict.fromkeys(unit for _, unit in names))
+    quantity = _QUANTITY.get(units, "bending coordinate") + (f" {axes.symbol(names[0][0])}" if alone else "")
+    ax.margins(x=0.0)
+    return axes.time_axes(ax, f"{quantity} [{units}]", trajectory.name, columns=8)
+
+
+def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
+    """Draw kinetic, potential and total energy over time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Its ``t`` (T,) [s], ``kinetic`` (T,) [J] and ``potential`` (T,) [J] are drawn.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    >>> [line.get_label() for line in plotting.plot_energy(motion).lines]
+    ['kinetic', 'potential', 'total']
+    """
+    ax = axes.new_axes(ax)
+    kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
+    ax.plot(trajectory.t, kinetic, color=ORANGE, linewidth=1.3, label="kinetic")
+    ax.plot(trajectory.t, potential, color=BLUE, linewidth=1.3, label="potential")
+    ax.plot(trajectory.t, kinetic + potential, color=INK, linewidth=1.8, label="total")
+    ax.margins(x=0.0)
+    return axes.time_axes(ax, "energy [J]", trajectory.name)
+
+
+def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw the normal force of every contact over time, and dashed the size of its friction force.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Its ``t`` (T,) [s] and ``contacts`` are drawn; contacts that never touch are left out.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Raises
+    ------
+    InputError
+        There is no object.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> motion = cg.simulate(cg.load("configs/simulate/swing_against_disc.yaml", ["time.duration=0.02"]))
+    >>> plotting.plot_contact_forces(motion).get_ylabel()
+    'normal force, dashed: friction [N]'
+    """
+    contacts = trajectory.contacts
+    if contacts is None:
+        raise InputError("there are no contacts to draw: the scene has no object", key="object")
+    ax = axes.new_axes(ax)
+    normal, shear = np.asarray(contacts.normal_force), np.asarray(contacts.shear)
+    touching = [k for k in range(len(contacts.names)) if np.any(normal[:, k] > 0.0)]
+    for k, color in zip(touching, axes.colors(len(touching)), strict=True):
+        ax.plot(trajectory.t, normal[:, k], color=color, linewidth=1.5, label=contacts.names[k])
+        ax.plot(trajectory.t, shear[:, k], color=color, linewidth=1.0, linestyle="--")
+    ax.margins(x=0.0)
+    return axes.time_axes(ax, "normal force, dashed: friction [N]", trajectory.name)
+
+
+def plot_modes(
+    modes: Modes,
+    *,
+    count: int | None = None,
+    amplitude: float = 0.15,
+    ax: Sequence[Axes] | Axes | None = None,
+) -> list[Axes]:
+    """Draw each mode shape at plus and minus an amplitude about the equilibrium, in axes of its own.
+
+    Parameters
+    ----------
+    modes : Modes
+        Frequencies [Hz], damping ratios, equilibrium backbone (points, 2) [m] and shapes (m, points, 2).
+    count : int, optional
+        How many modes to draw, from the lowest; None: as many as there are axes, at most six in a new figure.
+    amplitude : float
+        Greatest displacement drawn, in lengths of the finger.
+    ax : sequence of matplotlib.axes.Axes, or Axes, optional
+        One for each mode; None: axes in a new figure.
+
+    Raises
+    ------
+    InputError
+        There are fewer axes than modes asked for, or fewer modes.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> found = cg.modes("configs/simulate/standing.yaml")
+    >>> [ax.get_xlabel() for ax in plotting.plot_modes(found, count=1)]
+    ['x [m]']
+    """
+    present = len(modes.frequencies_hz)
+    given = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))
+    wanted = min(present, 6 if given is None else len(given)) if count is None else count
+    if not 0 < wanted <= present:
+        raise InputError(f"expected 1 to {present} modes, got {wanted}", key="count")
+    if given is not None and len(given) < wanted:
+        raise InputError(f"expected axes for {wanted} modes, got {len(given)}", key="ax")
+
+    rest = np.asarray(modes.backbone)
+    length = float(np.hypot(*np.diff(rest, axis=0).T).sum())
+    swing = amplitude * length * np.asarray(modes.shapes)[:wanted]
+    box = axes.bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
+    drawn = _new_axes(wanted, box, modes.stable) if given is None else given[:wanted]
+    for k, one in enumerate(drawn):
+        axes.plane_axes(one, box)
+        plus, minus = rest + swing[k], rest - swing[k]
+        one.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
+        one.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
+        one.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
+        one.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
+        bodies.draw_clamp(one, rest, length)
+        damping = modes.damping_ratios[k]  # NaN of an unstable mode
+        ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
+        one.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)
+    return drawn
+
+
+def _new_axes(count: int, box: axes.Box, stable: bool) -> list[Axes]:
+    """Axes for so many modes, in a figure that fits the box they share."""
+    wide = (box[1] - box[0]) / (box[3] - box[2])
+    if wide > 1.5 and count <= 3:  # a lying finger: one below the other
+        columns = 1
+    elif count == 4 and wide > 0.8:
+        columns = 2
+    else:
+        columns = min(count, 3 if count > 4 else 4)
+    rows = -(-count // columns)
+    # at most 9.6 inch for all columns together, which a page in landscape holds
+    each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))
+    figure = axes.new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
+    if not stable:
+        figure.suptitle("the equilibrium is unstable", color=ORANGE, fontsize=10)
+    return [axes.quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(count)]
