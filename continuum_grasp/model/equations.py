@@ -346,7 +346,7 @@ class Equations:
     @cached_property
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
-        acting = self.chain.motion_forces(None, self.gravity_vector, *self.loads)
+        acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
         return [acting[k] + self.actuation[k] - self.elastic[k] for k in range(self._structure.n)]
 
     @cached_property
