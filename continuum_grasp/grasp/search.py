@@ -205,7 +205,10 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
             if abs(share - end) < EDGE:
                 new = ring[(index + step) % len(ring)]
                 x = attempt.x.copy()
-                x[place] = (1.0 - end, new.lower[1]) if not face else (0.0, new.upper[1] if step < 0 else new.lower[1])
+                if face:  # on to a corner
+                    x[place] = 0.0, new.upper[1] if step < 0 else new.lower[1]
+                else:
+                    x[place] = 1.0 - end, new.lower[1]
                 yield {**attempt.features, contact.name: new}, x
 
 

@@ -116,7 +116,7 @@ class Surroundings:
         finger, name = self._problem.fingers[index], setup.name
         points, curvatures, lengths, base = (values[0], values[1], values[2].ravel(), values[3].ravel())
         obstacles = _obstacles(scene)
-        spare = [allowed[bool(obstacle.corners)] for obstacle in obstacles]
+        spare = [allowed[bool(obstacle.corners)] for obstacle in obstacles]  # what moves is the object
 
         def line(fractions: Array) -> tuple[Array, Array]:
             at, owner = _backbone(finger.model.structure.family, curvatures, lengths, fractions)

@@ -128,6 +128,7 @@ def _object_rows(grasp: RecomputedGrasp, columns: Mapping[str, int], size: int) 
 def _bounds(grasp: RecomputedGrasp, size: int, force: float) -> tuple[Array, Array]:
     """Least and most of tensions and forces; friction forces have none of their own."""
     least, most = np.zeros(size), np.zeros(size)
+    # A tendon that is not there keeps zero as both bounds, and so does a lift in the plane.
     for k, finger in enumerate(grasp.fingers):
         tendons, used = finger.setup.tendons, finger.finger.tendons_used
         for side, name in enumerate(("left", "right")):

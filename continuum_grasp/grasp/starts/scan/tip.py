@@ -37,11 +37,11 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     """The postures on to the tip, which touches."""
     point, angle = ends_of(family)
     rest = 1.0 - family.knots[:, -1]
-    count, tries = len(family), 33
+    count, tries = len(family), _TIP_GRID
     one_arc = task.arcs and task.counts[-1] == 1
     begin = family.curvatures[:, -1]
     # Bends of up to 8 rad; at most 25 1/L, where the tip is next to the last contact.
-    grid = np.clip(np.linspace(-8.0, 8.0, tries)[None, :] / rest[:, None], -25.0, 25.0)
+    grid = np.clip(np.linspace(-_TIP_REACH, _TIP_REACH, tries)[None, :] / rest[:, None], -25.0, 25.0)
     first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
     pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
     end, turn, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
