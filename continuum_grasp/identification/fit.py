@@ -212,6 +212,7 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
         changes = {"masses": _masses(finger, target, value)}
     else:
         raise InputError(f"no value of a scene is behind {target}")
+    # only what was set: validation computes the rest anew
     parts = {name: getattr(finger, name) for name in finger.model_fields_set | changes.keys()}
     return scene.model_copy(update={"finger": Finger(**{**parts, **changes})})
 
@@ -221,9 +222,9 @@ def _rod(rod: Rod, target: str, value: float) -> Rod:
     given = {name: getattr(rod, name) for name in rod.model_fields_set}
     if target == "rotary_inertia":
         return Rod(**{**given, "rotary_inertia": value})
-    # a rod by its section: the section stays, and the material changes
     if rod.youngs_modulus is None or rod.density is None:
         return Rod(**{**given, target: value})
+    # of a rod that is given by its section, the section stays and the material changes
     if target == "bending_stiffness":
         return Rod(**{**given, "youngs_modulus": value * rod.youngs_modulus / rod.stiffness})
     unchanged = {"rotary_inertia": rod.inertia_per_length}  # in the model it stays while the linear density changes

@@ -90,10 +90,9 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
 def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
     for path in paths:
         if path.is_dir():
+            # a folder may hold other files; in the order of their names, which no file system promises
             patterns = [one.file or "*.csv" for one in sets]
-            yield from sorted(
-                file for file in path.iterdir() if any(fnmatch.fnmatch(file.name, pattern) for pattern in patterns)
-            )
+            yield from sorted(file for file in path.iterdir() if any(fnmatch.fnmatch(file.name, p) for p in patterns))
         elif path.is_file():
             yield path
         else:
