@@ -10,5 +10,6 @@ import pytest
 
 def few(cases: Iterable[Any], count: int) -> list[Any]:
     """The first ``count`` cases as they are, the others marked slow."""
-    several = [case if isinstance(case, tuple) else (case,) for case in cases]
-    return [*several[:count], *(pytest.param(*case, marks=pytest.mark.slow) for case in several[count:])]
+    every = list(cases)
+    rest = (case if isinstance(case, tuple) else (case,) for case in every[count:])
+    return [*every[:count], *(pytest.param(*case, marks=pytest.mark.slow) for case in rest)]
