@@ -164,19 +164,17 @@ class Reference(Value):
         ``key`` is where the weights are in the scene.
         """
         for name in Reference.model_fields:
-            if name not in Cost.model_fields:
-                continue
-            weight, setpoint = getattr(cost, name), getattr(self, name)
-            if weight is not None and setpoint is None and name not in _ZERO_BY_DEFAULT:
-                raise ValueError(f"reference.{name} is needed: {key}.{name} tracks it")
+            term = "effort" if name == "input" else name
+            weight, setpoint = getattr(cost, term), getattr(self, name)
+            if weight is not None and setpoint is None and name not in _WITH_DEFAULT:
+                raise ValueError(f"reference.{name} is needed: {key}.{term} tracks it")
             if weight is None and setpoint is not None:
-                raise ValueError(f"nothing tracks reference.{name}: give {key}.{name} a weight")
+                raise ValueError(f"nothing tracks reference.{name}: give {key}.{term} a weight")
         if cost.shape is not None and self.shape is not None:
             width = self.shape.width if isinstance(self.shape, RowSamples) else len(self.shape)
             if width != 2 * len(cost.shape.at):
                 raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
 
 
-_ZERO_BY_DEFAULT = frozenset({"bending"})
-"""Quantities whose setpoint is zero where none is given: the straight finger is a setpoint, the world's origin is
-none."""
+_WITH_DEFAULT = frozenset({"bending", "input"})
+"""Quantities with a setpoint where none is given: straight, least tension. The world's origin is nobody's setpoint."""

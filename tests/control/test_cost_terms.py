@@ -101,6 +101,11 @@ def test_the_exported_reference_has_it_with_its_unit():
             {"tip": (0.0, 0.5), "bending": (0.1, 0.1)},
             r"nothing tracks reference\.bending: give controller\.cost\.bending a weight",
         ),
+        (
+            {"tip": 1.0, "input_rate": 1.0},
+            {"tip": (0.0, 0.5), "input": (2.0, 2.0)},
+            r"nothing tracks reference\.input: give controller\.cost\.effort a weight",
+        ),
     ],
 )
 def test_weight_and_setpoint_need_each_other(cost, reference, message):
