@@ -11,5 +11,10 @@ import pytest
 def few(cases: Iterable[Any], count: int) -> list[Any]:
     """The first ``count`` cases as they are, the others marked slow."""
     every = list(cases)
-    rest = (case if isinstance(case, tuple) else (case,) for case in every[count:])
-    return [*every[:count], *(pytest.param(*case, marks=pytest.mark.slow) for case in rest)]
+    return [*every[:count], *(_slow(case) for case in every[count:])]
+
+
+def _slow(case: Any) -> Any:
+    marks = [*getattr(case, "marks", ()), pytest.mark.slow]
+    values = getattr(case, "values", case)
+    return pytest.param(*(values if isinstance(values, tuple) else (values,)), marks=marks)

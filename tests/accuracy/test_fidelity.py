@@ -181,6 +181,7 @@ def test_a_choice_is_reported_where_none_was_made():
         cg.equilibrium(posed)
 
 
+@pytest.mark.slow
 def test_statics_and_modes_take_a_tolerance():
     found = cg.equilibrium(scene(1e-3))
     assert found.tip == pytest.approx(solve_elastica(scene()).tip, abs=0.6 * 1e-3)

@@ -34,6 +34,7 @@ from tests.export_cases import (  # noqa: F401
     scene,
     shared_library,
 )
+from tests.marks import few
 
 CASES = [("observed", "float"), ("given", "double")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -75,7 +76,7 @@ def reference(finger, rows):
 # The C.
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("compiler", few(COMPILERS, 1))
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
     (program,) = compile_programs(compiler, packages(name, real), tmp_path, "main", *STRICT, *WARNINGS, "-O1")
@@ -167,7 +168,7 @@ def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
 
 
 @needs("cc")
-@pytest.mark.parametrize(("name", "real"), [("observed", "double"), ("given", "double"), ("given", "float")])
+@pytest.mark.parametrize(("name", "real"), few([("observed", "double"), ("given", "float"), ("given", "double")], 2))
 def test_the_controller_is_that_of_python(name, real, libraries):
     """In closed loop, over setpoints that saturate tension and curvature, with measurements that are missing."""
     finger, library = libraries(name, real)
@@ -401,7 +402,7 @@ def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa:
 
 
 @needs("gcc")
-@pytest.mark.parametrize("stages", [4, 6, 7])
+@pytest.mark.parametrize("stages", few([4, 6, 7], 1))
 def test_a_plan_is_not_read_past_its_end(stages, tmp_path):
     """In single precision N - 1e-3 + 1e-3 may round up to N: with the plan at that very age, the last input goes on."""
     oldest = np.float32(stages) - np.float32(1e-3)
@@ -444,7 +445,7 @@ def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_p
 
 
 @needs("cc")
-@pytest.mark.parametrize("what", [["estimator"], ["kinematics", "mpc"]])
+@pytest.mark.parametrize("what", few([["estimator"], ["kinematics", "mpc"]], 1))
 def test_parts_may_be_chosen(what, tmp_path):
     package = export_c(scene("observed"), tmp_path, what=what, prefix="arm", real="float")
     assert package.manifest["parts"] == what

@@ -41,6 +41,7 @@ def test_every_command_runs(after_all_commands):
         assert len(re.findall(r"^\w+( \d+){4}$", board, re.MULTILINE)) >= functions
 
 
+@pytest.mark.slow
 @needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 @pytest.mark.parametrize(
     ("k", "name", "main"),

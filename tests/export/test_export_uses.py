@@ -19,6 +19,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.model import FingerModel
 from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, packages, run, scene  # noqa: F401
+from tests.marks import few
 
 PROJECT = ROOT / "examples/c_project"
 
@@ -138,7 +139,7 @@ def test_colcon_builds_the_library_first(packages, tmp_path):  # noqa: F811
 
 
 @needs("c++")
-@pytest.mark.parametrize(("name", "real"), [("observed", "float"), ("given", "double")])
+@pytest.mark.parametrize(("name", "real"), few([("given", "double"), ("observed", "float")], 1))
 def test_the_skeletons_of_controllers_are_c(name, real, packages, tmp_path):  # noqa: F811
     package = packages(name, real)
     include = (f"-I{package / 'include'}", f"-I{ROOT / 'tests/stand_ins'}")

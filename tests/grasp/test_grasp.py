@@ -183,6 +183,7 @@ def test_low_friction_is_named_with_the_coefficient_needed(gravity, most):
         assert optimize_grasp(scene, raise_on_failure=False).solved is held
 
 
+@pytest.mark.slow
 def test_heavy_object_is_named_with_the_mass_that_can_be_held():
     scene = make_scene("arc", UPRIGHT, mass=1.2)
     most = Search(numbers(scene)).best("mass").value

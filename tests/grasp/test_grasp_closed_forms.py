@@ -207,6 +207,7 @@ def test_a_wedge_between_two_tips(degrees, down):
     assert min(found.values()) == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_wedge_that_slips_out_names_the_coefficient():
     """Without weight nothing is needed; with it, towards the wide side, at least mu > tan b, and with N <= 100 N
     mu = tan b + m g / (2 * 100 N cos b).

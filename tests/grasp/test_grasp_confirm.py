@@ -151,6 +151,7 @@ def reasons_of(config) -> tuple[dict[str, Reason], object]:
     return {reason.name: reason for reason in result.reasons}, result
 
 
+@pytest.mark.slow
 def test_slippery_bottle_names_the_coefficient_twice():
     """Two fingers may press 3 N each: weight / (2 * 3 N)."""
     reasons, result = reasons_of("slippery_bottle.yaml")

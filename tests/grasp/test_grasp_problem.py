@@ -233,6 +233,7 @@ def test_modes_are_what_the_switches_leave():
     assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
 
 
+@pytest.mark.slow
 def test_the_best_of_the_modes_is_the_answer():
     """What `auto` finds is no worse than each choice made by hand."""
 

@@ -112,6 +112,7 @@ def test_an_error_of_the_model_below_the_noise_is_said(elements, said):
     assert any("take more elements" in warning for warning in fit.warnings) == said
 
 
+@pytest.mark.slow
 def test_two_arcs_pay_for_their_stiffness_with_a_wrong_modulus():
     arcs = [
         path.__class__(**{**vars(path), "scene": scene_of(g, 2, "arc")})
@@ -131,6 +132,7 @@ def test_intervals_cover_the_truth_at_their_rate():
     assert np.abs(hits / repeats - 0.95).max() < 3.3 * math.sqrt(0.95 * 0.05 / repeats)
 
 
+@pytest.mark.slow
 def test_a_mass_that_was_not_fitted_is_predicted_within_the_noise():
     data = paths(2, 2e-3, (2, "matched_clothoid"))
     data[3] = TipPath(**{**vars(data[3]), "fitted": False})

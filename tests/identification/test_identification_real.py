@@ -87,6 +87,7 @@ def shares(fit: Fit) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in found.items()}
 
 
+@pytest.mark.slow
 def test_ring_downs_have_the_frequencies_of_an_independent_fit(ring_downs):
     rows = list(csv.DictReader((FOLDER / "beam_free_vibration/frequencies.csv").open()))
     published = [

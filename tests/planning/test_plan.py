@@ -24,6 +24,7 @@ from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.plan import PlanScene
+from tests.marks import few
 
 HAND = cg.Finger.model_validate(
     {
@@ -114,7 +115,7 @@ def test_shooting_and_collocation_agree(kind):
     assert collocated.tip == pytest.approx(shot.tip, abs=2e-4)
 
 
-@pytest.mark.parametrize("kind", ["least_effort", "linear", "tracking", "weighted"])
+@pytest.mark.parametrize("kind", few(["tracking", "weighted", "least_effort", "linear"], 2))
 def test_gauss_newton_finds_the_same_plan(kind):
     exact, rough = (plan(two_arcs(**(KINDS[kind] | {"solver": {"hessian": h}}))) for h in ("exact", "gauss_newton"))
     assert rough.objective == pytest.approx(exact.objective, rel=1e-6)

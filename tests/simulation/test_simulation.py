@@ -229,12 +229,15 @@ def pulled(family, elements, moment, ramp, push=0.0, step=1e-3):
 
 @pytest.mark.parametrize(
     ("case", "bounds"),
-    [
-        # 2 arcs, 2 clothoids, 2 matched clothoids: no more than; the same without rates: no less than [mm]
-        ((0.05, 0.2), (31.0, 0.4, 0.55, 8.0)),
-        ((0.05, 0.02), (40.0, 1.5, 2.0, 9.0)),
-        ((0.1, 0.2, 0.5), (65.0, 4.0, 5.0, 15.0)),
-    ],
+    few(
+        [
+            # 2 arcs, 2 clothoids, 2 matched clothoids: no more than; the same without rates: no less than [mm]
+            ((0.05, 0.2), (31.0, 0.4, 0.55, 8.0)),
+            ((0.05, 0.02), (40.0, 1.5, 2.0, 9.0)),
+            ((0.1, 0.2, 0.5), (65.0, 4.0, 5.0, 15.0)),
+        ],
+        1,
+    ),
 )
 def test_a_moving_tip_moment_needs_its_rates(case, bounds):
     fine = simulate(pulled("clothoid", 8, *case))

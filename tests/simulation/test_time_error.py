@@ -16,6 +16,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Timing
 from continuum_grasp.simulation import initial_state, simulate
+from tests.marks import few
 from tests.rods import NITINOL, ROOT, force, order, rod_scene, without_compiler  # noqa: F401
 
 PULLED_UP = {"pose": "equilibrium", "held_by": [force(0.6, (0.0, 0.8))]}
@@ -117,7 +118,7 @@ def test_a_stiff_scene_is_controlled_too():
     assert exact.time_error < 1e-7
 
 
-@pytest.mark.parametrize("interpolation", ["smooth", "linear"])
+@pytest.mark.parametrize("interpolation", few(["smooth", "linear"], 1))
 def test_loads_and_inputs_that_vary_are_followed_within_the_tolerance(interpolation):
     """Kinks and jumps within a step too, with no order 4; truth in steps that end at them."""
     push = {"times": [0.013, 0.0517, 0.12], "values": [[0.0, 0.0], [0.3, 0.2], [0.0, 0.0]]}
