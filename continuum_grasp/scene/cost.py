@@ -177,4 +177,4 @@ class Reference(Value):
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})
-"""Quantities with a setpoint where none is given: straight, least tension. The world's origin is nobody's setpoint."""
+"""Quantities with a setpoint where none is given: straight, least tension. The world's origin is no setpoint."""
