@@ -15,6 +15,6 @@ def few(cases: Iterable[Any], count: int) -> list[Any]:
 
 
 def _slow(case: Any) -> Any:
-    marks = [*getattr(case, "marks", ()), pytest.mark.slow]
-    values = getattr(case, "values", case)
-    return pytest.param(*(values if isinstance(values, tuple) else (values,)), marks=marks)
+    if hasattr(case, "marks"):  # one of pytest.param
+        return pytest.param(*case.values, marks=[*case.marks, pytest.mark.slow])
+    return pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow)

@@ -93,6 +93,7 @@ def test_wrong_plants_are_held(change):
     assert not found.tripped
 
 
+@pytest.mark.slow
 def test_a_wrong_lag_is_held_at_a_hasty_weight_too():
     """The loop that once swung by 95 mm with 279 of 300 commands solved and nothing else said."""
     with pytest.warns(UserWarning, match="input_rate"):

@@ -196,6 +196,7 @@ def test_heavy_object_is_named_with_the_mass_that_can_be_held():
         assert optimize_grasp(scene, raise_on_failure=False).solved is held
 
 
+@pytest.mark.slow
 def test_reasons_of_clothoids_against_linear_programming():
     """Too heavy for its tendon: the tension that the independent solution needs is the one that is named."""
     scene = make_scene("matched_clothoid", UPRIGHT, mass=0.7)

@@ -112,6 +112,7 @@ def test_squeeze_between_two_tips(gravity, friction):
     assert min(found.values()) == pytest.approx(WEIGHT / (2 * friction), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_too_slippery_a_squeeze_names_the_coefficient():
     """With N <= N_max the coefficient must be m g / (2 N_max) at least."""
     most = 100.0

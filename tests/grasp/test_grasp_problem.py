@@ -193,6 +193,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     assert fine.least == pytest.approx(factor, rel=0.05)
 
 
+@pytest.mark.slow
 def test_elements_by_tolerance_are_the_fewest_that_keep_it():
     coarse = optimize_grasp(make_scene(fidelity=Fidelity(tolerance=0.1)))
     fine = optimize_grasp(make_scene(fidelity=Fidelity(tolerance=0.02)))

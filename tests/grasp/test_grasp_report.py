@@ -252,7 +252,7 @@ def test_page_escapes_what_the_user_wrote():
     assert Page(text).text.count(NASTY) >= 4
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", few(SCENES, 8))
 def test_page_holds_a_scene_that_can_be_read_again(name):
     scene = scene_of(name)
     page = Page(result_page(GraspResult(scene, Status.NOT_SOLVED, "")))
@@ -286,7 +286,7 @@ def background(ax):
     return np.asarray(figure.canvas.buffer_rgba())[..., :3], boxes
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", few(SCENES, 8))
 @pytest.mark.parametrize("shown", [held, lambda name: failed(name, arrays=False)], ids=["held", "start"])
 def test_labels_lie_on_nothing(name, shown):
     ax = plot_grasp(shown(name))

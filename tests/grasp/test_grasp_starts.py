@@ -17,6 +17,7 @@ from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.parts import OffsetPolygon
+from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
@@ -312,7 +313,9 @@ def reachable(rng, shape, kind):
 
 
 @pytest.mark.parametrize("kind", TOUCHES)
-@pytest.mark.parametrize("shape", ["circle", "ellipse", "superellipse", "box", "rounded box", "polygon", "stadium"])
+@pytest.mark.parametrize(
+    "shape", few(["rounded box", "superellipse", "polygon", "stadium", "circle", "ellipse", "box"], 3)
+)
 def test_postures_are_found_where_there_are_some(shape, kind):
     rng = np.random.default_rng(5)
     hits, made = 0, 0

@@ -37,6 +37,7 @@ from tests.finger_cases import (
     relative_error,
     state,
 )
+from tests.marks import few
 from tests.truth import Rod, ctx, matched_tip, to_numpy
 
 CURVED = ("clothoid", "matched_clothoid")
@@ -542,7 +543,7 @@ def same_everywhere(runtime: FingerModel, folded: FingerModel, p: list) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 2))
 def test_a_parameter_at_run_time_is_the_folded_one(family, name):
     if family == "matched_clothoid" and name == "tendon_friction":
         pytest.skip("matched clothoids have no tendon friction")
@@ -587,7 +588,7 @@ MAKES = [
 ]
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
 @pytest.mark.parametrize("make", range(len(MAKES)))
 def test_names_fit_sizes(family, make):
     finger, options = MAKES[make]

@@ -46,7 +46,7 @@ BENDS = (0.0, 1e-300, 1e-9, 1e-4, 0.1, RANGE)
 CURVED = ("clothoid", "matched_clothoid")
 
 
-@pytest.mark.parametrize("bend", few([0.0, 1e-9, RANGE, 2 * math.pi, 1e-300, 1e-4, 0.1, math.pi], 4))
+@pytest.mark.parametrize("bend", few([0.0, 1e-9, RANGE, 1e-300, 1e-4, 0.1, math.pi, 2 * math.pi], 3))
 @pytest.mark.parametrize("elements", LENGTHS)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_full_finger_is_exact(family, elements, bend):
@@ -126,7 +126,7 @@ MAKE_UPS = {
 }
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
 @pytest.mark.parametrize("name", MAKE_UPS)
 def test_each_part_alone(name, family):
     case = Case().with_finger(**MAKE_UPS[name])
@@ -136,7 +136,7 @@ def test_each_part_alone(name, family):
 
 
 @pytest.mark.parametrize("lengths", [(0.006, 0.594), (0.594, 0.006), (0.2, 0.2, 0.2), (0.01, 0.5, 0.01, 0.08)])
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
 def test_very_unequal_elements(family, lengths):
     case = Case()
     model = case.model(family, lengths, accuracy=EXACT[family])
@@ -229,7 +229,7 @@ def test_tendon_friction_does_not_depend_on_the_number_of_elements():
 # What is cut off on purpose.
 
 
-@pytest.mark.parametrize("bend", [0.3, RANGE])
+@pytest.mark.parametrize("bend", few([RANGE, 0.3], 1))
 @pytest.mark.parametrize("elements", LENGTHS)
 @pytest.mark.parametrize("family", CURVED)
 def test_default_accuracy_of_clothoids(family, elements, bend):

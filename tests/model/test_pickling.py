@@ -20,6 +20,7 @@ from continuum_grasp.core import Core, compiler
 from continuum_grasp.identification.data import Frequencies
 from continuum_grasp.scene.load import load
 from tests import control_cases
+from tests.marks import few
 
 ARCS = {"fidelity.family": "arc", "fidelity.elements": 2}
 SWING = load(CONFIGS.parent / "simulate" / "swing_against_disc.yaml", {"time.duration": 0.01, **ARCS})
@@ -132,7 +133,7 @@ def worker():
         yield pool
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", few(MAKERS, 9))
 def test_a_fresh_process_and_a_copy_show_the_same(worker, name):
     made = MAKERS[name]()
     data, copied = pickle.dumps(made), copy.deepcopy(made)

