@@ -132,7 +132,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", few(FAULTS, 4))
+@pytest.mark.parametrize("fault", few(FAULTS, 3))
 def test_faults_are_reported_and_end_in_the_safe_state(fault):
     faults, reported, tripped = FAULTS[fault]
     found = run(duration=START + min(max(tripped, 1.0), 3.5) + 0.5, **faults)
@@ -183,6 +183,7 @@ def test_all_sensors_may_be_gone_for_fifty_periods():
     assert set(found.health) == {"ok"}
 
 
+@pytest.mark.slow
 def test_the_gate_changes_no_nominal_command():
     closed, opened = run(), run("estimator.outlier=100")
     assert np.ptp(closed.u) > 1.0

@@ -26,6 +26,7 @@ from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.scene import Finger, PointMass, Tendons
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
+from tests.marks import few
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
@@ -61,7 +62,7 @@ def inputs_of(model, name: str, at) -> list:
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 2))
 def test_compiled_functions_are_those_of_the_virtual_machine(family, name):
     model, compiled, at = full(family)
     arguments = inputs_of(model, name, at)

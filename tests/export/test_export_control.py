@@ -155,6 +155,7 @@ def test_the_header_is_one_of_cpp_too_and_says_all(packages, tmp_path):  # noqa:
     assert len(fields) == 4 + 2 + 7 + 2 + 4 + 20
 
 
+@pytest.mark.slow
 def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
     made = json.loads((packages("observed", "float") / "MANIFEST.json").read_text())
     bytes_of = made["functions"]["mpc"]["memory_bytes"]
@@ -379,6 +380,7 @@ def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  #
     run(tmp_path / "main", expect={"observed": 0, "given": int(Code.WARN_SAFE_RAMP)}[name])
 
 
+@pytest.mark.slow
 @needs("cc")
 def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa: F811
     """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""

@@ -42,7 +42,7 @@ def holds(result):
 
 @pytest.mark.parametrize("gravity", [PLANAR, UPRIGHT], ids=lambda g: g.mode)
 @pytest.mark.parametrize(
-    ("family", "base_y"), [("arc", -0.052), ("arc", -0.060), ("matched_clothoid", -0.055), ("clothoid", -0.055)]
+    ("family", "base_y"), few([("arc", -0.052), ("matched_clothoid", -0.055), ("arc", -0.060), ("clothoid", -0.055)], 2)
 )
 def test_mugs_against_linear_programming(family, gravity, base_y):
     scene = make_scene(family, gravity, base_y, max_tension=80.0)
@@ -75,7 +75,7 @@ RANDOM = [10, 21, 23, 24, 27, 29, 30, 40, 43, 52, 58, 60]
 """Seeds of scenes of all shapes and families that have a grasp."""
 
 
-@pytest.mark.parametrize("seed", few(RANDOM, 5))
+@pytest.mark.parametrize("seed", few(RANDOM, 3))
 def test_random_scenes_against_linear_programming(seed):
     scene = one_finger(seed)
     best = Search(numbers(scene)).best()

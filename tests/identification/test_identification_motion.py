@@ -93,6 +93,7 @@ def test_prediction_at_uneven_instants_is_the_simulated_path():
     assert np.abs(predicted - tip).max() < 2e-5
 
 
+@pytest.mark.slow
 def test_finer_truth_is_recovered_from_a_far_start():
     """Truth of four free clothoids; two matched ones are 0.3 % off in stiffness, and said to miss something."""
     start = [Estimate(name="youngs_modulus", start=110e9), Estimate(name="material_damping", start=0.0), "clamp_angle"]

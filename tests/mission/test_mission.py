@@ -295,6 +295,7 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
     assert held.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(runner, held):
     """Other plants in between leave no trace."""
     dropped = runner.run(Variation(friction=0.3))

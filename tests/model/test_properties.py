@@ -273,6 +273,7 @@ def test_velocity_products_are_quadratic_in_the_rates(case):
     assert np.abs(values[3] - values[1]).max() <= 1e-12 * size
 
 
+@pytest.mark.slow
 @settings(max_examples=60, **STEADY)
 @given(moving())
 def test_energy_changes_by_the_power_of_what_has_no_potential(case):

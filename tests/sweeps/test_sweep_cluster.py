@@ -73,6 +73,7 @@ def test_a_worker_is_killed_half_way(tmp_path, monkeypatch):
     assert all((table.run_folder(k) / "result.txt").exists() for k in range(300))
 
 
+@pytest.mark.slow
 def test_a_scene_that_ends_its_worker_is_a_row(tmp_path):
     values = [1.0, 2.0, DEADLY, 4.0]
     with cluster(tmp_path, 6) as (address, _):
