@@ -15,6 +15,7 @@ from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.status import Anomaly, Verdict
 from continuum_grasp.errors import InputError
 from tests.control_cases import Reality, hand_scene, rod_scene, sensed_rod_scene
+from tests.marks import few
 from tests.moving_horizon import moving_horizon
 
 
@@ -238,7 +239,7 @@ def seen(plant):
     return np.array([*plant.tip, *np.array(angles).ravel()])
 
 
-@pytest.mark.parametrize("error", [-0.1, 0.1])
+@pytest.mark.parametrize("error", few([-0.1, 0.1], 1))
 def test_an_unknown_tip_force_and_stiffness_are_found(error):
     estimator = rod()
     names = list(estimator.prediction.p_names)

@@ -18,6 +18,7 @@ from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGr
 from continuum_grasp.scene.objects import Box, Circle, Freedom, Polygon
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Palm, VGroove
+from tests.marks import few
 
 G = 9.81
 LENGTH, HALF, MASS, FRICTION = 0.2, 0.006, 0.3, 0.5
@@ -102,7 +103,7 @@ def test_squeeze_against_a_palm_in_the_plane():
 
 
 @pytest.mark.parametrize("gravity", [OUT, planar(0.0, -1.0)], ids=["out_of_plane", "planar"])
-@pytest.mark.parametrize("friction", [0.2, 0.8])
+@pytest.mark.parametrize("friction", few([0.2, 0.8], 1))
 def test_squeeze_between_two_tips(gravity, friction):
     """Two opposed tips: 2 mu N = m g."""
     tips = [finger((-0.04 - HALF, 0.0), 0.0), finger((0.04 + HALF, 0.0), math.pi)]

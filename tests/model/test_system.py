@@ -31,6 +31,7 @@ from continuum_grasp.scene import (
     VGroove,
 )
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
+from tests.marks import few
 
 FAMILIES = ("arc", "clothoid", "matched_clothoid")
 ROD = Rod(length=0.2, linear_density=0.04, bending_stiffness=8e-3, rotary_inertia=2e-6, diameter=0.002)
@@ -308,7 +309,7 @@ def power(model: System, x: np.ndarray) -> float:
 
 @pytest.mark.parametrize(
     ("shape", "family"),
-    [*(("disc", family) for family in FAMILIES), *((shape, "matched_clothoid") for shape in list(SHAPES)[1:])],
+    few([*(("disc", family) for family in FAMILIES), *((shape, "matched_clothoid") for shape in list(SHAPES)[1:])], 5),
 )
 def test_without_friction_and_damping_contacts_keep_the_energy(shape, family):
     """Gaps, normals, points and forces fit together, for every shape; with supports and a fixed object too."""

@@ -201,7 +201,7 @@ def fine_release(tip_mass: float):
     return simulate(nitinol("clothoid", 8, tip_mass=tip_mass, method="rk4"))
 
 
-@pytest.mark.parametrize(("family", "elements"), RELEASES)
+@pytest.mark.parametrize(("family", "elements"), few(RELEASES, 4))
 def test_release_has_the_errors_of_the_table(family, elements):
     for tip_mass, expected in zip((0.0, 0.02, 0.05), RELEASES[family, elements], strict=True):
         reach = {"bending_range": 6.0 if elements == 1 else 4.0}
@@ -394,7 +394,7 @@ def tip_of(found, k):
     return np.array(model.tip(curvatures, np.zeros(model.nu), [])).ravel()
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 2))
 def test_a_tension_step_ends_in_equilibrium(family):
     """Within a microsecond; through the lag every family takes it."""
     finger = {"tendons": TENDONS, "damping": {"material": 3e-3}}
