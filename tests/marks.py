@@ -9,7 +9,7 @@ import pytest
 
 
 def few(cases: Iterable[Any], count: int) -> list[Any]:
-    """The first ``count`` cases as they are, the others marked slow; a tuple is several values, as for several names."""
+    """The first ``count`` cases as they are, the others marked slow; a tuple is a value per name."""
     every = list(cases)
     return [*every[:count], *(_slow(case) for case in every[count:])]
 
