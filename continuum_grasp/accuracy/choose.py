@@ -23,7 +23,7 @@ from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
 
 _PROBE = 1e-6
-"""Relative accuracy of evaluation that tells whether a number of elements can meet the tolerance: its own error is
+"""Relative accuracy of evaluation that shows whether a number of elements can meet the tolerance: its own error is
 below that of any number of elements on the list."""
 _TERMS_SHARE = 4.0
 """Accuracy of evaluation per tolerance [1] up to which choices are listed where the scene moves: about the tolerance

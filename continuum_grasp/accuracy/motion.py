@@ -155,7 +155,7 @@ def evaluation_ns(model: FingerModel, precision: str = "double") -> float:
     """Median processor time of one forward dynamics inside a Runge-Kutta rollout [ns].
 
     In C where there is a compiler; each evaluation waits for the one before, as in any simulation. What other
-    processes do meanwhile does not count where the system tells processor time finely enough.
+    processes do meanwhile does not count where the system counts processor time finely enough.
     """
     clock = thread_time if get_clock_info("thread_time").resolution <= 1e-6 else perf_counter
     core = Core(model, precision=precision)

@@ -22,7 +22,7 @@ def grasp(
     pictures: Annotated[bool, typer.Option(help="Draw a picture and write the HTML report.")] = True,
     fine: Annotated[
         bool,
-        typer.Option("--fine/--no-fine", help="Solve once more with a fine model and tell what that changes."),
+        typer.Option("--fine/--no-fine", help="Solve once more with a fine model and report what that changes."),
     ] = True,
     as_json: Json = False,
     quiet: Quiet = False,

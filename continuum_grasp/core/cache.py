@@ -25,7 +25,7 @@ except ImportError:  # Windows
 
 _LOCK = "lock"
 _LONGEST_BUILD = 2.0 * 3600.0
-"""Age at which a build is over where locks do not tell [s]; a compiler is stopped after half an hour."""
+"""Age at which a build is over where there are no locks [s]; a compiler is stopped after half an hour."""
 
 
 def cache_folder(kind: str = "compiled") -> Path:

@@ -11,7 +11,8 @@ import casadi as ca
 from continuum_grasp.core.precision import literal
 from continuum_grasp.errors import InputError
 
-_FORMS = {
+OPERATORS = {
+    ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
     ca.OP_MUL: "{0} * {1}",
@@ -19,10 +20,9 @@ _FORMS = {
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
     ca.OP_TWICE: "{0} + {0}",
-    ca.OP_INV: "(cg_real)1 / {0}",
-    ca.OP_ASSIGN: "{0}",
 }
 """C by operation, of scalars and vectors alike."""
+_FORMS = OPERATORS | {ca.OP_INV: "(cg_real)1 / {0}"}
 _NAMES = "sqrt exp fabs sin cos fmin fmax pow log lt le eq ne and or not sign"
 _CALLS = {getattr(ca, f"OP_{name.upper()}"): f"cg_{name}" for name in _NAMES.split()}
 _CALLS |= {ca.OP_CONSTPOW: "cg_pow", ca.OP_IF_ELSE_ZERO: "cg_if"}

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.strict_math import reference
@@ -22,15 +23,7 @@ from continuum_grasp.export.strict_math import reference
 Array = NDArray[Any]
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
-_C: dict[int, str] = {
-    ca.OP_ASSIGN: "{0}",
-    ca.OP_ADD: "{0} + {1}",
-    ca.OP_SUB: "{0} - {1}",
-    ca.OP_MUL: "{0} * {1}",
-    ca.OP_DIV: "{0} / {1}",
-    ca.OP_NEG: "-{0}",
-    ca.OP_SQ: "{0} * {0}",
-    ca.OP_TWICE: "{0} + {0}",
+_C: dict[int, str] = OPERATORS | {
     ca.OP_INV: "{one} / {0}",
     ca.OP_FABS: "{0} < {zero} ? -{0} : {0}",
     ca.OP_FMIN: "{0} < {1} ? {0} : {1}",
@@ -41,7 +34,7 @@ _C: dict[int, str] = {
     ca.OP_IF_ELSE_ZERO: "{0} < {zero} || {0} > {zero} ? {1} : {zero}",
 }
 """C by operation; arguments are names or literals."""
-_VECTORS = {ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV}
+_VECTORS = {*OPERATORS, ca.OP_INV}
 """Operations that C has for vectors, a literal among the arguments included."""
 _EACH = {
     ca.OP_FABS: ("fabs", 1),

@@ -122,7 +122,7 @@ class Subject:
 
     @property
     def guard_function(self) -> str:
-        """C of the function that tells a matched tip out of its range."""
+        """C of the function that reports a matched tip out of its range."""
         if self.guard is None:
             return ""
         p, inputs = self.prefix, self.guard.inputs

@@ -152,7 +152,7 @@ class Estimate(Value):
 
 
 class IdentifyScene(Scene):
-    """A scene, the parameters of it that are unknown, and the measurements that are to tell them."""
+    """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
 
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
