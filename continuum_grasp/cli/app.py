@@ -98,8 +98,8 @@ for _verb in (
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-    """One line, without the place in the code."""
-    typer.echo(f"warning: {message}", err=True)
+    """One line, without the place in the code; above a bar where there is one."""
+    print(f"warning: {message}", file=sys.stderr, flush=True)
 
 
 def main() -> None:

@@ -6,9 +6,7 @@ import json
 import os
 import shutil
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,14 +14,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
+from continuum_grasp.cli.progress import Progress, shown
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.interrupt import held
 
 if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
-
-_PATIENCE = 2.0
-"""After which a progress bar appears [s]: what is done sooner needs none."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +82,7 @@ class Output:
             raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}")
 
     @contextmanager
-    def computing(self, what: str, folder: Path) -> Iterator[Callable[[float], None]]:
+    def computing(self, what: str, folder: Path) -> Iterator[Progress]:
         """Be `busy`; where the work stops early, save what was computed and say where."""
         try:
             with self.busy(what) as report:
@@ -131,23 +127,14 @@ class Output:
             raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}") from None
 
     @contextmanager
-    def busy(self, what: str) -> Iterator[Callable[[float], None]]:
-        """Show on a terminal, after two seconds, that work goes on.
-
-        Yields a function that takes the share that is done, 0 to 1, for work that knows it.
-        """
-        shares: list[float] = []
-        if self.quiet or not sys.stderr.isatty():
-            yield shares.append
-            return
-        done = threading.Event()
-        watcher = threading.Thread(target=_show_progress, args=(what, done, shares), daemon=True)
-        watcher.start()
-        try:
-            yield shares.append
-        finally:
-            done.set()
-            watcher.join()
+    def busy(self, what: str) -> Iterator[Progress]:
+        """Show, after two seconds, that work goes on; it may report its share to what this yields."""
+        progress = Progress(what)
+        if self.quiet:
+            yield progress
+        else:
+            with shown(progress):
+                yield progress
 
 
 def _print(text: str) -> None:
@@ -156,23 +143,6 @@ def _print(text: str) -> None:
     except OSError as error:
         error.filename = error.filename or "standard output"
         raise
-
-
-def _show_progress(what: str, done: threading.Event, shares: list[float]) -> None:
-    start = time.monotonic()
-    if done.wait(_PATIENCE):
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=None)
-        # The bar shows the time since the work began, not since it appeared.
-        progress.tasks[0].start_time = progress.get_time() - (time.monotonic() - start)
-        while not done.wait(0.1):
-            # None leaves the bar without a length, as of work that does not know its share.
-            progress.update(task, total=1.0 if shares else None, completed=shares[-1] if shares else None)
 
 
 def saved_in(folder: Path, files: Iterable[Path], what: str = "pictures") -> dict[str, str]:

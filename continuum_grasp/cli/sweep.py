@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose, out_option
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
-
-if TYPE_CHECKING:
-    from continuum_grasp.sweeps import Progress
-
-_LINE_SECONDS = 10.0
-"""Between two lines of progress where there is no terminal [s]: a day of work is 8,640 lines of a log."""
 
 
 def sweep(
@@ -67,14 +57,14 @@ def sweep(
     else:
         from continuum_grasp.sweeps import sweep as run
 
-        with _shown(output) as report:
+        with output.busy("starting workers") as report:
             table = run(
                 config,
                 folder=folder,
                 workers=workers,
                 scheduler=scheduler,
                 keep=keep,  # type: ignore[arg-type]
-                progress=report,
+                progress=lambda now: report(now.done / max(now.total, 1), now.text),
                 overrides=changes or [],
             )
     files: list[Path] = []
@@ -104,38 +94,3 @@ def sweep(
         failures=table.failures,
         statistics=statistics,
     )
-
-
-@contextmanager
-def _shown(output: Output) -> Iterator[Callable[[Progress], None] | None]:
-    """Progress on the error stream: a bar on a terminal, otherwise a line now and then."""
-    if output.quiet:
-        yield None
-    elif sys.stderr.isatty():
-        with _bar() as report:
-            yield report
-    else:
-        reported = [time.monotonic()]
-
-        def line(progress: Progress) -> None:
-            if time.monotonic() - reported[0] > _LINE_SECONDS:
-                reported[0] = time.monotonic()
-                typer.echo(progress.text, err=True)
-
-        yield line
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[Progress], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bars
-
-    columns: tuple[Any, ...] = (BarColumn(), TextColumn("{task.description}"))
-    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task("starting workers", total=None)
-
-        def report(progress: Progress) -> None:
-            bars.update(task, total=progress.total, completed=progress.done, description=progress.text)
-
-        yield report

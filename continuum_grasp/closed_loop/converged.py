@@ -271,4 +271,4 @@ def compiled(function: ca.Function) -> ca.Function:
     compiler = find_compiler()
     if compiler is None:
         return function
-    return ca.external(function.name(), str(library_for(function_source(function), compiler)))
+    return ca.external(function.name(), str(library_for(function_source(function), compiler, "the NLP")))

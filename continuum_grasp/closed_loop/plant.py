@@ -155,7 +155,7 @@ class Integration(Remade):
 
     def __init__(self, model: PlantModel, method: str) -> None:
         self._model = model
-        self._run = Rollouts.of(step_function(model, method))
+        self._run = Rollouts.of(step_function(model, method), what="the plant")
         self.compiled = self._run.compiled
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:

@@ -274,10 +274,13 @@ class Compiled:
     """An object of a C source that defines ``cg_size``, ``cg_settings`` and ``cg_start``, its state first.
 
     A call reads the vectors ``given`` and writes those of ``parts``, each named with its size, one after the other.
+    Messages call it ``what``.
     """
 
-    def __init__(self, source: str, fields: Sequence[Field], given: dict[str, int], parts: dict[str, int]) -> None:
-        self.library = rti.load_library(source, "controllers and estimators")
+    def __init__(
+        self, source: str, fields: Sequence[Field], given: dict[str, int], parts: dict[str, int], what: str
+    ) -> None:
+        self.library = rti.load_library(source, what)
         for name in ("cg_size", "cg_state_size"):
             getattr(self.library, name).restype = ctypes.c_size_t
         # The memory's layout depends on the source, what a state means on the settings too.

@@ -146,7 +146,7 @@ class Controller(Remade):
         parts = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
-        self._c = Compiled(source, fields, given, parts)
+        self._c = Compiled(source, fields, given, parts, "the controller")
         self._layout = Layout(self._c.parts, s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)

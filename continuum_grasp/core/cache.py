@@ -37,8 +37,8 @@ def cache_folder(kind: str = "compiled") -> Path:
     return Path(base) / "continuum_grasp" / kind
 
 
-def library_for(source: str, compiler: Compiler) -> Path:
-    """The shared library of a C source, compiled unless it is in the cache.
+def library_for(source: str, compiler: Compiler, what: str = "code") -> Path:
+    """The shared library of a C source, compiled unless it is in the cache; the log calls it ``what``.
 
     An entry is used only if it belongs to this user alone, its record names this very content, and the library's own
     hash is the recorded one, so that truncated, stale or foreign files are built again. Entries are written under a
@@ -54,7 +54,7 @@ def library_for(source: str, compiler: Compiler) -> Path:
     with _build_folder(folder) as work:
         code, built = Path(work) / "code.c", Path(work) / "code.so"
         code.write_text(source)
-        compiler.build(code, built)
+        compiler.build(code, built, what)
         built.chmod(0o700)
         note = {"key": key, "sha256": _hash(built), "compiler": compiler.version}
         written = Path(work) / "record.json"

@@ -326,7 +326,7 @@ class Core(Remade):
         if self._compiler is None:
             return None
         try:
-            return ctypes.CDLL(str(library_for(source(), self._compiler)))
+            return ctypes.CDLL(str(library_for(source(), self._compiler, "the model")))
         except (CompileError, OSError) as error:
             if self.precision == "float":
                 raise _no_single_precision(f"compiling failed ({error})") from error

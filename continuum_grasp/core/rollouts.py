@@ -45,13 +45,13 @@ class Rollouts:
             self._code.restype = None
 
     @classmethod
-    def of(cls, step: ca.Function, compiled: bool = True) -> Rollouts:
+    def of(cls, step: ca.Function, compiled: bool = True, what: str = "the model") -> Rollouts:
         """Rollouts from one state, in C where there is a compiler; the virtual machine gives the same numbers."""
         compiler = find_compiler() if compiled else None
         library = None
         if compiler is not None:
             with suppress(CompileError, OSError):
-                library = ctypes.CDLL(str(library_for(rollout_source(step), compiler)))
+                library = ctypes.CDLL(str(library_for(rollout_source(step), compiler, what)))
         return cls(step, library, True)
 
     @property

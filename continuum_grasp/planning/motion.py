@@ -194,7 +194,7 @@ def _compiled(term: Term) -> Term:
     for function in functions:
         generator.add(function)
     try:
-        library = str(library_for(generator.dump(), compiler))
+        library = str(library_for(generator.dump(), compiler, "the plan"))
     except (CompileError, OSError):
         return term
     return Term(*(ca.external(function.name(), library) for function in functions))

@@ -55,7 +55,7 @@ def done(config):
     folder = config.parent / "run"
     result = run(config, "--out", folder, "--json", "--animate", "gif")
     assert result.exit_code == 0, result.output
-    return folder, json.loads(result.output)
+    return folder, json.loads(result.stdout)
 
 
 def test_files_are_those_that_are_listed(done):
@@ -95,7 +95,7 @@ def test_a_table_is_printed(config, tmp_path):
 def test_other_controllers_are_compared(config, tmp_path):
     result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--compare", "--json")
     assert result.exit_code == 0, result.output
-    compared = json.loads(result.output)["compared"]
+    compared = json.loads(result.stdout)["compared"]
     assert set(compared) == {"two arcs", "with the state", "converged"}
     assert compared["with the state"]["cost"] == pytest.approx(compared["converged"]["cost"], rel=0.02)
 

@@ -351,7 +351,7 @@ def test_memory_that_was_not_cleared_is_no_harm():
 
 def test_without_a_compiler_it_says_so(monkeypatch):
     monkeypatch.setenv("CC", "")
-    with pytest.raises(InputError, match="need a C compiler"):
+    with pytest.raises(InputError, match="needs a C compiler"):
         RealTimeIteration(pendulum())
 
 

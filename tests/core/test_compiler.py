@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import re
 import shutil
 import subprocess
@@ -138,3 +139,19 @@ def test_quick_builds_do_not_optimize_long_functions(levels, monkeypatch, tmp_pa
         assert {found for lines, found in levels if lines > 300 or length == 20} == {level}
         x = np.array([0.4, -0.7])
         assert called(library, chain(length).name(), x) == pytest.approx(reference(x, length), rel=1e-12)
+
+
+@needs_compiler
+def test_what_takes_long_is_logged_and_nothing_is_printed(monkeypatch, tmp_path, caplog, capfd):
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
+    source = "int answer(void)\n{\n  return 42;\n}\n"
+    with caplog.at_level(logging.INFO, "continuum_grasp"):
+        library_for(source, find_compiler(), "the model")
+        assert not caplog.messages
+        monkeypatch.setattr(compiler, "_ANNOUNCED", 0.0)
+        for _ in range(2):  # the second time it is in the cache
+            library_for(f"{source}/* long */\n", find_compiler(), "the model")
+    begun, ended = caplog.messages
+    assert re.fullmatch(r"compiling the model, about \S+ s the first time; cached afterwards", begun)
+    assert re.fullmatch(r"compiled the model in \S+ s", ended)
+    assert capfd.readouterr() == ("", "")

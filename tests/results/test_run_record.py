@@ -20,6 +20,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results import begin_run, kind_of_run, note_part, read_run, replacing, write_run
 from continuum_grasp.results.atomic import naming
 from continuum_grasp.sweeps.folder import write_run_files
+from tests.said import said
 
 ROOT = Path(__file__).resolve().parents[2]
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
@@ -230,11 +231,11 @@ def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path
     line = [sys.executable, "-c", code, *map(str, arguments), "--out", str(tmp_path / "run")]
     done = subprocess.run(line, env=env, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 2, done.stderr
-    said = [line for line in done.stderr.splitlines() if not line.startswith("warning: ")]
-    assert len(said) == 1, done.stderr
-    assert said[0].startswith("error: ")
+    lines = [line for line in said(done.stderr).splitlines() if not line.startswith("warning: ")]
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("error: ")
     expected = (os.strerror(errno.EFBIG), os.strerror(errno.ENOSPC))
-    assert said[0].endswith(expected) or "No usable temporary directory" in said[0]
+    assert lines[0].endswith(expected) or "No usable temporary directory" in lines[0]
     assert not list(tmp_path.rglob(".tmp-*"))
     for file in tmp_path.rglob("*.json"):
         assert file.read_text().endswith("}\n")
@@ -314,7 +315,7 @@ def test_standard_output_that_takes_no_more(arguments):
     command = [sys.executable, "-m", "continuum_grasp", *map(str, arguments)]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, env=env, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "error: standard output: No space left on device\n")
+    assert (done.returncode, said(done.stderr)) == (2, "error: standard output: No space left on device\n")
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root writes everywhere")

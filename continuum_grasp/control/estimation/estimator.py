@@ -129,7 +129,7 @@ class Estimator(Remade):
         source = estimator_source(self.estimation, self.delay, nu, np_, fields, self.precision)
         parts = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
         parts |= {"then": nz, "covariance": nz * nz}
-        self._c = Compiled(source, fields, {"measurement": nm, "u": nu, "p": np_}, parts)
+        self._c = Compiled(source, fields, {"measurement": nm, "u": nu, "p": np_}, parts, "the estimator")
         self._measurement, self._u, self._p = self._c.given
         self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)

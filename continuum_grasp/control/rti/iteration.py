@@ -132,7 +132,7 @@ class RealTimeIteration:
         self.stages = stages
         self.precision = precision_of(precision)
         source = rti.library_source(stages, real=self.precision, lanes=lanes)
-        self._library = library = rti.load_library(source, "real-time iterations")
+        self._library = library = rti.load_library(source, "the real-time iteration")
         real: Any = np.float64 if self.precision == "double" else np.float32
         self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
         n, nx, nu = stages.stages, stages.nx, stages.nu

@@ -83,15 +83,15 @@ int rti_offset(int which)
 """
 
 
-def load_library(source: str, users: str) -> ctypes.CDLL:
-    """Compile a C source, or find it in the cache, and load it; ``users`` need it, which messages name."""
+def load_library(source: str, what: str) -> ctypes.CDLL:
+    """Compile a C source, or find it in the cache, and load it; messages call it ``what``."""
     compiler = find_compiler()
     if compiler is None:
-        raise InputError(f"{users} need a C compiler: {why_no_compiler()}")
+        raise InputError(f"{what} needs a C compiler: {why_no_compiler()}")
     try:
-        return ctypes.CDLL(str(library_for(source, compiler)))
+        return ctypes.CDLL(str(library_for(source, compiler, what)))
     except (CompileError, OSError) as error:
-        raise InputError(f"{users} need a C compiler, and compiling failed: {error}") from error
+        raise InputError(f"{what} needs a C compiler, and compiling failed: {error}") from error
 
 
 def template(name: str) -> str:

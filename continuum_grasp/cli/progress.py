@@ -1,0 +1,98 @@
+"""What is shown while work goes on, on the error stream: a bar on a terminal, else lines; and what is compiled."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+
+_PATIENCE = 2.0
+"""After which anything is shown [s]: what is done sooner needs nothing."""
+_SILENCE = 10.0
+"""After which there is another line without a terminal [s], however little was done: a day of work is 8,640 lines."""
+
+
+@dataclass
+class Progress:
+    """Where the work stands: it is called with the share that is done, 0 to 1, by work that knows it."""
+
+    what: str
+    share: float | None = None
+    start: float = field(default_factory=time.monotonic)
+
+    def __call__(self, share: float, what: str | None = None) -> None:
+        """Note the share, and what is going on where that is more than the work's name."""
+        self.share, self.what = share, what or self.what
+
+
+@contextmanager
+def shown(progress: Progress) -> Iterator[None]:
+    """Show the progress of the work that is done within."""
+    done = threading.Event()
+    show = _bar if sys.stderr.isatty() else _lines
+    watcher = threading.Thread(target=show, args=(progress, done), daemon=True)
+    watcher.start()
+    try:
+        with _compiling_shown():
+            yield
+    finally:
+        done.set()
+        watcher.join()
+
+
+def _lines(progress: Progress, done: threading.Event) -> None:
+    """A line at first, with each tenth of the work, and after a while without one."""
+    tenth, last, wait = -1, -_SILENCE, _PATIENCE
+    while not done.wait(wait):
+        wait, now, share = 1.0, time.monotonic() - progress.start, progress.share
+        if now - last < _SILENCE and int(10.0 * (share or 0.0)) <= tenth:
+            continue
+        tenth, last = int(10.0 * (share or 0.0)), now
+        known = "" if share is None else f"{100.0 * share:.0f} %, "
+        _say(f"{progress.what}: {known}{now:.0f} s")
+
+
+def _bar(progress: Progress, done: threading.Event) -> None:
+    if done.wait(_PATIENCE):
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task(progress.what, total=None)
+        # The bar shows the time since the work began, not since it appeared.
+        bars.tasks[0].start_time = bars.get_time() - (time.monotonic() - progress.start)
+        while not done.wait(0.1):
+            # None leaves the bar without a length, as of work that does not know its share.
+            total = None if progress.share is None else 1.0
+            bars.update(task, total=total, completed=progress.share, description=progress.what)
+
+
+@contextmanager
+def _compiling_shown() -> Iterator[None]:
+    """Print what the package logs: what it compiles, and how long that takes."""
+    import logging
+
+    class Lines(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            _say(record.getMessage())
+
+    log, lines = logging.getLogger("continuum_grasp"), Lines(logging.INFO)
+    level = log.level
+    log.addHandler(lines)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        log.removeHandler(lines)
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # whoever read it has gone; the work matters more
+        print(text, file=sys.stderr, flush=True)  # not typer.echo, which passes by what a bar puts in place

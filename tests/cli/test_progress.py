@@ -1,0 +1,73 @@
+"""What is shown while work goes on: lines where there is no terminal, nothing when it is not wanted."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from types import SimpleNamespace
+
+from typer.testing import CliRunner
+
+from continuum_grasp.cli import app, progress
+from continuum_grasp.cli.output import Output
+
+ROOT = Path(__file__).parents[2]
+LOG = "continuum_grasp.core.compiler"
+
+
+class Work:
+    """Work that takes some seconds by a watch of its own, and reports its share where it knows it."""
+
+    def __init__(self, seconds, shares):
+        self.now, self.seconds, self.shares = 0.0, seconds, shares
+        self.progress = progress.Progress("working", start=0.0)
+
+    def wait(self, seconds):
+        self.now += seconds
+        if self.shares:
+            self.progress(self.now / self.seconds)
+        return self.now > self.seconds
+
+
+def lines(monkeypatch, capsys, seconds, shares):
+    work = Work(seconds, shares)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: work.now))
+    progress._lines(work.progress, work)
+    return capsys.readouterr().err.splitlines()
+
+
+def test_short_work_shows_nothing(monkeypatch, capsys):
+    assert lines(monkeypatch, capsys, 1.9, True) == []
+
+
+def test_work_that_knows_its_share_shows_every_tenth(monkeypatch, capsys):
+    assert lines(monkeypatch, capsys, 20.0, True) == [
+        f"working: {percent} %, {percent // 5} s" for percent in range(10, 101, 10)
+    ]
+
+
+def test_long_work_shows_a_line_every_ten_seconds(monkeypatch, capsys):
+    assert lines(monkeypatch, capsys, 25.0, False) == ["working: 2 s", "working: 12 s", "working: 22 s"]
+    assert lines(monkeypatch, capsys, 2000.0, True)[:3] == [
+        "working: 0 %, 2 s",
+        "working: 1 %, 12 s",
+        "working: 1 %, 22 s",
+    ]
+
+
+def test_json_alone_is_on_the_standard_output(monkeypatch, tmp_path):
+    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    arguments = ["simulate", str(ROOT / "configs/simulate/hanging.yaml"), "--no-pictures", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, [*arguments, "--json"])
+    assert json.loads(done.stdout)["status"]
+    assert "simulating: " in done.stderr
+    assert CliRunner().invoke(app, [*arguments, "--quiet"]).output == ""
+
+
+def test_what_the_package_logs_is_shown_unless_quiet(capsys):
+    for quiet in (False, True):
+        with Output(quiet=quiet).busy("working"):
+            logging.getLogger(LOG).info("compiling %s", "the model")
+    logging.getLogger(LOG).info("no one listens")
+    assert capsys.readouterr().err == "compiling the model\n"
