@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import refuse_what_is_no_file
+from continuum_grasp.scene.units import factor_to_si
 
 Array = NDArray[np.float64]
 
@@ -180,34 +181,3 @@ def _number_in(text: str) -> float | None:
 def _same(cell: str, text: str) -> bool:
     a, b = _number_in(cell), _number_in(text)
     return cell == text if a is None or b is None else math.isclose(a, b, rel_tol=1e-12)
-
-
-_UNITS: dict[str, dict[str, float]] = {
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
-    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3, "kgf": 9.80665},
-    "N m": {"N m": 1.0, "N mm": 1e-3, "mN m": 1e-3},
-    "kg": {"kg": 1.0, "g": 1e-3, "mg": 1e-6},
-    "Hz": {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / math.pi},
-    "1/s": {"1/s": 1.0, "1/ms": 1e3},
-    "1/m": {"1/m": 1.0, "1/cm": 1e2, "1/mm": 1e3},
-}
-
-
-def factor_to_si(unit: str, si: str) -> float:
-    """Factor from a unit to the SI unit of the same dimension, such as ``m`` or ``N m``.
-
-    Raises
-    ------
-    InputError
-        If the unit is unknown, or of another dimension.
-    """
-    known = _UNITS.get(si, {si: 1.0})
-    for one in (unit, unit.replace("*", " ").replace("·", " ").replace("°", "deg")):
-        if one in known:
-            return known[one]
-    # names of one or two letters resemble each other by chance
-    near = difflib.get_close_matches(unit, known, n=1, cutoff=0.75)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")

@@ -13,7 +13,7 @@ from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
-from continuum_grasp.scene.value import Length, Positive, doubt
+from continuum_grasp.scene.value import Duration, Length, doubt
 
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
@@ -24,24 +24,28 @@ class ControlScene(FingerScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
     finger: Finger
-    """Of the controller's model."""
+    """The finger of the controller's model."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where known forces act [m]; element boundaries. Contacts with an object are at these
     and at the tip."""
     fidelity: Fidelity = Fidelity()
-    """Of the controller's model."""
+    """How finely the controller's model is."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Model parameters that are run-time arguments of the controller."""
     controller: Controller
+    """The controller: horizon, weights, limits."""
     reference: Reference = Reference()
+    """Setpoints of what the cost tracks."""
     estimator: Estimator | None = None
     """None: the controller measures the state."""
     initial: Initial = Initial(pose="rest")
+    """State at time zero."""
     plant: Plant = Plant()
+    """How the plant differs from the controller's model."""
     loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
     """Forces on the plant that the controller does not know."""
-    duration: Positive | None = None
-    """Of the closed loop [s]."""
+    duration: Annotated[Duration | None, Field(examples=[3.0, "3 s"])] = None
+    """How long the closed loop runs [s]."""
 
     def _check(self) -> None:
         self.controller.input.check(self.finger, "controller.input")

@@ -12,7 +12,21 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import (
+    Angle,
+    Distance,
+    Duration,
+    Friction,
+    Length,
+    Mass,
+    NonNegative,
+    Position,
+    Positive,
+    Ratio,
+    TimeConstant,
+    Value,
+)
 
 if TYPE_CHECKING:
     Method = str
@@ -25,27 +39,29 @@ class Penalty(Value):
     satisfied wherever it can be.
     """
 
-    linear: NonNegative = 100.0
-    """Per share of the violation."""
-    quadratic: NonNegative = 1000.0
-    """Per half the squared share of the violation."""
+    linear: Ratio = 100.0
+    """Weight per share of the violation [1]."""
+    quadratic: Ratio = 1000.0
+    """Weight per half the squared share of the violation [1]."""
 
 
 class _Zone(Value):
     of: Literal["tip", "backbone"] = "tip"
     """What must stay outside: the tip, or also four sections of every element."""
-    clearance: NonNegative = 0.0
+    clearance: Distance = 0.0
     """Distance from the edge [m]."""
     penalty: Penalty | Literal["hard"] = Penalty()
+    """Of a violation; hard: there is none, or no solution."""
 
 
 class HalfPlaneZone(_Zone):
     """Half the plane, on one side of a line."""
 
     type: Literal["half_plane"]
-    point: Vector2
+    """Half the plane."""
+    point: Position
     """A world point of the line [m]."""
-    normal_angle: Real
+    normal_angle: Angle
     """World angle of the normal that points out of the zone [rad]."""
 
 
@@ -53,10 +69,11 @@ class DiscZone(_Zone):
     """A disc."""
 
     type: Literal["disc"]
-    center: Vector2
+    """A disc."""
+    center: Position
     """World position of its center [m]."""
-    radius: Positive
-    """[m]"""
+    radius: Annotated[Positive, Unit("m")]
+    """Radius [m]."""
 
 
 Zone = Annotated[HalfPlaneZone | DiscZone, Field(discriminator="type")]
@@ -65,14 +82,14 @@ Zone = Annotated[HalfPlaneZone | DiscZone, Field(discriminator="type")]
 class Bounds(Value):
     """Bounds of the state; limits of the input are in ``controller.input``."""
 
-    curvature: Positive | Literal["finger"] | None = "finger"
+    curvature: Annotated[Positive, Unit("1/m")] | Literal["finger"] | None = "finger"
     """Greatest curvature [1/m]; finger: that of its strain limit and of the model's bending range; null: none."""
-    speed: Positive | None = None
+    speed: Annotated[Positive, Field(examples=[25.0, "25 rad/s"]), Unit("rad/s")] | None = None
     """Greatest bending rate of an element [rad/s]."""
     keep_out: dict[str, Zone] = Field(default_factory=dict)
     """Zones by name."""
     penalty: Penalty | Literal["hard"] = Penalty()
-    """Of curvature and speed."""
+    """Of violations of curvature and speed; hard: there is none, or no solution."""
 
     def curvature_limit(self, finger: Finger) -> float:
         """Greatest curvature, apart from the bending range of a model [1/m]."""
@@ -85,11 +102,11 @@ class Bounds(Value):
 class InputLimits(Value):
     """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
 
-    moment_max: Positive | None = None
+    moment_max: Annotated[Positive, Field(examples=[0.3, "0.3 N m"]), Unit("N m")] | None = None
     """Greatest magnitude of the tip moment of a finger without tendons [N m]."""
-    rate_max: Positive | None = None
+    rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("N/s or N m/s")] | None = None
     """Greatest change of the input per time [N/s or N m/s]."""
-    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    time_constant: TimeConstant | None = None
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
     def check(self, finger: Finger, key: str) -> None:
@@ -109,7 +126,8 @@ class Horizon(Value):
     """Time grid of the prediction."""
 
     stages: Annotated[int, Field(ge=2, le=500)] = 30
-    stage: Annotated[float, Field(ge=1e-5, le=10.0)] = 0.01
+    """Number of stages."""
+    stage: Annotated[float, Field(ge=1e-5, le=10.0), Unit("s")] = 0.01
     """Length of one stage, over which the input is constant [s]."""
     method: Method = "auto"
     """rk4: explicit steps of order 4; sdirk2: L-stable steps of order 2, for stiff models such as those in contact;
@@ -121,12 +139,16 @@ class Horizon(Value):
 class Controller(Value):
     """Nonlinear model predictive control by real-time iterations."""
 
-    period: Annotated[float, Field(ge=1e-6, le=10.0)] | None = None
+    period: Annotated[float, Field(ge=1e-6, le=10.0), Unit("s")] | None = None
     """Time from one command to the next [s]; None: a stage."""
     horizon: Horizon = Horizon()
+    """Time grid of the prediction."""
     cost: Cost
+    """What is tracked, and the weight of each error."""
     input: InputLimits = InputLimits()
+    """Limits of the input."""
     bounds: Bounds = Bounds()
+    """Bounds of the state."""
     sqp_iterations: Annotated[int, Field(ge=1, le=20)] = 1
     """Linearizations of the problem per command. One is the real-time iteration; more approach the optimum of a
     strongly nonlinear problem, in as many times the time."""
@@ -137,7 +159,7 @@ class Controller(Value):
     supervisor: bool = True
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
     that does not help, or readings freeze, the command ramps to the least tensions (no moment) until it is re-armed."""
-    deadline: Positive | None = None
+    deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
 
     def _check(self) -> None:
@@ -155,19 +177,20 @@ class BendingSensors(Value):
 
     at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
     """Positions along the finger [m]."""
-    std: Positive
+    std: Annotated[Positive, Field(examples=[0.003, "3 mrad"]), Unit("rad")]
     """Standard deviation of a measured angle [rad]."""
 
 
 class Measured(Value):
     """Measured quantities, each with the standard deviation of its noise."""
 
-    tip: Positive | None = None
+    tip: Annotated[Positive, Field(examples=[3e-4, "0.3 mm"]), Unit("m")] | None = None
     """Of each coordinate of the tip's world position, by a camera [m]."""
-    tension: Positive | None = None
+    tension: Annotated[Positive, Field(examples=[0.1]), Unit("N or N m")] | None = None
     """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since without
     one it is the input itself."""
     bending: BendingSensors | None = None
+    """Angles of sections; None: not measured."""
 
     def _check(self) -> None:
         if self.tip is None and self.bending is None:
@@ -179,15 +202,15 @@ class Measured(Value):
 class Disturbed(Value):
     """Slowly varying unknowns estimated with the state, each with its drift per square root of a second."""
 
-    tip_moment: Positive | None = None
+    tip_moment: Annotated[Positive, Field(examples=[0.01]), Unit("N m / s^0.5")] | None = None
     """Tip moment missing in the model, from wrong stiffness or friction [N m / s^0.5]."""
-    tip_force: Positive | None = None
+    tip_force: Annotated[Positive, Field(examples=[0.1]), Unit("N / s^0.5")] | None = None
     """Unknown world force at the tip, each component [N / s^0.5]."""
-    contact_force: Positive | None = None
+    contact_force: Annotated[Positive, Field(examples=[0.2]), Unit("N / s^0.5")] | None = None
     """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
-    object_position: Positive | None = None
+    object_position: Annotated[Positive, Field(examples=[0.004]), Unit("m / s^0.5")] | None = None
     """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
-    bending_stiffness: Positive | None = None
+    bending_stiffness: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
     """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
     @property
@@ -200,16 +223,18 @@ class Estimator(Value):
     """An extended Kalman filter with disturbance states."""
 
     measured: Measured
+    """What is measured, and how noisy it is."""
     disturbances: Disturbed = Disturbed()
-    acceleration_std: Positive = 10.0
+    """Unknowns that are estimated with the state."""
+    acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
     """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
-    initial_std: Positive = 0.05
+    initial_std: Annotated[Positive, Unit("rad")] = 0.05
     """Standard deviation of each bending angle at the start [rad]; of their rates ten times that per second."""
-    delay: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    delay: Annotated[float, Field(ge=0.0, le=1.0), Unit("s")] = 0.0
     """Known age of a measurement when it arrives, a whole number of control periods [s]."""
-    outlier: Annotated[float, Field(ge=2.0, le=100.0)] = 8.0
-    """A sensor further than this many standard deviations from its expected value is rejected, unless that happens too
-    often: then the model is wrong, and the sensor is used with bounded influence."""
+    outlier: Annotated[float, Field(ge=2.0, le=100.0, examples=[8.0]), Unit("1")] = 8.0
+    """A sensor further than this many standard deviations from its expected value [1] is rejected, unless that happens
+    too often: then the model is wrong, and the sensor is used with bounded influence."""
     frozen: bool = True
     """Whether a reading at rest for 0.2 s (20 samples at least) counts as missing while the command moves. False: for
     sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
@@ -219,23 +244,23 @@ class Plant(Value):
     """How the plant differs from what the controller knows."""
 
     fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)
-    """Of the plant's model."""
-    stiffness: Positive = 1.0
+    """How finely the plant is modeled."""
+    stiffness: Annotated[Positive, Unit("1")] = 1.0
     """Bending stiffness per that of the controller's finger [1]."""
-    damping: Positive = 1.0
+    damping: Annotated[Positive, Unit("1")] = 1.0
     """Damping per that of the controller's finger [1]."""
-    tip_mass: NonNegative = 0.0
+    tip_mass: Mass = 0.0
     """Mass at the tip that the controller does not know [kg]."""
-    tendon_friction: NonNegative | None = None
+    tendon_friction: Friction | None = None
     """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
-    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    time_constant: TimeConstant | None = None
     """Time constant of the drive [s]; None: as the controller knows it."""
     drive_order: Literal[1, 2] = 2
     """Order of the drive's lag: 2 as the controller knows it, critically damped; 1: T dF/dt = F_command - F. A ramp is
     followed twice the time constant late by the former, once by the latter."""
-    noise: NonNegative = 1.0
+    noise: Ratio = 1.0
     """Measurement noise per that of ``estimator.measured`` [1]."""
-    delay: NonNegative | None = None
+    delay: Annotated[NonNegative, Unit("s")] | None = None
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of the noise."""
+    """Seed of the noise."""

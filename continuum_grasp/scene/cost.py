@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.value import Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Angle, Length, NonNegative, Position, Positive, Real, Value, Vector2
 
 
 def _running(value: Any) -> Any:
@@ -21,10 +22,10 @@ def _running(value: Any) -> Any:
 class Weight(Value):
     """Weight of an error: the cost is half the squared error times this."""
 
-    running: NonNegative = 0.0
-    """Per second, and per unit of the error squared."""
-    terminal: NonNegative = 0.0
-    """Once, at the end of the horizon, per unit of the error squared."""
+    running: Annotated[NonNegative, Field(examples=[2e4]), Unit("per second and square of the error's unit")] = 0.0
+    """Weight all along the horizon [per second and square of the error's unit]."""
+    terminal: Annotated[NonNegative, Field(examples=[2e3]), Unit("per square of the error's unit")] = 0.0
+    """Weight once, at the end of the horizon [per square of the error's unit]."""
 
 
 Weighted = Annotated[Weight, BeforeValidator(_running, json_schema_input_type=float | Weight)]
@@ -50,22 +51,22 @@ ForcesWeighted = Annotated[ForceWeight, BeforeValidator(_running, json_schema_in
 class Cost(Value):
     """Weights of half the squared errors; a term without a weight takes no computing time."""
 
-    tip: Weighted | None = None
+    tip: Annotated[Weighted, Field(examples=[2e4]), Unit("1/m2")] | None = None
     """World position of the tip [1/m2]."""
-    bending: Weighted | None = None
+    bending: Annotated[Weighted, Field(examples=[100.0]), Unit("1/rad2")] | None = None
     """Bending angle of each element [1/rad2]."""
-    shape: ShapeWeight | None = None
+    shape: Annotated[ShapeWeight, Unit("1/m2")] | None = None
     """World positions along the finger [1/m2]."""
-    tip_angle: Weighted | None = None
+    tip_angle: Annotated[Weighted, Field(examples=[100.0]), Unit("1/rad2")] | None = None
     """Orientation of the tip [1/rad2]."""
-    speed: Weighted | None = None
+    speed: Annotated[Weighted, Field(examples=[0.02]), Unit("s2/rad2")] | None = None
     """Bending rate of each element, towards zero [s2/rad2]."""
-    contact_force: ForcesWeighted | None = None
+    contact_force: Annotated[ForcesWeighted, Field(examples=[1.0]), Unit("1/N2")] | None = None
     """Normal force at each place where the finger may touch the object [1/N2]."""
-    effort: NonNegative | None = None
-    """Input away from ``reference.input`` [1/N2, or 1/(N m)2 of the tip moment]."""
-    input_rate: NonNegative | None = None
-    """Change of the input per time, towards zero [s2/N2, or s2/(N m)2]."""
+    effort: Annotated[NonNegative, Field(examples=[1e-3]), Unit("1/N2 or 1/(N m)2")] | None = None
+    """Input away from ``reference.input`` [1/N2 or 1/(N m)2]."""
+    input_rate: Annotated[NonNegative, Field(examples=[5e-4]), Unit("s2/N2 or s2/(N m)2")] | None = None
+    """Change of the input per time, towards zero [s2/N2 or s2/(N m)2]."""
 
     def _check(self) -> None:
         *others, last = [name for name in Cost.model_fields if name in Reference.model_fields]
@@ -89,10 +90,10 @@ Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]
 class RowSamples(Value):
     """Rows of numbers over time."""
 
-    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2)]
+    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Unit("s")]
     """Instants, increasing [s]; before the first and after the last the row is held."""
-    values: Annotated[tuple[Row, ...], Field(strict=False, min_length=2)]
-    """One row per instant."""
+    values: Annotated[tuple[Row, ...], Field(strict=False, min_length=2), Unit(None)]
+    """One row per instant, in the unit of what they are given for."""
     interpolation: Literal["smooth", "linear", "hold"] = "smooth"
     """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""
 
@@ -114,15 +115,15 @@ class RowSamples(Value):
 class CircleReference(Value):
     """A circle traversed at constant speed."""
 
-    center: Vector2
+    center: Position
     """World position of the center [m]."""
-    radius: Positive
-    """[m]"""
-    frequency: Real
+    radius: Annotated[Positive, Unit("m")]
+    """Radius [m]."""
+    frequency: Annotated[Real, Unit("Hz")]
     """Turns per second, counter-clockwise [Hz]."""
-    phase: Real = 0.0
+    phase: Angle = 0.0
     """Angle at time zero, from world +X [rad]."""
-    start: Real = 0.0
+    start: Annotated[Real, Unit("s")] = 0.0
     """Instant until which the setpoint waits at its first position [s]."""
 
 
@@ -135,23 +136,23 @@ def _row(value: Any) -> Any:
     return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-Angle = Annotated[Row, BeforeValidator(_row, json_schema_input_type=float | Row)]
+AngleRow = Annotated[Row, BeforeValidator(_row, json_schema_input_type=float | Row)]
 
 
 class Reference(Value):
     """Setpoints of what the cost tracks."""
 
-    tip: Vector2 | RowSamples | CircleReference | None = None
+    tip: Annotated[Vector2 | RowSamples | CircleReference, Unit("m")] | None = None
     """World position of the tip [m]."""
-    bending: Rows | None = None
+    bending: Annotated[Rows, Unit("rad")] | None = None
     """Bending angle of each element of the controller's model [rad]; zero where not given."""
-    shape: Rows | None = None
+    shape: Annotated[Rows, Unit("m")] | None = None
     """World positions x, y [m] of the sections of ``cost.shape.at``, one after the other."""
-    tip_angle: Angle | RowSamples | None = None
+    tip_angle: Annotated[AngleRow | RowSamples, Unit("rad")] | None = None
     """World angle of the tip's section, whose tangent is (-sin, cos) of it [rad]; samples have rows of one entry."""
-    contact_force: Rows | None = None
+    contact_force: Annotated[Rows, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
-    input: Rows | None = None
+    input: Annotated[Rows, Unit("N or N m")] | None = None
     """Input that costs no effort: tip moment [N m] or tensions [N]; tensions: least tension where not given."""
 
     def _check(self) -> None:

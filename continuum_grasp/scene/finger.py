@@ -8,15 +8,21 @@ from typing import Annotated, Protocol
 
 from pydantic import Field
 
+from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
+    Angle,
+    Distance,
     Extent,
+    Friction,
     Increasing,
     Length,
+    Mass,
     NonNegative,
+    Position,
     Positive,
     Real,
+    TimeConstant,
     Value,
-    Vector2,
     doubt,
     doubt_outside,
 )
@@ -40,19 +46,19 @@ class Rod(Value):
     sets nothing but where the strain limit is reached and, without ``half_thickness``, how thick the finger is.
     """
 
-    length: Length
+    length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
     """Length L [m]."""
-    diameter: Extent | None = None
+    diameter: Annotated[Extent | None, Field(examples=[0.0012, "1.2 mm"])] = None
     """Diameter of a solid round section [m]; smaller than the length."""
-    density: Annotated[float, Field(ge=1e-3, le=1e6)] | None = None
+    density: Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")] | None = None
     """Density [kg/m3]."""
-    youngs_modulus: Annotated[float, Field(ge=1e-3, le=1e15)] | None = None
+    youngs_modulus: Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa")] | None = None
     """Young's modulus E [Pa]."""
-    linear_density: Annotated[float, Field(ge=1e-15, le=1e9)] | None = None
+    linear_density: Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")] | None = None
     """Mass per length, rho A [kg/m]."""
-    bending_stiffness: Annotated[float, Field(ge=1e-24, le=1e15)] | None = None
+    bending_stiffness: Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")] | None = None
     """Bending stiffness E I [N m2]."""
-    rotary_inertia: NonNegative | None = None
+    rotary_inertia: Annotated[NonNegative, Unit("kg m")] | None = None
     """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the round section, or
     none beside ``linear_density``."""
 
@@ -125,18 +131,18 @@ class Rod(Value):
 class Damping(Value):
     """Internal damping; both kinds may be given and add up."""
 
-    material: NonNegative = 0.0
+    material: Annotated[NonNegative, Unit("N m2 s")] = 0.0
     """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh."""
-    per_arc: NonNegative = 0.0
+    per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
     """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
 
 
 class PointMass(Value):
     """A point mass on the backbone."""
 
-    at: NonNegative
+    at: Distance
     """Position along the finger [m]."""
-    mass: NonNegative
+    mass: Mass
     """Mass [kg]."""
 
 
@@ -145,7 +151,7 @@ class PiecewiseCurvature(Value):
 
     breaks: Annotated[tuple[Length, ...], Field(strict=False), Increasing]
     """Positions along the finger where the curvature jumps, increasing [m]."""
-    values: Annotated[tuple[Real, ...], Field(strict=False)]
+    values: Annotated[tuple[Real, ...], Field(strict=False), Unit("1/m")]
     """Curvatures between them, one more than ``breaks`` [1/m]."""
 
     def _check(self) -> None:
@@ -158,15 +164,15 @@ class PiecewiseCurvature(Value):
 class Tendons(Value):
     """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
 
-    offset: Length
+    offset: Annotated[Length, Field(examples=[0.005, "5 mm"])]
     """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
-    min_tension: NonNegative = 0.0
+    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
     """Least tension [N]."""
-    max_tension: Positive
+    max_tension: Annotated[Positive, Unit("N")]
     """Greatest tension [N]."""
-    friction: NonNegative = 0.0
+    friction: Friction = 0.0
     """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
-    time_constant: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    time_constant: TimeConstant | None = None
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
 
@@ -178,9 +184,9 @@ class Tendons(Value):
 class BasePose(Value):
     """Pose of the clamped base in the world; the undeformed finger points along the base's Y axis."""
 
-    position: Vector2 = (0.0, 0.0)
+    position: Position = (0.0, 0.0)
     """World position of the base [m]."""
-    angle: Real = 0.0
+    angle: Annotated[Angle, Field(examples=[-1.5707963267948966, "-90 deg"])] = 0.0
     """Angle from world axes to base axes, counter-clockwise [rad]."""
 
     def _check(self) -> None:
@@ -194,17 +200,21 @@ class Finger(Value):
     """A tendon-driven continuum finger."""
 
     rod: Rod
+    """The elastic rod that the finger is."""
     damping: Damping = Damping()
-    rest_curvature: Real | PiecewiseCurvature = 0.0
+    """What damps its bending."""
+    rest_curvature: Annotated[Real, Unit("1/m")] | PiecewiseCurvature = 0.0
     """Curvature of the unloaded finger [1/m], positive towards -X."""
-    half_thickness: NonNegative | None = None
+    half_thickness: Annotated[Distance | None, Field(examples=[0.006, "6 mm"])] = None
     """Half the outer thickness [m], where contacts touch; half the rod's diameter where not given."""
-    strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0)] | None = None
+    strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0, examples=[0.06, "6 %"]), Unit("1")] | None = None
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the rod's diameter."""
     masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
+    """Point masses beside the rod's own mass."""
     tendons: Tendons | None = None
     """None: the input is the tip moment itself."""
     base: BasePose = BasePose()
+    """Where the base is clamped, and in which direction."""
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness

@@ -80,23 +80,31 @@ class GraspScene(Value):
     """Fingers that hold an object, alone or against supports."""
 
     schema_version: Literal[1]
+    """Format of this file."""
     name: str | None = None
+    """Title of reports and pictures."""
     finger: AnyFinger | None = None
     """The finger, where there is one; it is called ``finger`` in the result."""
     fingers: Annotated[dict[str, AnyFinger], Field(min_length=1, max_length=4)] | None = None
     """One to four fingers by name, in place of ``finger``."""
     object: GraspObject
+    """What is held: its shape, mass and pose."""
     supports: Annotated[dict[str, Support], Field(default_factory=dict, max_length=8)]
     """Fixed walls, points and grooves by name; empty: the fingers alone hold the object."""
     contacts: GraspContacts
+    """Where fingers touch the object, and what the surfaces bear."""
     gravity: GraspGravity
+    """Weight in the plane, perpendicular to it, or none."""
     fidelity: Fidelity = Fidelity()
+    """How finely the fingers are modeled."""
     objective: Aim | ObjectiveWeights = "least_tension"
     """least_tension: least sum of all tendon tensions; least_normal_force: the greatest normal force is as small as
     can be; greatest_disturbance: the ``disturbances`` may grow by the greatest factor; greatest_friction_margin: the
     contacts are as far from slipping as can be; or weights of these."""
     disturbances: Disturbances = Disturbances()
+    """Wrenches that the grasp should resist."""
     solver: GraspSolver = GraspSolver()
+    """Options of the search."""
 
     @property
     def named_fingers(self) -> dict[str, GraspFinger]:

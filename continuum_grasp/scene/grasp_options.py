@@ -11,26 +11,29 @@ from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
-from continuum_grasp.scene.value import Extent, Increasing, Length, NonNegative, Positive, Real, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Acceleration, Extent, Friction, Increasing, Length, Positive, Ratio, Real, Value
 
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
 Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
 Range = Annotated[tuple[Length, Length], Field(strict=False)]
+_Force = Annotated[Real, Unit("N")]
+_Moment = Annotated[Real, Unit("N m")]
 
 
 class FingerContacts(Value):
     """Where one finger touches the object; what is not given is as in ``contacts``."""
 
-    friction: NonNegative | None = None
+    friction: Friction | None = None
     """Coulomb friction coefficient between this finger and the object [1]."""
-    normal_force_max: Positive | None = None
+    normal_force_max: Annotated[Positive, Unit("N")] | None = None
     """Greatest normal force at any one contact of this finger [N]."""
     middle: Middles | None = None
     """As in ``contacts``."""
     middle_after: Counts | None = None
     """As in ``contacts``."""
     middle_range: Range | None = None
-    """As in ``contacts``."""
+    """As in ``contacts`` [m]."""
     tip: Switch | None = None
     """As in ``contacts``."""
 
@@ -38,9 +41,9 @@ class FingerContacts(Value):
 class GraspContacts(Value):
     """Where fingers touch the object, and what the touching surfaces bear."""
 
-    friction: NonNegative
+    friction: Friction
     """Coulomb friction coefficient between fingers and object [1]."""
-    normal_force_max: Positive
+    normal_force_max: Annotated[Positive, Unit("N")]
     """Greatest normal force at any one contact, supports included [N]. With no such limit a wedged object needs no
     friction at all."""
     middle: Middles = "on"
@@ -87,7 +90,8 @@ class PlanarGravity(Value):
     """Gravity in the plane of the fingers; the fingers' own weight acts too."""
 
     mode: Literal["planar"]
-    vector: Vector2
+    """In the plane of the fingers."""
+    vector: Acceleration
     """World gravity [m/s2]."""
 
 
@@ -98,8 +102,9 @@ class OutOfPlaneGravity(Value):
     """
 
     mode: Literal["out_of_plane"]
-    magnitude: Positive
-    """[m/s2]"""
+    """Perpendicular to the plane of the fingers."""
+    magnitude: Annotated[Positive, Unit("m/s2")]
+    """Gravity perpendicular to the plane [m/s2]."""
     tilt: Literal["balance", "ignore"] = "balance"
     """balance: the friction forces that carry the weight must not tilt the object, all contacts being at the
     height of its center of mass; ignore: something else keeps it upright."""
@@ -109,6 +114,7 @@ class NoGravity(Value):
     """No weight at all."""
 
     mode: Literal["none"]
+    """No gravity."""
 
 
 GraspGravity = Annotated[PlanarGravity | OutOfPlaneGravity | NoGravity, Field(discriminator="mode")]
@@ -119,13 +125,13 @@ Aim = Literal["least_tension", "least_normal_force", "greatest_disturbance", "gr
 class ObjectiveWeights(Value):
     """A weighted sum; every term is divided by what it could be at most, so that the weights compare."""
 
-    least_tension: NonNegative = 0.0
+    least_tension: Ratio = 0.0
     """Weight of the sum of all tensions, per sum of the greatest tensions [1]."""
-    least_normal_force: NonNegative = 0.0
+    least_normal_force: Ratio = 0.0
     """Weight of the greatest normal force, per ``contacts.normal_force_max`` [1]."""
-    greatest_disturbance: NonNegative = 0.0
+    greatest_disturbance: Ratio = 0.0
     """Weight of the resisted disturbance, as a multiple of the wrenches given in ``disturbances`` [1]."""
-    greatest_friction_margin: NonNegative = 0.0
+    greatest_friction_margin: Ratio = 0.0
     """Weight of the least friction margin [1]."""
 
     def _check(self) -> None:
@@ -138,7 +144,7 @@ class Disturbances(Value):
 
     wrenches: (
         Annotated[
-            tuple[Annotated[tuple[Real, Real, Real], Field(strict=False)], ...],
+            tuple[Annotated[tuple[_Force, _Force, _Moment], Field(strict=False)], ...],
             Field(strict=False, min_length=1, max_length=24),
         ]
         | None
@@ -166,8 +172,8 @@ class GraspSolver(SolverOptions):
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 40_000
     """Iterations of the whole search, diagnosis included, 0.4 to 3 ms each: counted work, so that the verdict does not
     depend on how fast or busy the machine is. Shipped scenes take up to 5,000, random infeasible ones up to 15,000."""
-    tolerance: Annotated[float, Field(ge=1e-15, le=1e-4)] = 1e-9
-    """Relative tolerance of the solver, on optimality and constraints."""
-    penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-4)] = 1e-6
-    """Allowed penetration of the backbone's samples into object and supports, as a part of the finger's length.
+    tolerance: Annotated[float, Field(ge=1e-15, le=1e-4, examples=[1e-9]), Unit("1")] = 1e-9
+    """Relative tolerance of the solver, on optimality and constraints [1]."""
+    penetration_tolerance: Annotated[float, Field(ge=1e-12, le=1e-4, examples=[1e-6]), Unit("1")] = 1e-6
+    """Allowed penetration of the backbone's samples into object and supports, as a part of the finger's length [1].
     Never zero: a finger that wraps the object would then leave the feasible set without an interior."""

@@ -7,10 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Length, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend"]
-Estimated = Annotated[float, Field(ge=-1e15, le=1e15)]
+Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
+_Window = Annotated[Interval, Unit("s")]
 
 
 class Column(Value):
@@ -20,8 +22,8 @@ class Column(Value):
     """Heading of the column, with or without the unit that it has in brackets."""
     unit: str | None = None
     """Unit, such as mm; None: as in brackets in the heading, or SI."""
-    scale: Real = 1.0
-    """Factor, -1 for a drop that is counted downwards."""
+    scale: Annotated[Real, Unit("1")] = 1.0
+    """Factor [1], -1 for a drop that is counted downwards."""
     minus: str | None = None
     """Heading of a column of the same unit that is subtracted first, such as the base's position."""
 
@@ -36,15 +38,18 @@ class Condition(Column):
     """Entry of the model's inputs (tip_moment, tension_1, ...), forces (tip_y, load_1_y, ...) or parameters."""
 
 
+_Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
+
+
 class ReadingColumn(Column):
     """A column with what was measured at a section."""
 
     quantity: Quantity
     """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad]."""
-    at: Annotated[float, Field(ge=0.0, le=1e4)] | None = None
+    at: Annotated[float, Field(ge=0.0, le=1e4), Unit("m")] | None = None
     """Position along the finger [m]; None: the tip."""
-    sigma: Positive | None = None
-    """Standard deviation in SI units, where known: weights of unlike quantities; None: from the residuals."""
+    sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("m or rad")] | None = None
+    """Standard deviation [m or rad], where known: weights of unlike quantities; None: from the residuals."""
 
 
 class RowsEqual(Value):
@@ -73,8 +78,11 @@ class StaticPoses(_Data):
     """Shapes at rest: a row per load case."""
 
     kind: Literal["static"]
-    conditions: Annotated[tuple[Condition, ...], Field(strict=False)] = ()
+    """Shapes at rest."""
+    conditions: _Conditions = ()
+    """Columns with loads, inputs and parameters of each row."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
+    """Columns with what was measured."""
     holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
     """Rows, counted from 1 among those read, that are predicted and not fitted."""
 
@@ -83,14 +91,18 @@ class TipTrajectory(_Data):
     """Path of a point of the finger in time; the motion starts as ``initial`` of the scene says."""
 
     kind: Literal["trajectory"]
+    """Path of a point in time."""
     t: ColumnLike = "t"
+    """Column of the instants [s]."""
     x: ColumnLike | None = "x"
+    """Column of the world position x [m]; None: not measured."""
     y: ColumnLike | None = "y"
+    """Column of the world position y [m]; None: not measured."""
     at: Length | None = None
     """Position along the finger [m]; None: the tip."""
-    window: Interval | None = None
+    window: _Window | None = None
     """Instants from and to which samples are used [s]."""
-    sigma: Positive | None = None
+    sigma: Annotated[Positive, Unit("m")] | None = None
     """Standard deviation of x and y [m], where known."""
 
     def _check(self) -> None:
@@ -102,10 +114,12 @@ class RingDown(_Data):
     """Free vibration after a motion: each signal becomes a frequency and a decay rate."""
 
     kind: Literal["ring_down"]
+    """Free vibration after a motion."""
     t: ColumnLike = "t"
+    """Column of the instants [s]."""
     signals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("signal",)
     """Headings of the columns, in any unit; empty cells are samples that are missing."""
-    window: Interval
+    window: _Window
     """Instants from and to which samples are used [s]."""
     mode: Annotated[int, Field(ge=1)] = 1
     """Natural mode that rings, from 1."""
@@ -115,13 +129,15 @@ class FrequencyTable(_Data):
     """Frequencies of free vibration: a row per mode and configuration."""
 
     kind: Literal["frequencies"]
+    """Frequencies of free vibration."""
     mode: str | Annotated[int, Field(ge=1)] = "mode"
     """Heading of the column, or one mode for all rows, from 1."""
     frequency: ColumnLike = "frequency"
-    """Of the damped vibration [Hz]."""
+    """Column of the frequency of the damped vibration [Hz]."""
     decay_rate: ColumnLike | None = None
-    """Of its amplitude [1/s]."""
-    conditions: Annotated[tuple[Condition, ...], Field(strict=False)] = ()
+    """Column of the decay rate of its amplitude [1/s]; None: not measured."""
+    conditions: _Conditions = ()
+    """Columns with loads, inputs and parameters of each row."""
     holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
     """Rows, counted from 1 among those read, that are predicted and not fitted."""
 
@@ -135,13 +151,13 @@ class Estimate(Value):
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, rest_curvature, tip_mass,
     mass_0 (of masses[0]), clamp_angle (added to the base angle), tendon_offset, tendon_friction or tension_deadband."""
-    start: Estimated | None = None
-    """Where the search starts; None: the scene's value."""
-    min: Estimated | None = None
-    """Least value; None: 0, or none for angles and curvatures."""
-    max: Estimated | None = None
-    """Greatest value; None: none."""
-    second_moment: Annotated[float, Field(ge=1e-24, le=1e6)] | None = None
+    start: Annotated[Estimated | None, Field(examples=[0.7])] = None
+    """Where the search starts [SI unit of the parameter]; None: the scene's value."""
+    min: Annotated[Estimated | None, Field(examples=[0.0])] = None
+    """Least value [SI unit of the parameter]; None: 0, or none for angles and curvatures."""
+    max: Annotated[Estimated | None, Field(examples=[2.0])] = None
+    """Greatest value [SI unit of the parameter]; None: none."""
+    second_moment: Annotated[float, Field(ge=1e-24, le=1e6), Unit("m4")] | None = None
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
     def _check(self) -> None:
@@ -155,6 +171,7 @@ class IdentifyScene(Scene):
     """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
 
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
+    """Parameters that are to be found."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
     """How to read the files that are given beside this one."""
     loss: Literal["squares", "huber"] = "squares"

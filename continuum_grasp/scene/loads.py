@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.value import Increasing, NonNegative, Real, Value, Vector2, check_one_given
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2, check_one_given
 
 
 class _Sampled(Value):
-    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing]
+    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing, Unit("s")]
     """Instants, increasing [s]; before the first and after the last the value is held."""
     interpolation: Literal["smooth", "linear"] = "smooth"
     """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
@@ -28,22 +29,25 @@ class _Sampled(Value):
 class Samples(_Sampled):
     """A scalar function of time."""
 
-    values: Annotated[tuple[Real, ...], Field(strict=False)]
+    values: Annotated[tuple[Real, ...], Field(strict=False), Unit(None)]
+    """The value at each instant, in the unit of what it is given for."""
 
 
 class VectorSamples(_Sampled):
     """A planar vector function of time."""
 
-    values: Annotated[tuple[Vector2, ...], Field(strict=False)]
+    values: Annotated[tuple[Vector2, ...], Field(strict=False), Unit(None)]
+    """The components x, y at each instant, in the unit of what they are given for."""
 
 
 class ForceLoad(Value):
     """A point force on the backbone."""
 
     kind: Literal["force"] = "force"
-    at: NonNegative
+    """A point force."""
+    at: Distance
     """Position along the finger [m]."""
-    force: Vector2 | VectorSamples
+    force: Annotated[Vector2 | VectorSamples, Unit("N")]
     """Force [N]: in the world, or in the section's axes (X across, Y along) where it follows."""
     follows: bool = False
     """True: the force turns with the section it acts on."""
@@ -53,9 +57,10 @@ class MomentLoad(Value):
     """A point moment on the backbone, positive counter-clockwise."""
 
     kind: Literal["moment"] = "moment"
-    at: NonNegative
+    """A point moment."""
+    at: Distance
     """Position along the finger [m]."""
-    moment: Real | Samples
+    moment: Annotated[Real | Samples, Unit("N m")]
     """Moment [N m]."""
 
 
@@ -65,9 +70,9 @@ Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 class Actuation(Value):
     """The input of the finger: the tip moment, or the two tendon tensions."""
 
-    tip_moment: Real | Samples | None = None
+    tip_moment: Annotated[Real | Samples, Unit("N m")] | None = None
     """Tip moment [N m], for a finger without tendons."""
-    tensions: Annotated[tuple[Real | Samples, Real | Samples], Field(strict=False)] | None = None
+    tensions: Annotated[tuple[Real | Samples, Real | Samples], Field(strict=False), Unit("N")] | None = None
     """Tensions F1, F2 [N], for a finger with tendons."""
 
     def _check(self) -> None:

@@ -9,55 +9,60 @@ from pydantic import Field
 from continuum_grasp.scene.controller import Bounds, Estimator, Horizon, InputLimits, Plant
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.surroundings import ContactLaw
-from continuum_grasp.scene.value import Length, NonNegative, Positive, Value
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Distance, Duration, Friction, Length, NonNegative, Positive, Value
 
 Count = Annotated[int, Field(ge=1, le=8)]
+_Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 
 
 class Phases(Value):
     """How long each phase lasts; setpoints move smoothly within a phase."""
 
-    approach: Positive = 0.8
+    approach: Duration = 0.8
     """From the straight finger until it is about to touch [s]."""
-    squeeze: Positive = 0.8
+    squeeze: Duration = 0.8
     """Until the contact forces are those of the grasp [s]."""
-    lift: Positive = 0.3
+    lift: Duration = 0.3
     """While the table under the object sinks away [s]."""
-    hold: Positive = 1.0
+    hold: Duration = 1.0
     """Before anything pulls [s]."""
-    pull: Positive = 0.4
+    pull: Duration = 0.4
     """Each disturbance: a quarter to grow, half to stay, a quarter to fade [s]."""
-    rest: Positive = 0.2
+    rest: Duration = 0.2
     """After each disturbance [s]."""
-    lower: Positive = 0.3
+    lower: Duration = 0.3
     """While the table comes back [s]."""
-    release: Positive = 0.8
+    release: Duration = 0.8
     """Until the finger is straight again [s]; a quarter of that follows in which nothing is asked."""
 
 
 class MissionController(Value):
     """The controller in all phases."""
 
-    period: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.01
+    period: Annotated[float, Field(ge=1e-4, le=1.0), Unit("s")] = 0.01
     """Time from one command to the next [s]."""
     horizon: Horizon = Horizon(stages=20)
+    """Time grid of the prediction."""
     elements: Annotated[tuple[Count, Count], Field(strict=False)] = (2, 2)
     """Matched clothoids before and after the middle contact."""
     input: InputLimits = InputLimits()
+    """Limits of the input."""
     bounds: Bounds = Bounds()
-    posture: Positive = 50.0
+    """Bounds of the state."""
+    posture: Annotated[Positive, Unit("1/rad2")] = 50.0
     """Weight of the bending angles while nothing is touched [1/rad2]."""
-    force: Positive = 1.0
+    force: Annotated[Positive, Unit("1/N2")] = 1.0
     """Weight of the contact force while the object is held [1/N2]."""
     held: Literal["middle", "tip"] = "middle"
     """Contact whose normal force is held at that of the grasp; one drive cannot hold both."""
-    speed: NonNegative = 0.05
+    speed: Annotated[NonNegative, Unit("s2/rad2")] = 0.05
     """Weight of the bending rates [s2/rad2]."""
-    effort: Positive = 0.001
+    effort: Annotated[Positive, Unit("1/N2")] = 0.001
     """Weight of the tensions away from those of the grasp [1/N2]."""
-    input_rate: NonNegative = 1e-5
+    input_rate: Annotated[NonNegative, Unit("s2/N2")] = 1e-5
     """Weight of the tensions' rates [s2/N2]."""
-    deadline: Positive | None = None
+    deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
 
     @property
@@ -70,17 +75,19 @@ class Trials(Value):
     """Plants that differ at random, each evenly within its range either way."""
 
     count: Annotated[int, Field(ge=1, le=100_000)] = 100
-    stiffness: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
-    """Of the bending stiffness [1]."""
-    damping: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.30
-    """Of the damping [1]."""
-    mass: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
-    """Of the object's mass [1]."""
-    friction: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
-    """Of all friction coefficients between finger, object and supports [1]."""
-    position: NonNegative = 0.001
-    """Of each coordinate of where the object stands [m]."""
+    """Number of plants."""
+    stiffness: _Spread = 0.10
+    """Range of the bending stiffness [1]."""
+    damping: _Spread = 0.30
+    """Range of the damping [1]."""
+    mass: _Spread = 0.10
+    """Range of the object's mass [1]."""
+    friction: _Spread = 0.10
+    """Range of all friction coefficients between finger, object and supports [1]."""
+    position: Distance = 0.001
+    """Range of each coordinate of where the object stands [m]."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the random numbers; equal seeds give equal plants."""
 
 
 class MissionScene(Value):
@@ -91,27 +98,34 @@ class MissionScene(Value):
     """
 
     schema_version: Literal[1]
+    """Format of this file."""
     name: str | None = None
+    """Title of reports and pictures."""
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: one finger with a tendon drive and its tip and one
     middle contact on the object."""
     contact_law: ContactLaw
-    """Of all contacts; the controller knows it but for its friction."""
+    """Law of all contacts; the controller knows it but for its friction."""
     controller: MissionController = MissionController()
+    """The controller in all phases."""
     estimator: Estimator
+    """What is measured, and what is estimated."""
     plant: Plant = Plant()
-    drive_tension: Positive | None = None
+    """How the plant differs from the controller's model."""
+    drive_tension: Annotated[Positive, Field(examples=[60.0, "60 N"]), Unit("N")] | None = None
     """Greatest tension of the drive [N], where the grasp keeps some in reserve; None: that of the grasp."""
-    object_mass: Positive | None = None
+    object_mass: Annotated[Positive, Unit("kg")] | None = None
     """Mass of the object in the plant [kg]; None: that of the grasp."""
-    table_friction: NonNegative = 0.3
+    table_friction: Friction = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
     more_contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """More positions along the plant's finger where it may touch the object, which the controller does not know [m]."""
     phases: Phases = Phases()
-    pull_share: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    """How long each phase lasts."""
+    pull_share: Annotated[float, Field(ge=0.0, le=10.0), Unit("1")] = 1.0
     """Share of the disturbances that the certificate promises to resist, pulled one after the other [1]."""
     trials: Trials = Trials()
+    """Plants that differ at random, for ``--trials``."""
 
     def _check(self) -> None:
         fingers = self.grasp.setups

@@ -13,7 +13,8 @@ from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
-from continuum_grasp.scene.value import Length, NonNegative, Positive, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Duration, Length, Position, Positive, Ratio, Value
 
 
 def _exact(value: Any) -> Any:
@@ -22,20 +23,21 @@ def _exact(value: Any) -> Any:
 
 
 class _Aim(Value):
-    weight: Positive | None = None
-    """Weight of half the squared error, per unit squared; None: reached exactly."""
+    weight: Annotated[Positive, Field(examples=[1e6]), Unit("per square of the error's unit")] | None = None
+    """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
 
 
 class RowAim(_Aim):
     """Numbers that are to be reached."""
 
-    value: Row
+    value: Annotated[Row, Unit(None)]
+    """The numbers, in the unit of what they are given for."""
 
 
 class PointAim(_Aim):
     """A point that is to be reached."""
 
-    value: Vector2
+    value: Position
     """World position [m]."""
 
 
@@ -44,7 +46,7 @@ class ShapeAim(_Aim):
 
     at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
     """Positions along the finger [m]."""
-    value: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=1)]
+    value: Annotated[tuple[Position, ...], Field(strict=False, min_length=1)]
     """Their world positions [m]."""
 
     def _check(self) -> None:
@@ -53,7 +55,7 @@ class ShapeAim(_Aim):
 
 
 Aim = Annotated[RowAim, BeforeValidator(_exact, json_schema_input_type=Row | RowAim)]
-TipAim = Annotated[PointAim, BeforeValidator(_exact, json_schema_input_type=Vector2 | PointAim)]
+TipAim = Annotated[PointAim, BeforeValidator(_exact, json_schema_input_type=Position | PointAim)]
 
 
 class Goal(Value):
@@ -64,24 +66,25 @@ class Goal(Value):
     under its last input."""
     tip: TipAim | None = None
     """World position of the tip [m]."""
-    bending: Aim | None = None
+    bending: Annotated[Aim, Unit("rad")] | None = None
     """Bending angle of each element of the model [rad]."""
     shape: ShapeAim | None = None
-    contact_force: Aim | None = None
+    """World positions of points along the finger."""
+    contact_force: Annotated[Aim, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
-    input: Aim | None = None
+    input: Annotated[Aim, Unit("N or N m")] | None = None
     """Last input: tip moment [N m] or tensions [N]."""
-    grasp_weight: Positive = 1e4
+    grasp_weight: Annotated[Positive, Unit("1/N2")] = 1e4
     """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 
 
 class DurationRange(Value):
     """A duration that is to be found."""
 
-    least: Positive
-    """[s]"""
-    most: Positive
-    """[s]"""
+    least: Annotated[Duration, Field(examples=[0.05, "50 ms"])]
+    """Shortest duration [s]."""
+    most: Annotated[Duration, Field(examples=[0.6, "600 ms"])]
+    """Longest duration [s]."""
 
     def _check(self) -> None:
         if self.least >= self.most:
@@ -93,20 +96,22 @@ class PlanInput(InputLimits):
 
     form: Literal["hold", "linear"] = "hold"
     """hold: constant over an interval; linear: a straight line, without jumps from ``initial`` on."""
-    initial: Row | None = None
-    """Input before the motion begins; None: no tip moment, or the least tensions."""
+    initial: Annotated[Row, Unit("N or N m")] | None = None
+    """Input before the motion begins: tip moment [N m] or tensions [N]; None: no tip moment, or the least tensions."""
 
 
 class PlanHalfPlaneZone(HalfPlaneZone):
     """All behind a line; hard by default."""
 
     penalty: Penalty | Literal["hard"] = "hard"
+    """Of a violation; hard: there is none, or no plan."""
 
 
 class PlanDiscZone(DiscZone):
     """A disc; hard by default."""
 
     penalty: Penalty | Literal["hard"] = "hard"
+    """Of a violation; hard: there is none, or no plan."""
 
 
 _PlanZone = Annotated[PlanHalfPlaneZone | PlanDiscZone, Field(discriminator="type")]
@@ -118,7 +123,7 @@ class PlanBounds(Bounds):
     keep_out: dict[str, _PlanZone] = Field(default_factory=dict)  # type: ignore[assignment]
     """Zones by name."""
     penalty: Penalty | Literal["hard"] = "hard"
-    """Of curvature and speed."""
+    """Of violations of curvature and speed; hard: there is none, or no plan."""
 
 
 class PlanSolver(SolverOptions):
@@ -126,12 +131,13 @@ class PlanSolver(SolverOptions):
 
     hessian: Literal["exact", "gauss_newton"] = "exact"
     """gauss_newton: without the curvature of the motion and of the bounds."""
-    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2)] = 1e-8
+    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, examples=[1e-8]), Unit("1")] = 1e-8
+    """Relative tolerance of the solver, on optimality and constraints [1]."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
-    """Per start."""
+    """Greatest number of iterations per start."""
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
-    """Of all starts together, 10 to 60 ms each: counted work, so that the verdict does not depend on how fast or busy
-    the machine is. Shipped plans take up to 400."""
+    """Iterations of all starts together, 10 to 60 ms each: counted work, so that the verdict does not depend on how
+    fast or busy the machine is. Shipped plans take up to 400."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
     """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
     plan counts."""
@@ -150,12 +156,12 @@ class PlanSolver(SolverOptions):
 class FineCheck(Value):
     """The inputs of the plan played to a finely integrated model."""
 
-    tolerance: Annotated[float, Field(ge=1e-9, le=1.0)] = 1e-3
-    """Deviation of the tip from the plan, per finger length, from which on there is a warning."""
+    tolerance: Annotated[float, Field(ge=1e-9, le=1.0), Unit("1")] = 1e-3
+    """Deviation of the tip from the plan, per finger length [1], from which on there is a warning."""
     finer: Fidelity | None = None
     """A finer model on which the inputs are tried too."""
     contact_law: ContactLaw | None = None
-    """Of the finer model; None: the same."""
+    """Law of contact of the finer model; None: the same."""
 
 
 class PlanScene(FingerScene):
@@ -170,11 +176,15 @@ class PlanScene(FingerScene):
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
     contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
     initial: Initial = Initial(pose="rest")
+    """State in which the motion begins."""
     input: PlanInput = PlanInput()
+    """Limits and form of the input."""
     bounds: PlanBounds = PlanBounds()
+    """Bounds of the state and zones to keep out of."""
     loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
     """Known forces at places of ``contacts`` or at the tip; over time only where the duration is given."""
     goal: Goal
+    """Where the motion ends."""
     objective: Literal["least_time", "least_effort", "least_input_rate", "tracking"] = "least_effort"
     """least_time: the duration; least_effort: integral of the squared input away from ``input.initial``;
     least_input_rate: integral of its squared rate; tracking: ``cost`` about ``reference``."""
@@ -182,15 +192,20 @@ class PlanScene(FingerScene):
     """Weights of ``tracking``."""
     reference: Reference = Reference()
     """Setpoints of ``tracking`` over time."""
-    smoothing: NonNegative = 1e-3
-    """Weight of input changes beside ``least_time``, whose inputs would not be unique: the plan is this share of the
-    duration, or less, longer for smooth inputs."""
-    duration: Positive | DurationRange
-    """[s]"""
+    smoothing: Ratio = 1e-3
+    """Weight of input changes beside ``least_time``, whose inputs would not be unique [1]: the plan is this share of
+    the duration, or less, longer for smooth inputs."""
+    duration: Annotated[Duration | DurationRange, Field(examples=[0.8, "800 ms"])]
+    """How long the motion takes, or between which bounds that is found [s]."""
     intervals: Annotated[int, Field(ge=2, le=5000)] = 50
+    """Number of intervals of the time grid."""
     method: Literal["multiple_shooting", "collocation"] = "multiple_shooting"
+    """multiple_shooting: Runge-Kutta steps over each interval; collocation: polynomials that satisfy the equations of
+    motion at some points of it."""
     solver: PlanSolver = PlanSolver()
+    """Options of the solver."""
     check: FineCheck = FineCheck()
+    """How the plan is tried on a finer model."""
 
     def _check(self) -> None:
         self.input.check(self.finger, "input")

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place
 from continuum_grasp.scene.shape import Shape
+from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
 
 _MOST = 20
 """Problems that are listed: what a terminal shows at once."""
@@ -128,7 +129,7 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[P
         located = [item for item in located if item not in here]
         if labels == unfit:
             wanted = " or ".join(dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union))
-            problems.append(_wrong_type(union, wanted, here[0].error["input"]))
+            problems.append(_wrong_type(union, wanted, here[0].error["input"], shape.unit(union, data)))
         else:
             located += [item for item in here if dict(item.branches)[union] not in unfit]
     return problems + [_problem(item, shape, data) for item in located]
@@ -138,7 +139,7 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
     error, path = item.error, item.path
     kind, got, context = error["type"], error["input"], error.get("ctx") or {}
     if kind in _KINDS:
-        return _wrong_type(path, _kind(item, shape, data), got)
+        return _wrong_type(path, _kind(item, shape, data), got, shape.unit(path, data))
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
         limit = context[name]
@@ -147,7 +148,9 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             words, limit = "greater than", 0
         about = shape.description(path, data).partition(";")[0] if limit else ""
         what = f"a number {words} {limit:g}" + (f" ({about})" if about else "")
-        return Problem(path, f"out of range: expected {what}, got {_show(got)}")
+        written = _value_at(path, data)
+        also = f" ({written[:60]})" if isinstance(written, str) else ""
+        return Problem(path, f"out of range: expected {what}, got {_show(got)}{also}")
     match kind:
         case "missing" if isinstance(path[-1], int):
             size = shape.size(path[:-1], data)
@@ -184,22 +187,26 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
     return Problem(path, f"{error['msg']}; got {_show(got)}")
 
 
-def _wrong_type(path: KeyPath, wanted: str, got: Any) -> Problem:
+def _wrong_type(path: KeyPath, wanted: str, got: Any, unit: str | None) -> Problem:
     hint = ""
-    if isinstance(got, str) and "number" in wanted:
+    if isinstance(got, str) and "true" in wanted and got.lower() in {"yes", "no", "on", "off", "y", "n"}:
+        hint = f" (write {'true' if got.lower() in {'yes', 'on', 'y'} else 'false'})"
+    elif isinstance(got, str) and (unit is not None or "number" in wanted):
         if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", got):
             hint = " (write a decimal point, not a comma)"
         elif re.fullmatch(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*", got, re.IGNORECASE):
             hint = " (write it without quotes)"
+        elif unit in QUANTITIES:
+            hint = f" ({advice})" if (advice := advice_on(got, unit)) else ""
         elif re.match(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[a-zA-Z%°]", got):
             hint = " (write the bare number, in SI units)"
-    elif isinstance(got, str) and "true" in wanted and got.lower() in {"yes", "no", "on", "off", "y", "n"}:
-        hint = f" (write {'true' if got.lower() in {'yes', 'on', 'y'} else 'false'})"
     return Problem(path, f"wrong type: expected {wanted}, got {_show(got)}{hint}")
 
 
 def _kind(item: _Located, shape: Shape, data: Any) -> str:
     kind = item.error["type"]
+    if kind == "float_type" and (unit := shape.unit(item.path, data)):
+        return expected(unit)
     if kind in {"tuple_type", "list_type"}:
         count = shape.size(item.path, data)
         return f"a list of {count}" if count else "a list"
@@ -211,9 +218,7 @@ def _kind(item: _Located, shape: Shape, data: Any) -> str:
 
 def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
     """The key that a message begins with, where the data has it; otherwise the path itself."""
-    value = data
-    for part in path:
-        value = value[part]
+    value = _value_at(path, data)
     found: list[str | int] = []
     start = re.match(r"[a-z_]\w*(?:\.[a-z_]\w*|\[\d+\])*", message)
     for name, index in re.findall(r"([a-z_]\w*)|\[(\d+)\]", start.group()) if start else ():
@@ -225,6 +230,12 @@ def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
             break
         value = value[found[-1]]
     return (*path, *found)
+
+
+def _value_at(path: KeyPath, data: Any) -> Any:
+    for part in path:
+        data = data[part]
+    return data
 
 
 def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:

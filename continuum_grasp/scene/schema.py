@@ -7,6 +7,8 @@ import json
 from typing import Any
 
 from continuum_grasp.scene.load import model_of
+from continuum_grasp.scene.shape import alternatives
+from continuum_grasp.scene.units import QUANTITIES, to_si
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
@@ -17,6 +19,9 @@ def json_schema(kind: str) -> _Node:
     """JSON Schema of one kind of configuration file."""
     schema = model_of(kind).model_json_schema()
     definitions = schema.setdefault("$defs", {})
+    for node in (schema, *definitions.values()):
+        for key in node.get("properties", {}).values():
+            _give_examples(key)
     if kind == "finger":
         schema["properties"] = {
             "schema_version": {"const": 1, "description": "Format of this file."},
@@ -46,6 +51,15 @@ def json_schema(kind: str) -> _Node:
 def schema_text(kind: str) -> str:
     """The schema as the text of its file."""
     return json.dumps(json_schema(kind), indent=1, ensure_ascii=False) + "\n"
+
+
+def _give_examples(key: _Node) -> None:
+    """Give a key that takes one number with a unit the example of its quantity, where it has none of its own."""
+    nodes = list(alternatives(key))
+    units = [node["unit"] for node in nodes if node.get("unit") in QUANTITIES]
+    if units and any("number" in node.get("type", ()) for node in nodes) and not any("examples" in n for n in nodes):
+        example = QUANTITIES[units[0]].example
+        key["examples"] = [to_si(example, units[0]), example]
 
 
 def _take_files(scene: _Node, own: str, definitions: _Node) -> None:

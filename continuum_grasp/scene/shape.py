@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from continuum_grasp.scene.document import KeyPath
+from continuum_grasp.scene.units import Unit
 
 _Node = dict[str, Any]
 
@@ -57,6 +58,23 @@ class Shape:
             if text:
                 return text if text[1:2].isupper() else text[0].lower() + text[1:]
         return ""
+
+    def unit(self, path: KeyPath, data: Any) -> str | None:
+        """The SI unit of the number at ``path``, which may be that of the list or mapping it stands in."""
+        for end in range(len(path), 0, -1):
+            nodes = [one for node in self._follow(path[:end], data) for one in alternatives(node)]
+            units = {node["unit"] for node in nodes if "unit" in node}
+            if units:
+                return units.pop() if len(units) == 1 else None
+        return None
+
+    def in_si(self, path: KeyPath, value: Any, data: Any = None) -> Any:
+        """What is to stand at ``path``, with its texts that have a unit as SI numbers; others are left as they are."""
+        if isinstance(value, dict):
+            return {key: self.in_si((*path, key), one, data) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return [self.in_si((*path, k), one, data) for k, one in enumerate(value)]
+        return Unit(self.unit(path, data)).read(value) if isinstance(value, str) else value
 
     def size(self, path: KeyPath, data: Any) -> int | None:
         """How many entries a list at ``path`` must have, where that is fixed."""
@@ -105,6 +123,13 @@ def _children(node: _Node, part: str | int) -> Iterator[_Node]:
         yield node["prefixItems"][part]
     elif isinstance(node.get("items"), dict):
         yield node["items"]
+
+
+def alternatives(node: _Node) -> Iterator[_Node]:
+    """A node, and the nodes that it is a choice of, near to far."""
+    yield node
+    for branch in [*node.get("anyOf", []), *node.get("oneOf", [])]:
+        yield from alternatives(branch)
 
 
 def _child(value: Any, part: str | int) -> Any:

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.value import Length, Positive, Real, Value, Vector2, check_increasing, check_one_given, doubt
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import (
+    Acceleration,
+    Duration,
+    Length,
+    Real,
+    Value,
+    check_increasing,
+    check_one_given,
+    doubt,
+)
 
 if TYPE_CHECKING:
     Method = str
@@ -21,19 +30,11 @@ else:
     Method = Literal["auto", *SIMULATION_METHODS, "reference"]
 
 
-def _share(value: Any) -> Any:
-    """A share, also as a text in per cent."""
-    if isinstance(value, str) and value.rstrip().endswith("%"):
-        with suppress(ValueError):  # the text is then reported as no number
-            return float(value.rstrip()[:-1]) / 100.0
-    return value
-
-
 class Fidelity(Value):
     """How finely the finger is modeled: by a tolerance, or by family, elements and accuracy."""
 
-    tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-9, le=0.5)] | None = None
-    """Greatest error of position per length, and of frequency where the scene moves, such as 0.005 or 0.5 %.
+    tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
+    """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
     The cheapest model that keeps it in this scene is found by measurement; what else is given stays fixed."""
     frequencies: Annotated[int, Field(ge=0, le=2)] = 1
     """How many natural frequencies, from the first on, must keep the tolerance where the scene moves."""
@@ -47,12 +48,12 @@ class Fidelity(Value):
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
     jumps of the rest curvature."""
-    bending_range: Annotated[float, Field(ge=1e-3, le=20.0)] | None = None
+    bending_range: Annotated[float, Field(ge=1e-3, le=20.0, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
     less where the strain limit allows less."""
-    accuracy: Annotated[float, Field(ge=1e-16, le=1e-2)] | None = None
+    accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
-    nodes); None: rounding for arcs, and for clothoids about as small as their discretization error."""
+    nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
 
 
 class Initial(Value):
@@ -62,10 +63,10 @@ class Initial(Value):
     """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``."""
     held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     """Constant loads that hold the equilibrium pose and are released at time zero."""
-    q: Annotated[tuple[Real, ...], Field(strict=False)] | None = None
+    q: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
     """Bending coordinates: angles [rad] (arcs) or nodal curvatures [1/m] (clothoids)."""
-    qd: Annotated[tuple[Real, ...], Field(strict=False)] | None = None
-    """Their rates."""
+    qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
+    """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q")
@@ -86,15 +87,15 @@ MOST_STATES = 10_000_000
 class Timing(Value):
     """Time span, output step and integration method; at most 10 million steps."""
 
-    duration: Positive
-    """[s]"""
-    step: Positive
+    duration: Annotated[Duration, Field(examples=[2.0, "2 s"])]
+    """How long the motion lasts [s]."""
+    step: Annotated[Duration, Field(examples=[0.001, "1 ms"])]
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
     method: Method = "auto"
     """auto: rk4, or rodas for a stiff scene, in sub-steps that keep ``tolerance``; a method by name: in sub-steps that
     are stable, with a warning where they do not keep it; reference: variable step with error control at 1e-11."""
-    tolerance: Annotated[float, BeforeValidator(_share), Field(ge=1e-10, le=0.1)] = 1e-4
-    """Greatest error of position that the steps in time may leave, per length of the finger."""
+    tolerance: Annotated[float, Field(ge=1e-10, le=0.1, examples=[1e-4, "0.01 %"]), Unit("1")] = 1e-4
+    """Greatest error of position that the steps in time may leave, per length of the finger [1]."""
 
     def _check(self) -> None:
         if self.step > self.duration:
@@ -117,14 +118,18 @@ class FingerScene(Surroundings):
     """What scenes of one finger have in common; those that mean something else by a field describe it anew."""
 
     schema_version: Literal[1]
+    """Format of this file."""
     name: str | None = None
+    """Title of reports and pictures."""
     finger: Finger
-    gravity: Vector2
+    """The finger."""
+    gravity: Acceleration
     """World gravity [m/s2]."""
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where contact forces may act [m]; element boundaries. These and the tip are where it
     touches an object."""
     fidelity: Fidelity = Fidelity()
+    """How finely the finger is modeled."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions."""
 
@@ -144,8 +149,11 @@ class Scene(FingerScene):
     actuation: Actuation | None = None
     """None: no input, the finger is passive and its tendons are slack."""
     initial: Initial = Initial(pose="straight")
+    """State at time zero."""
     loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
+    """Forces and moments on the finger, constant or over time."""
     time: Timing | None = None
+    """Duration and steps of a simulation; None: for statics and modes alone."""
 
     def _check(self) -> None:
         self.finger.rod.check_inside("loads", self.loads)

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.value import NonNegative, Real, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Angle, Distance, Friction, Position, Value
 
 Switch = Literal["on", "off", "auto"]
 
@@ -58,7 +59,7 @@ class Peg:
 
 
 class _Support(Value):
-    friction: NonNegative | None = None
+    friction: Friction | None = None
     """Friction coefficient between it and the object [1]; None: ``contacts.friction``."""
     touch: Switch = "auto"
     """Whether the object touches it; auto: where it lies against it, or, where its pose is free, whichever is
@@ -77,9 +78,10 @@ class Palm(_Support):
     """A fixed half plane."""
 
     type: Literal["palm"] = "palm"
-    point: Vector2
+    """A fixed half plane."""
+    point: Position
     """A world point on its surface [m]."""
-    normal_angle: Real
+    normal_angle: Angle
     """World angle of the surface normal, which points away from the material [rad]; 0 is +x."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
@@ -90,9 +92,10 @@ class Line(_Support):
     """A fixed straight edge of finite length; the object may lie on its left, walking from start to end."""
 
     type: Literal["line"]
-    start: Vector2
+    """A fixed straight edge of finite length."""
+    start: Position
     """World position of its start [m]."""
-    end: Vector2
+    end: Position
     """World position of its end [m]."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
@@ -112,9 +115,10 @@ class Point(_Support):
     """A fixed point or round peg."""
 
     type: Literal["point"]
-    position: Vector2
+    """A fixed point or round peg."""
+    position: Position
     """World position of its center [m]."""
-    radius: NonNegative = 0.0
+    radius: Distance = 0.0
     """Radius [m]."""
 
     def pegs(self, name: str) -> tuple[Peg, ...]:
@@ -125,11 +129,12 @@ class VGroove(_Support):
     """Two fixed half planes that meet in a line."""
 
     type: Literal["v_groove"]
-    apex: Vector2
+    """Two fixed half planes that meet in a line."""
+    apex: Position
     """World position of the line where they meet [m]."""
-    opening_angle: Annotated[float, Field(ge=1e-3, le=3.14)]
+    opening_angle: Annotated[float, Field(ge=1e-3, le=3.14), Unit("rad")]
     """Angle between the two walls [rad]."""
-    axis_angle: Real
+    axis_angle: Angle
     """World angle of the direction in which it opens [rad]."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:

@@ -9,7 +9,8 @@ from pydantic import Field
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.supports import Peg, Support, Wall
-from continuum_grasp.scene.value import Extent, NonNegative, Positive, Value, doubt_outside
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Extent, Friction, NonNegative, Positive, Value, doubt_outside
 
 _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
@@ -22,21 +23,21 @@ class ContactLaw(Value):
     a smooth onset within ``rounding`` of touching.
     """
 
-    stiffness: Annotated[float, Field(ge=1e-3, le=1e9)]
+    stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m")]
     """Normal force per depth [N/m]."""
-    friction: NonNegative
+    friction: Friction
     """Coulomb friction coefficient [1]; that of a support counts where it has its own."""
-    dissipation: NonNegative = 1.0
+    dissipation: Annotated[NonNegative, Unit("s/m")] = 1.0
     """Share by which the normal force grows per speed of approach [s/m] (Hunt and Crossley); the same damps the
     tangential displacement before slip. A body that lands with a small speed v leaves with about
     v (1 - 2/3 dissipation v)."""
     rounding: Extent = 1e-5
     """The force begins at a gap of this much and is linear from a depth of this much on [m]; in between its second
     derivative is continuous."""
-    presliding: Extent | None = None
+    presliding: Annotated[Extent | None, Field(examples=[1e-4, "0.1 mm"])] = None
     """Displacement that would reach the friction cone, if it were elastic up to there [m]: a contact below it springs
     back and does not creep. None: 0.1 mm, where no ``slip_speed`` is given."""
-    slip_speed: Annotated[float, Field(ge=1e-9, le=1e3)] | None = None
+    slip_speed: Annotated[float, Field(ge=1e-9, le=1e3), Unit("m/s")] | None = None
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
 
@@ -60,7 +61,7 @@ class ContactLaw(Value):
 class Table(Value):
     """What an object stands on, parallel to the plane, where gravity acts out of it; it reaches up to height zero."""
 
-    friction: NonNegative
+    friction: Friction
     """Coulomb friction coefficient between it and the object [1]."""
 
 
@@ -78,12 +79,12 @@ class Surroundings(Value):
     """The force law of the object's surface; needed with an object."""
     object_moves: bool = False
     """Whether the object moves, as a rigid body in the plane; it is fixed where not."""
-    out_of_plane_gravity: NonNegative = 0.0
+    out_of_plane_gravity: Annotated[NonNegative, Unit("m/s2")] = 0.0
     """Gravity perpendicular to the plane [m/s2]: the weight of a moving object is then carried by friction alone. The
     object slides out of the plane where that does not suffice, but never tilts; the finger is stiff that way."""
     table: Table | None = None
     """What carries the weight out of the plane of an object that moves; None: nothing but friction."""
-    moment_of_inertia: Positive | None = None
+    moment_of_inertia: Annotated[Positive, Unit("kg m2")] | None = None
     """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
 

@@ -5,8 +5,13 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.assembly import path_of
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.shape import Shape
+from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
 
 MOST_SCENES = 10_000_000
@@ -30,14 +35,33 @@ Key = Annotated[str, Field(min_length=1)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 
 
+def _in_si(given: Any, shape: Shape) -> Any:
+    """Ways to vary keys, with texts such as 65 mm as numbers in the SI unit that each key has in the scene."""
+    return {key: _way_in_si(key, way, shape) for key, way in given.items()} if isinstance(given, dict) else given
+
+
+def _way_in_si(key: Any, way: Any, shape: Shape) -> Any:
+    try:
+        path = path_of(key, "")
+    except (InputError, TypeError):  # reported where the key is looked up in the scene
+        return way
+    names = ("values", "from", "to", "uniform", "log_uniform", "normal", "choice", "plus")
+    found = dict(way) if isinstance(way, dict) else {}
+    for name in set(names) & set(found):
+        given = found[name]
+        several = isinstance(given, list | tuple)
+        found[name] = [shape.in_si(path, one) for one in given] if several else shape.in_si(path, given)
+    return found or way
+
+
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
-    first: Annotated[Real | None, Field(alias="from")] = None
+    first: Annotated[Annotated[Real, Unit(None)] | None, Field(alias="from", examples=[0.065, "65 mm"])] = None
     """First of evenly spaced values, in the unit of the key."""
-    to: Real | None = None
+    to: Annotated[Annotated[Real, Unit(None)] | None, Field(examples=[0.1, "100 mm"])] = None
     """Last of evenly spaced values, in the unit of the key."""
     count: Annotated[int, Field(ge=2, le=100_000)] | None = None
     """Number of evenly spaced values, both ends included."""
@@ -78,12 +102,12 @@ class Grid(Value):
 class Draw(Value):
     """How one key is drawn at random."""
 
-    uniform: Interval | None = None
-    """Least and greatest value."""
-    log_uniform: Interval | None = None
-    """Least and greatest value, both positive; equal ratios are equally likely."""
-    normal: Annotated[tuple[Real, Positive], Field(strict=False)] | None = None
-    """Mean and standard deviation."""
+    uniform: Annotated[Interval, Unit(None)] | None = None
+    """Least and greatest value, in the unit of the key."""
+    log_uniform: Annotated[Interval, Unit(None)] | None = None
+    """Least and greatest value, in the unit of the key, both positive; equal ratios are equally likely."""
+    normal: Annotated[tuple[Real, Positive], Field(strict=False), Unit(None)] | None = None
+    """Mean and standard deviation, in the unit of the key."""
     choice: Values | None = None
     """Values that are equally likely."""
 
@@ -116,9 +140,9 @@ class Follow(Value):
 
     key: Key
     """The varied key, which must have numbers."""
-    times: Real = 1.0
-    """Factor."""
-    plus: Real = 0.0
+    times: Annotated[Real, Field(examples=[0.5]), Unit("unit of this key per unit of that key")] = 1.0
+    """Factor [unit of this key per unit of that key]."""
+    plus: Annotated[Real, Field(examples=[0.01, "10 mm"]), Unit(None)] = 0.0
     """Summand, in the unit of the key that follows."""
 
 
@@ -154,7 +178,9 @@ class Sweep(Value):
     """A grasp scene with some of its keys varied: a grid, random draws, or both."""
 
     schema_version: Literal[1]
+    """Format of this file."""
     name: str | None = None
+    """Title of reports and pictures."""
     scene: str
     """Path of the grasp scene that is varied, relative to this file."""
     set: dict[Key, Any] = Field(default_factory=dict)
@@ -162,6 +188,7 @@ class Sweep(Value):
     vary: dict[Key, Grid] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
+    """Random draws of keys; None: none."""
     follow: dict[Key, Follow] = Field(default_factory=dict)
     """Key paths in the scene that follow a varied key: times its value, plus a number."""
     record: Annotated[tuple[str, ...], Field(strict=False, max_length=40)] = ()
@@ -170,6 +197,19 @@ class Sweep(Value):
     """Pictures of one quantity over two keys."""
     pareto: tuple[Front, ...] = Field(default=(), strict=False)
     """Pictures of two quantities against each other."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_units(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        # Without the scene itself: a key has one unit in all shapes of objects.
+        shape = Shape(GraspScene)
+        found = {**data, **{name: _in_si(data[name], shape) for name in ("vary", "follow") if name in data}}
+        sample = data.get("sample")
+        if isinstance(sample, dict) and "keys" in sample:
+            found["sample"] = {**sample, "keys": _in_si(sample["keys"], shape)}
+        return found
 
     def _check(self) -> None:
         if not self.vary and self.sample is None:

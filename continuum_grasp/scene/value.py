@@ -10,12 +10,15 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
+from continuum_grasp.scene.units import Unit
+
 
 class Value(BaseModel):
     """A frozen value in SI units; unknown keys, NaN, infinity and absurd magnitudes are refused.
 
-    A class whose fields must fit together has a method ``_check``, which raises `ValueError` with a message that begins
-    with the key, or warns by `doubt`.
+    A field of numbers has their `Unit` in its type, by which texts such as ``12 mm`` are read. A class whose fields
+    must fit together has a method ``_check``, which raises `ValueError` with a message that begins with the key, or
+    warns by `doubt`.
     """
 
     model_config = ConfigDict(
@@ -55,11 +58,29 @@ class Value(BaseModel):
 Real = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
 NonNegative = Annotated[float, Field(ge=0.0, le=1e12)]
-Length = Annotated[float, Field(ge=1e-6, le=1e4)]
+Length = Annotated[float, Field(ge=1e-6, le=1e4), Unit("m")]
 """Of a finger or a part of it [m]."""
-Extent = Annotated[float, Field(ge=1e-9, le=1e8)]
+Extent = Annotated[float, Field(ge=1e-9, le=1e8), Unit("m")]
 """Of a section or of something else than the finger [m]."""
+Distance = Annotated[NonNegative, Unit("m")]
+"""Which may be zero [m]."""
+Angle = Annotated[Real, Unit("rad")]
+"""Counter-clockwise [rad]."""
+Duration = Annotated[Positive, Unit("s")]
+"""[s]"""
+TimeConstant = Annotated[float, Field(ge=1e-6, le=1e6), Unit("s")]
+"""Of a drive [s]."""
+Mass = Annotated[NonNegative, Unit("kg")]
+"""[kg]"""
+Ratio = Annotated[NonNegative, Unit("1")]
+"""A factor, or a weight of what has no unit [1]."""
+Friction = Annotated[NonNegative, Unit("1"), Field(examples=[0.5])]
+"""A coefficient of friction [1]."""
 Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
+Position = Annotated[Vector2, Unit("m")]
+"""In the plane [m]."""
+Acceleration = Annotated[Vector2, Unit("m/s2")]
+"""In the plane [m/s2]."""
 
 
 def check_increasing(key: str, values: Sequence[float], where: str = "") -> None:

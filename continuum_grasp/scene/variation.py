@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -90,6 +89,8 @@ class _Resolver:
             raise place.error(f"expected a grasp (finger, object, ...), got a file of kind {kind}", ("scene",))
         validated(self.base, GraspScene)
         self.shape = Shape(GraspScene)
+        # So that equal scenes are equal data, by which a sweep resumes.
+        self.base.value = self.shape.in_si((), self.base.value, self.base.value)
 
     def variation(self) -> Variation:
         where: KeyPath
@@ -152,10 +153,8 @@ class _Resolver:
         return path, placed(value, place)
 
     def _unit(self, path: KeyPath) -> str:
-        # Descriptions are those of fields; an entry of a list has the unit of the list.
-        parent = path[:-1] if isinstance(path[-1], int) else path
-        found = re.search(r"\[([^\]]+)\]", self.shape.description(parent, self.base.value))
-        return "" if found is None or found.group(1) == "1" else found.group(1)
+        unit = self.shape.unit(path, self.base.value)
+        return "" if unit is None or unit == "1" else unit
 
     def _pictures(self, keys: list[str]) -> None:
         allowed = [*keys, *self.sweep.columns]

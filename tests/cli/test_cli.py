@@ -99,7 +99,9 @@ def test_bad_input_exits_with_2_and_says_why(arguments, tmp_path, monkeypatch):
 
 def test_error_names_place_once():
     result = run("simulate", RELEASE, "--set", "time.step=x")
-    assert result.stderr == ("error: --set time.step=x: time.step: wrong type: expected a number, got text 'x'\n")
+    assert result.stderr == (
+        "error: --set time.step=x: time.step: wrong type: expected a time [s] such as 0.005 or 5 ms, got text 'x'\n"
+    )
 
 
 def test_validate_reports_every_file(tmp_path):

@@ -15,9 +15,9 @@ from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, read_data, read_table
 from continuum_grasp.identification.read import VARIABLE
-from continuum_grasp.identification.table import factor_to_si
 from continuum_grasp.plotting.identification import plot_predictions, plot_residuals
 from continuum_grasp.results import read_run
+from continuum_grasp.scene.units import factor_to_si
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, frequency
 
 LOADS = (0.0, 0.1, 0.25, 0.4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -76,7 +77,10 @@ def check(data, node, definitions):
             float: {"number"},
             type(None): {"null"},
         }
-        assert "const" in node or node.get("type") in kinds[type(data)]
+        given = node.get("type", [])
+        assert "const" in node or kinds[type(data)] & {*([given] if isinstance(given, str) else given)}
+        if isinstance(data, str) and "pattern" in node:
+            assert re.search(node["pattern"], data)
 
 
 def fits(data, node, definitions):

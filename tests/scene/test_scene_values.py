@@ -21,7 +21,10 @@ SCENE = {"schema_version": 1, "finger": FINGER, "gravity": (0.0, -9.81)}
 HUGE = 10**400
 
 WRONG = {
-    "wrong type": (lambda: cg.Rod(**{**ROD, "length": "0.6"}), "Rod: length: wrong type: expected a number, got text"),
+    "wrong type": (
+        lambda: cg.Rod(**{**ROD, "length": "0.6"}),
+        "Rod: length: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '0.6' (write",
+    ),
     "negative": (
         lambda: cg.Rod(**{**ROD, "length": -1.0}),
         "Rod: length: out of range: expected a number greater than 0",

@@ -168,7 +168,10 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
     ("text", "expected"),
     [
         ("contcts: [0.3]", "scene.yaml:5:1: contcts: unknown key; did you mean 'contacts'?"),
-        ("contacts: [true]", "scene.yaml:5:12: contacts[0]: wrong type: expected a number, got true"),
+        (
+            "contacts: [true]",
+            "scene.yaml:5:12: contacts[0]: wrong type: expected a length [m] such as 0.012 or 12 mm, got true",
+        ),
         (
             "contacts: [0.3, .nan]",
             "scene.yaml:5:17: contacts[1]: not finite: expected a finite number, got .nan",
@@ -202,8 +205,11 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
         ),
         ("initial: {pose: rest, qd: [1]}", "5:27: initial.qd: qd needs q; a named pose is at rest"),
         ("loads: [{kind: moment, at: 0.1, moment: {times: [0, 1e-12], values: [0, 1]}}]", "1e-9 s apart"),
-        ("contacts: ['0.3']", "expected a number, got text '0.3' (write it without quotes)"),
-        ("contacts: [300 mm]", "expected a number, got text '300 mm' (write the bare number, in SI units)"),
+        ("contacts: ['0.3']", "such as 0.012 or 12 mm, got text '0.3' (write it without quotes)"),
+        (
+            "contacts: [300 MM]",
+            "expected a length [m] such as 0.012 or 12 mm, got text '300 MM' (units: m, cm, mm, um, in)",
+        ),
         (
             "loads:\n- {kind: force, at: 0.1, force: [0, 1], follows: yes}",
             "6:50: loads[0].follows: wrong type: expected true or false, got text 'yes' (write true)",
@@ -233,7 +239,7 @@ def test_problem_is_named_at_its_place(write, text, expected):
         ),
         (
             "loads:\n- {kind: force, at: 0.1, force: [1, x]}",
-            "6:37: loads[0].force[1]: wrong type: expected a number",
+            "6:37: loads[0].force[1]: wrong type: expected a force [N] such as 25",
         ),
         (
             "loads:\n- {kind: force, at: 0.1, force: up}",
@@ -271,7 +277,8 @@ def test_unknown_key_in_a_branch_of_a_union(write):
     samples = "{times: [0, 1], valus: [[0, 1], [0, 2]]}"
     lines = complaint(write(HEAD + f"loads:\n- {{kind: force, at: 0.1, force: {samples}}}"))
     assert lines == [
-        "scene.yaml:6:26: loads[0].force.values: missing",
+        "scene.yaml:6:26: loads[0].force.values: missing; expected the components x, y at each instant, "
+        "in the unit of what they are given for",
         "scene.yaml:6:49: loads[0].force.valus: unknown key; did you mean 'values'?",
     ]
 
@@ -488,7 +495,7 @@ def test_overrides(write, override, look, value):
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
-        ("gravity[0]=x", "--set gravity[0]=x: gravity[0]: wrong type: expected a number, got text 'x'"),
+        ("gravity[0]=x", "--set gravity[0]=x: gravity[0]: wrong type: expected an acceleration [m/s2] such as"),
         ("tme.step=1", "--set tme.step=1: tme: unknown key; did you mean 'time'?"),
         ("gravity", "--set gravity: expected key.path=value"),
         ("=1", "--set =1: expected key.path=value"),

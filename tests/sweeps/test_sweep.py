@@ -168,7 +168,10 @@ def test_plans_say_what_differs():
 
 WRONG = {
     "unknown key of the scene": ("vary:\n  object.diametre: {values: [1]}", "4:30: object.diametre: unknown key"),
-    "wrong type": ("vary:\n  object.mass: {values: [0.3, high]}", "4:31: object.mass: wrong type: expected a number"),
+    "wrong type": (
+        "vary:\n  object.mass: {values: [0.3, high]}",
+        "4:31: object.mass: wrong type: expected a mass [kg]",
+    ),
     "out of range": ("vary:\n  object.mass: {from: -1, to: 1, count: 3}", "4:16: object.mass: out of range"),
     "two ways": ("vary:\n  object.mass: {values: [1], to: 3}", "give either values, or from, to and count"),
     "half a way": ("vary:\n  object.mass: {from: 1, to: 3}", "from, to and count belong together"),

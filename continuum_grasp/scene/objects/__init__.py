@@ -57,6 +57,7 @@ class Union(ObjectBody):
     """Convex parts stuck together, for example a mug with its handle."""
 
     shape: Literal["union"]
+    """Convex parts stuck together."""
     members: Annotated[tuple[UnionMember, ...], Field(strict=False, min_length=2, max_length=12)]
     """The parts; they may overlap."""
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from continuum_grasp.scene.parts import Part, Point, farthest
-from continuum_grasp.scene.value import Interval, NonNegative, Real, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Angle, Interval, Mass, Position, Value
 
 Pose = tuple[float, float, float]
 
@@ -13,12 +15,12 @@ Pose = tuple[float, float, float]
 class Freedom(Value):
     """Bounds of a pose that may be chosen, in the world; the pose's own values are where the search starts."""
 
-    x: Interval | None = None
-    """[m]"""
-    y: Interval | None = None
-    """[m]"""
-    angle: Interval | None = None
-    """[rad]"""
+    x: Annotated[Interval, Unit("m")] | None = None
+    """Least and greatest x [m]; None: fixed."""
+    y: Annotated[Interval, Unit("m")] | None = None
+    """Least and greatest y [m]; None: fixed."""
+    angle: Annotated[Interval, Unit("rad")] | None = None
+    """Least and greatest angle [rad]; None: fixed."""
 
     def check(self, x: float, y: float, angle: float) -> None:
         """Refuse a pose beyond the bounds, by `ValueError`."""
@@ -36,13 +38,13 @@ def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
 class ObjectBody(Value):
     """What every object has beside its shape, in whose frame it is given."""
 
-    mass: NonNegative
+    mass: Mass
     """Mass [kg]."""
-    center_of_mass: Vector2 | None = None
+    center_of_mass: Position | None = None
     """Center of mass in the object's frame [m]; None: the centroid of the shape."""
-    position: Vector2
+    position: Position
     """World position of the origin of the object's frame [m]."""
-    angle: Real = 0.0
+    angle: Angle = 0.0
     """Angle from the world's axes to the object's [rad]."""
     free: Freedom | None = None
     """Bounds within which the pose may be chosen; None: it is fixed."""
@@ -87,7 +89,7 @@ class ObjectBody(Value):
 class MemberPlace(Value):
     """Where a part of a union sits."""
 
-    position: Vector2 = (0.0, 0.0)
+    position: Position = (0.0, 0.0)
     """Of the origin of the part's frame, in the object's [m]."""
-    angle: Real = 0.0
+    angle: Angle = 0.0
     """Angle from the object's axes to the part's [rad]."""

@@ -17,12 +17,14 @@ from continuum_grasp.scene.parts import (
     polygon_centroid,
     rounded,
 )
-from continuum_grasp.scene.value import Extent, NonNegative, Value, Vector2
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Distance, Extent, Position, Value
 
 
 class _CircleShape(Value):
     shape: Literal["circle"]
-    diameter: Extent
+    """A disc."""
+    diameter: Annotated[Extent, Field(examples=[0.08, "80 mm"])]
     """Outer diameter [m]; the frame's origin is the center."""
 
     @property
@@ -45,14 +47,15 @@ class CircleMember(_CircleShape, MemberPlace):
 
 class _Rectangle(Value):
     shape: str
-    width: Extent
+    width: Annotated[Extent, Field(examples=[0.05, "50 mm"])]
     """Extent along the object's x axis [m]; the frame's origin is the center."""
-    height: Extent
+    height: Annotated[Extent, Field(examples=[0.09, "90 mm"])]
     """Extent along the object's y axis [m]."""
 
 
 class _EllipseShape(_Rectangle):
     shape: Literal["ellipse"]
+    """An ellipse."""
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -69,7 +72,8 @@ class EllipseMember(_EllipseShape, MemberPlace):
 
 class _SuperellipseShape(_Rectangle):
     shape: Literal["superellipse"]
-    exponent: Annotated[float, Field(ge=2.0, le=12.0)]
+    """Between an ellipse and a box."""
+    exponent: Annotated[float, Field(ge=2.0, le=12.0, examples=[3.0]), Unit("1")]
     """p in |x/a|^p + |y/b|^p = 1 [1]; 2 is an ellipse, above it flattens towards a box."""
 
     @property
@@ -87,7 +91,8 @@ class SuperellipseMember(_SuperellipseShape, MemberPlace):
 
 class _BoxShape(_Rectangle):
     shape: Literal["box"]
-    corner_radius: NonNegative = 0.0
+    """A rectangle, with rounded corners where a radius is given."""
+    corner_radius: Distance = 0.0
     """Radius of the rounded corners [m]."""
 
     @property
@@ -112,7 +117,8 @@ class BoxMember(_BoxShape, MemberPlace):
 
 class _PolygonShape(Value):
     shape: Literal["polygon"]
-    vertices: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=3, max_length=64)]
+    """A convex polygon with sharp corners."""
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=64)]
     """Corners of a convex polygon in order, either way round [m]."""
 
     @property
@@ -137,7 +143,8 @@ class PolygonMember(_PolygonShape, MemberPlace):
 
 class _RoundedPolygonShape(Value):
     shape: Literal["rounded_polygon"]
-    vertices: Annotated[tuple[Vector2, ...], Field(strict=False, min_length=3, max_length=64)]
+    """A convex polygon whose corners are rounded off."""
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=64)]
     """Corners of the sharp convex outline in order, either way round [m]; they are rounded off inside it."""
     corner_radius: Extent
     """Radius of the rounded corners [m]."""

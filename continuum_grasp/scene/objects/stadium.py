@@ -11,10 +11,11 @@ from continuum_grasp.scene.value import Extent, Value
 
 class _StadiumShape(Value):
     shape: Literal["stadium"]
+    """Two half discs with a rectangle between them."""
     length: Extent
-    """Of the straight sides, along the object's x axis [m]; the frame's origin is the center."""
+    """Length of the straight sides, along the object's x axis [m]; the frame's origin is the center."""
     radius: Extent
-    """Of the round ends [m]; the whole is ``length + 2 radius`` long and ``2 radius`` wide."""
+    """Radius of the round ends [m]; the whole is ``length + 2 radius`` long and ``2 radius`` wide."""
 
     @property
     def parts(self) -> tuple[Part, ...]:

@@ -1,0 +1,204 @@
+"""Units in which values may be written, their table, and their exact conversion to SI."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from continuum_grasp.errors import InputError
+
+_NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+"""Of YAML 1.2, without infinity and NaN."""
+_LONGEST = 60
+"""Characters of a text that is read: Fraction would write 1e999999999 out."""
+_LARGEST_EXPONENT = 400
+"""Beyond what a double can hold in any unit of the table, 1e308."""
+# 50 digits beside the 17 of a double, so that what is multiplied by it is rounded correctly.
+_DEGREE = Fraction("3.14159265358979323846264338327950288419716939937510") / 180
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is measured in one SI unit, and in which other units it may be written."""
+
+    words: str
+    example: str
+    factors: Mapping[str, str | Fraction]
+    """Units besides the SI unit, and what each is in the SI unit, exactly."""
+
+
+QUANTITIES = {
+    "m": Quantity("a length", "12 mm", {"cm": "1e-2", "mm": "1e-3", "um": "1e-6", "in": "0.0254"}),
+    "m4": Quantity("a second moment of area", "0.2 mm4", {"cm4": "1e-8", "mm4": "1e-12"}),
+    "1/m": Quantity("a curvature", "0.008 1/mm", {"1/cm": "1e2", "1/mm": "1e3"}),
+    "rad": Quantity("an angle", "30 deg", {"mrad": "1e-3", "deg": _DEGREE}),
+    "rad/s": Quantity("an angular velocity", "90 deg/s", {"deg/s": _DEGREE}),
+    "s": Quantity("a time", "5 ms", {"ms": "1e-3", "us": "1e-6"}),
+    "Hz": Quantity("a frequency", "0.5 Hz", {"kHz": "1e3", "rad/s": 1 / (360 * _DEGREE)}),
+    "1/s": Quantity("a rate", "0.2 1/ms", {"1/ms": "1e3"}),
+    "m/s": Quantity("a speed", "10 mm/s", {"cm/s": "1e-2", "mm/s": "1e-3"}),
+    "s/m": Quantity("a time per length", "0.002 s/mm", {"s/mm": "1e3"}),
+    "m/s2": Quantity("an acceleration", "981 cm/s2", {"cm/s2": "1e-2", "mm/s2": "1e-3"}),
+    "kg": Quantity("a mass", "300 g", {"g": "1e-3", "mg": "1e-6"}),
+    "kg/m": Quantity("a mass per length", "34 g/m", {"g/m": "1e-3", "g/cm": "1e-1", "g/mm": "1"}),
+    "kg/m3": Quantity("a density", "6.45 g/cm3", {"g/cm3": "1e3"}),
+    "kg m": Quantity("a rotary inertia per length", "0.26 g mm", {"g cm": "1e-5", "g mm": "1e-6"}),
+    "kg m2": Quantity("a moment of inertia", "2400 g cm2", {"g cm2": "1e-7", "g mm2": "1e-9", "kg mm2": "1e-6"}),
+    "N": Quantity("a force", "25 N", {"mN": "1e-3", "kN": "1e3", "gf": "9.80665e-3", "kgf": "9.80665"}),
+    "N/s": Quantity("a rate of force", "0.6 N/ms", {"N/ms": "1e3", "mN/s": "1e-3"}),
+    "N/m": Quantity("a stiffness", "5 N/mm", {"N/cm": "1e2", "N/mm": "1e3", "kN/m": "1e3"}),
+    "N m": Quantity("a moment", "25 N mm", {"N cm": "1e-2", "N mm": "1e-3", "mN m": "1e-3"}),
+    "N m s": Quantity("a damping per angle", "0.2 N mm s", {"N mm s": "1e-3"}),
+    "N m2": Quantity("a bending stiffness", "6110 N mm2", {"N cm2": "1e-4", "N mm2": "1e-6"}),
+    "N m2 s": Quantity("a damping of bending", "30 N mm2 s", {"N cm2 s": "1e-4", "N mm2 s": "1e-6"}),
+    "Pa": Quantity("a modulus", "60 GPa", {"kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/mm2": "1e6"}),
+    "1": Quantity("a share", "5 %", {"%": "1e-2"}),
+}
+"""By SI unit. A key whose unit is not here takes SI numbers alone."""
+
+
+def units_of(si: str) -> dict[str, Fraction]:
+    """Units in which a value may be written whose SI unit is ``si``, and what each is in that; none where unknown."""
+    quantity = QUANTITIES.get(si)
+    if quantity is None:
+        return {}
+    own = {} if si == "1" else {si: Fraction(1)}
+    return own | {unit: Fraction(factor) for unit, factor in quantity.factors.items()}
+
+
+def to_si(text: str, si: str) -> float | None:
+    """Return the value of a text such as ``12 mm`` in an SI unit, the double that is nearest to it.
+
+    None where it is not a number and a unit of that quantity, or no double can hold it.
+
+    Examples
+    --------
+    >>> from continuum_grasp.scene.units import to_si
+    >>> to_si("12 mm", "m"), to_si("-90 deg", "rad"), to_si("12 kg", "m")
+    (0.012, -1.5707963267948966, None)
+    """
+    unit = _unit_in(text, si, _NUMBER) if len(text) <= _LONGEST else None
+    number = re.match(_NUMBER, text)
+    if unit is None or number is None or abs(int(re.split("[eE]", number[0] + "e0")[1])) > _LARGEST_EXPONENT:
+        return None
+    exact = Fraction(number[0]) * units_of(si)[unit]
+    try:
+        value = float(exact)
+    except OverflowError:
+        return None
+    return None if exact and not value else value
+
+
+def advice_on(text: str, si: str) -> str:
+    """What to do about a text that `to_si` does not read; empty where its unit is one of another quantity."""
+    if re.match(r"[-+]?\d+,\d", text):
+        return "write a decimal point, not a comma, and no separators of thousands"
+    if not re.match(_NUMBER, text) or any(_unit_in(text, other, _NUMBER) for other in QUANTITIES if other != si):
+        return ""
+    if _unit_in(text, si, _NUMBER):
+        return "too large, too small or too long to be read"
+    return f"units: {', '.join(units_of(si))}"
+
+
+def expected(si: str) -> str:
+    """What is expected of a value with an SI unit: ``a length [m] such as 0.012 or 12 mm``."""
+    quantity = QUANTITIES.get(si)
+    if quantity is None:
+        return f"a number [{si}]"
+    return f"{quantity.words} [{si}] such as {to_si(quantity.example, si):.6g} or {quantity.example}"
+
+
+def pattern(si: str | None) -> str:
+    """A regular expression of the texts that are values of an SI unit; None: of any, where it is not known here."""
+    if si is None:
+        return rf"^{_NUMBER} ?\S.*$"
+    return f"^{_NUMBER}(?:{'|'.join(map(_spelled, units_of(si)))})$"
+
+
+def factor_to_si(unit: str, si: str) -> float:
+    """Factor from a unit to the SI unit of the same dimension, such as ``m`` or ``N m``.
+
+    Raises
+    ------
+    InputError
+        If the unit is unknown, or of another dimension.
+    """
+    if unit == si:
+        return 1.0
+    found = _unit_in(f" {unit}", si)
+    if found is not None:
+        return float(units_of(si)[found])
+    known = list(units_of(si)) or [si]
+    # Names of one or two letters resemble each other by chance.
+    near = difflib.get_close_matches(unit, known, n=1, cutoff=0.75)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The SI unit of a number, or of all numbers in a list, for ``Annotated``; texts with a unit become SI numbers.
+
+    In a mapping this goes for its ``value`` or ``values``, whose own unit is None: that of what they are given for. A
+    unit that is not in ``QUANTITIES``, such as ``N or N m``, takes no texts. What cannot be read is left as it is, and
+    validation refuses it as no number, with its place.
+    """
+
+    si: str | None
+
+    def read(self, value: Any) -> Any:
+        """A value with its texts as SI numbers."""
+        if isinstance(value, str) and self.si is not None:
+            found = to_si(value, self.si)
+            return value if found is None else found
+        if isinstance(value, list | tuple):
+            return [self.read(one) for one in value]
+        if isinstance(value, dict):
+            return {key: self.read(one) if key in ("value", "values") else one for key, one in value.items()}
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        schema = handler(source)
+        if self.si not in QUANTITIES:
+            return schema
+        return core_schema.no_info_before_validator_function(self.read, schema)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        node = handler(schema)
+        if self.si is None or self.si in QUANTITIES:
+            _allow_texts(node, pattern(self.si))
+        return node if self.si is None else {**node, "unit": self.si}
+
+
+def _allow_texts(node: Any, texts: str) -> None:
+    """Let all numbers of a JSON Schema be texts too, whose bounds do not concern these."""
+    if isinstance(node, list):
+        for one in node:
+            _allow_texts(one, texts)
+    elif isinstance(node, dict):
+        if node.get("type") == "number":
+            node |= {"type": ["number", "string"], "pattern": texts}
+        for key in ("anyOf", "oneOf", "items", "prefixItems"):
+            _allow_texts(node.get(key), texts)
+
+
+def _unit_in(text: str, si: str, before: str = "") -> str | None:
+    """The unit with which a text ends; what stands before is a regular expression."""
+    return next((unit for unit in units_of(si) if re.fullmatch(before + _spelled(unit), text)), None)
+
+
+@cache
+def _spelled(unit: str) -> str:
+    """A regular expression of a unit after its number, as it may be spelled: N m or N*m, m/s2 or m/s^2, um or µm."""
+    text = re.sub("(?<=[a-z])[2-4]", lambda power: rf"(?:\^?{power[0]}|{'²³⁴'[int(power[0]) - 2]})", unit)
+    text = text.replace("deg", "(?:deg|°)").replace(" ", "[ *·]")
+    # The blank may be left out, but not where the unit begins with a digit.
+    return (" " if unit[0] == "1" else " ?") + re.sub("^u", "[uµμ]", text)
