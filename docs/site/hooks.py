@@ -142,8 +142,13 @@ def sources(path: str, config: Any, linked: bool) -> dict[str, Source]:
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
     """Give benchmarks their title and charts, and HTML in Markdown the addresses that it has on the site."""
     path = page.file.src_uri
+    if path.startswith((reference.FOLDER, RESULTS)):
+        page.meta["search"] = {"boost": 0.3}  # what explains comes before what lists
     if path.startswith(RESULTS) and path.endswith(".md"):
         data = (ROOT / path).with_suffix(".json")
+        markdown = re.sub(
+            r"\| ([<>])= (\S+) \|", lambda m: f"| {'≤' if m[1] == '<' else '≥'}\N{NO-BREAK SPACE}{m[2]} |", markdown
+        )
         markdown = with_charts(markdown, data) if data.is_file() else markdown
         markdown = re.sub(r"\A# .*", f"# {page.title}", markdown)
         markdown = MACHINE.sub(lambda part: '??? note "Machine"\n' + indent(part[0], "    "), markdown, count=1)
