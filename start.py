@@ -3,6 +3,7 @@
 
     python3 start.py grasp configs/grasp/mug.yaml    any verb of continuum-grasp, with its options
     python3 start.py test                            the tests, with pytest's options
+    python3 start.py docs                            the documentation as a site, in build/docs
 
 The first run installs, later runs start at once. Nothing is installed outside of .venv.
 """
@@ -21,6 +22,11 @@ ROOT = os.path.dirname(os.path.abspath(__file__))
 VENV = os.path.join(ROOT, ".venv")
 PYTHON = os.path.join(VENV, *(("Scripts", "python.exe") if os.name == "nt" else ("bin", "python")))
 STAMP = os.path.join(VENV, "installed.json")
+TOOLS = {
+    "test": ("test", ["pytest", "-n", "auto", "--dist", "worksteal"]),
+    "docs": ("docs", ["mkdocs", "build", "--strict"]),
+}
+"""What is no verb of continuum-grasp: the extra that it needs, and the command that gets its options."""
 
 
 def main(arguments):
@@ -30,13 +36,13 @@ def main(arguments):
     if not arguments or arguments[0] in ("-h", "--help"):
         print(__doc__.strip())
         return 0
-    testing = arguments[0] == "test"
-    if not set_up(["test"] if testing else []):
+    tool = TOOLS.get(arguments[0])
+    if not set_up([tool[0]] if tool else []):
         return 2
     sys.stdout.flush()
-    if testing:
-        return run([PYTHON, "-m", "pytest", "-n", "auto", "--dist", "worksteal", *arguments[1:]], cwd=ROOT)
-    return run([PYTHON, "-m", "continuum_grasp", *arguments])
+    if tool is None:
+        return run([PYTHON, "-m", "continuum_grasp", *arguments])
+    return run([PYTHON, "-m", *tool[1], *arguments[1:]], cwd=ROOT)
 
 
 def run(command, cwd=None):

@@ -78,31 +78,29 @@ class FingerModel(Functions):
 
     Notes
     -----
-    ====================  =======================  =========================================================
-    function              inputs                   outputs
-    ====================  =======================  =========================================================
-    forward_dynamics      x, u, w, p               xd (nx) [x/s]
-    inverse_dynamics      q, qd, qdd, u, w, p      Q (n) [Q], the generalized force that is missing
-    mass_matrix           q, u, p                  M (n, n) [Q s2/q]
-    bias                  q, qd, u, p              b (n) [Q], velocity products
-    gravity               q, u, p                  G (n) [Q], gradient of the weight's potential
-    elastic               q, u, p                  K (n) [Q], gradient of the elastic energy
-    damping               q, qd, u, p              D (n) [Q]
-    actuation             q, u, p                  Q (n) [Q]
-    external_force        q, u, w, p               Q (n) [Q]
-    position              q, u, s, p               r (2) [m], world, of the section at s [m]
-    orientation           q, u, s, p               angle [rad] from the world's to the section's axes
-    jacobian              q, u, s, p               J (2, n) [m/q], world
-    jacobian_rate         q, qd, u, s, p           Jd (2, n) [m/(q s)], world
-    tip                   q, u, p                  r (2) [m], world
-    joints                q, u, p                  r (2, N) [m], world, angle (N) [rad], of the elements' end sections
-    waypoints             q, u, p                  r (2, K) [m], world, at ``waypoint_fractions`` of the elements
-    energy                x, u, p                  kinetic, potential [J]
-    bending               q, u, p                  bend of each element [rad]
-    range_use             q, u, p                  use of the declared bending range, per element [1]
-    statics               q, u, w, p               Q (n) [Q], K (n, n) [Q/q]: what is missing for equilibrium, and dQ/dq
-    linearization         x, u, w, p               A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u]
-    ====================  =======================  =========================================================
+    | function         | inputs              | outputs |
+    |------------------|---------------------|---|
+    | forward_dynamics | x, u, w, p          | xd (nx) [x/s] |
+    | inverse_dynamics | q, qd, qdd, u, w, p | Q (n) [Q], the generalized force that is missing |
+    | mass_matrix      | q, u, p             | M (n, n) [Q s2/q] |
+    | bias             | q, qd, u, p         | b (n) [Q], velocity products |
+    | gravity          | q, u, p             | G (n) [Q], gradient of the weight's potential |
+    | elastic          | q, u, p             | K (n) [Q], gradient of the elastic energy |
+    | damping          | q, qd, u, p         | D (n) [Q] |
+    | actuation        | q, u, p             | Q (n) [Q] |
+    | external_force   | q, u, w, p          | Q (n) [Q] |
+    | position         | q, u, s, p          | r (2) [m], world, of the section at s [m] |
+    | orientation      | q, u, s, p          | angle [rad] from the world's to the section's axes |
+    | jacobian         | q, u, s, p          | J (2, n) [m/q], world |
+    | jacobian_rate    | q, qd, u, s, p      | Jd (2, n) [m/(q s)], world |
+    | tip              | q, u, p             | r (2) [m], world |
+    | joints           | q, u, p             | r (2, N) [m], world, angle (N) [rad], of the elements' end sections |
+    | waypoints        | q, u, p             | r (2, K) [m], world, at ``waypoint_fractions`` of the elements |
+    | energy           | x, u, p             | kinetic, potential [J] |
+    | bending          | q, u, p             | bend of each element [rad] |
+    | range_use        | q, u, p             | use of the declared bending range, per element [1] |
+    | statics          | q, u, w, p          | Q (n) [Q], K (n, n) [Q/q]: what is missing for equilibrium, and dQ/dq |
+    | linearization    | x, u, w, p          | A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u] |
 
     Units follow the coordinates. Arcs: q are bending angles [rad], so generalized forces [Q] are in N m, M in kg m2,
     J in m and tangent stiffness in N m. Clothoids: q are nodal curvatures [1/m], so [Q] is N m2, M in kg m4, J in m2

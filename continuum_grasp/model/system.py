@@ -28,7 +28,7 @@ class System(Functions):
     All functions are SX functions of the whole state with named inputs and outputs; inputs that a system does not need
     are empty. Unlike those of ``FingerModel``, they take the tip moment that acts, which is in x where the tendons have
     a time constant, rather than the one that is commanded. Without an object the system is the finger, instruction by
-    instruction.
+    instruction. Further keywords are those of ``FingerModel``.
 
     Parameters
     ----------
@@ -40,8 +40,6 @@ class System(Functions):
         What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
         moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
         is fixed.
-    **options
-        As of ``FingerModel``.
 
     Attributes
     ----------
@@ -59,24 +57,22 @@ class System(Functions):
 
     Notes
     -----
-    ===================== =============  ====================================================================
-    function              inputs         outputs
-    ===================== =============  ====================================================================
-    forward_dynamics      x, u, w, p     xd (nx) [x/s]
-    linearization         x, u, w, p     A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u]
-    tip                   x, u, p        r (2) [m], world
-    bending               x, u, p        bend of each element [rad]
-    curvature             x, u, p        kappa [1/m]: at the nodes of clothoids, one per arc
-    range_use             x, u, p        use of the declared bending range, per element [1]
-    touch                 x, u, w, p     per contact: gap [m], normal_force [N], friction [N], lift [N],
-                                         force (2, K) [N], point (2, K) [m] and normal (2, K), world
-    energy                x, u, p        kinetic, potential [J]
-    internal              x, u, p        M [Q s2/q], K [Q/q], D [Q s/q] (n, n): inertia, elasticity, damping
-    pressed_linearization x, u, w, p,    A (nx, nx) with every gap smaller by press (K) [m], for the stiffness of
-                          press          contacts that are open
-    ===================== =============  ====================================================================
+    | function              | inputs            | outputs |
+    |-----------------------|-------------------|---|
+    | forward_dynamics      | x, u, w, p        | xd (nx) [x/s] |
+    | linearization         | x, u, w, p        | A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u] |
+    | tip                   | x, u, p           | r (2) [m], world |
+    | bending               | x, u, p           | bend of each element [rad] |
+    | curvature             | x, u, p           | kappa [1/m]: at the nodes of clothoids, one per arc |
+    | range_use             | x, u, p           | use of the declared bending range, per element [1] |
+    | touch                 | x, u, w, p        | gap [m], normal_force, friction, lift [N], force, point, normal |
+    | energy                | x, u, p           | kinetic, potential [J] |
+    | internal              | x, u, p           | M [Q s2/q], K [Q/q], D [Q s/q] (n, n): inertia, elasticity, damping |
+    | pressed_linearization | x, u, w, p, press | A (nx, nx) with every gap smaller by press (K) [m] |
 
-    ``sections`` gives the function of places along the finger.
+    ``touch`` has an entry per contact, (K); ``force`` [N], ``point`` [m] and ``normal`` are world, (2, K).
+    ``pressed_linearization`` is for the stiffness of contacts that are open. ``sections`` gives the function of places
+    along the finger.
 
     x = [x of the finger, then of an object that moves its pose x, y [m] and angle [rad] (of its frame, world), its
     height z [m] where gravity acts out of the plane, and their rates, then the friction states of each contact: the

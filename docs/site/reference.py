@@ -1,0 +1,94 @@
+"""Pages of the API reference: every public name once, under the shortest path by which it is imported."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import continuum_grasp
+
+FOLDER = "docs/api/"
+TOP = "continuum_grasp"
+HIDDEN = {"cli"}
+"""The command line has a guide and its own help."""
+
+
+@dataclass(frozen=True)
+class Name:
+    """A public name: the path that users import it by, the package that defines it, and its summary."""
+
+    path: str
+    package: str
+    summary: str
+
+
+def public() -> list[Name]:
+    """All public names, those of the top level first."""
+    packages = [
+        f"{TOP}.{module.name}"
+        for module in pkgutil.iter_modules(continuum_grasp.__path__)
+        if module.ispkg and module.name not in HIDDEN
+    ]
+    found: dict[int, Name] = {}
+    for package in (TOP, *packages):
+        module = import_module(package)
+        for name in getattr(module, "__all__", ()):
+            value = getattr(module, name)
+            if name.startswith("__") or id(value) in found:
+                continue
+            found[id(value)] = Name(f"{package}.{name}", home(value, package), summary(value))
+    return list(found.values())
+
+
+def home(value: Any, package: str) -> str:
+    """Package that defines a value: ``continuum_grasp.scene``, or the top level for its own modules."""
+    parts = str(getattr(value, "__module__", package)).split(".")
+    if parts[0] != TOP:
+        return package
+    path = ".".join(parts[:2])
+    return path if len(parts) > 1 and hasattr(import_module(path), "__path__") else TOP
+
+
+def summary(value: Any) -> str:
+    """First line of a docstring."""
+    text = inspect.getdoc(value) if callable(value) else ""
+    return (text or "").partition("\n")[0].strip().replace("|", "&#124;")
+
+
+def pages() -> dict[str, str]:
+    """Markdown of the reference by path in the repository, where these pages do not lie; the index comes first."""
+    names = public()
+    packages = sorted({name.package for name in names}, key=lambda path: (path != TOP, path))
+    found = {f"{FOLDER}index.md": index(names, packages)}
+    for package in packages:
+        about = inspect.getdoc(import_module(package)) or ""
+        blocks = [f"::: {name.path}" for name in sorted(names, key=in_order) if name.package == package]
+        found[f"{FOLDER}{package}.md"] = f"# {package}\n\n{about}\n\n" + "\n\n".join(blocks) + "\n"
+    return found
+
+
+def index(names: list[Name], packages: list[str]) -> str:
+    """One table per package of its public names."""
+    parts = [
+        "# API reference",
+        "All public names, grouped by the package that defines them, under the path that they are imported by. "
+        f"Names of the top level are for users, `import {TOP} as cg`; the others are for those who build on it. "
+        "Names that are not here may change without notice.",
+    ]
+    for package in packages:
+        rows = [
+            f"| [`{name.path.removeprefix(TOP + '.')}`]({package}.md#{name.path}) | {name.summary} |"
+            for name in sorted(names, key=in_order)
+            if name.package == package
+        ]
+        parts += [f"## {package}", "| name | what it is |\n|---|---|\n" + "\n".join(rows)]
+    return "\n\n".join(parts) + "\n"
+
+
+def in_order(name: Name) -> tuple[int, bool, str]:
+    """Names of the top level before others, functions before classes, each by the alphabet."""
+    last = name.path.rpartition(".")[2]
+    return name.path.count("."), last[0].isupper(), last.lower()

@@ -1,0 +1,89 @@
+"""Pages that people read: all are found, and every link in them leads somewhere; nothing is built."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from docs.site.charts import chart
+from docs.site.notebook_pages import convert
+from docs.site.pages import anchors, links, target
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for pattern in ("*.md", "docs/**/*.md", "benchmarks/**/*.md", "examples/**/*.md")
+    for path in ROOT.glob(pattern)
+)
+LISTED = re.findall(
+    r"^ +- .*?([\w./]+\.(?:md|ipynb))$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE
+)
+"""Pages that the navigation of the site names."""
+
+
+def test_every_page_is_in_the_navigation_once():
+    wanted = [path for path in PAGES if not path.startswith("examples/")]
+    wanted += [path.relative_to(ROOT).as_posix() for path in (ROOT / "notebooks").glob("*.ipynb")]
+    assert sorted(LISTED) == sorted(wanted)
+
+
+def test_the_overview_names_every_guide():
+    named = {target("docs/README.md", link)[0] for link in links(read("docs/README.md"))}
+    assert [path for path in PAGES if path.startswith("docs/") and path not in {*named, "docs/README.md"}] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    dead = [link for link in links(read(page)) if not leads_somewhere(page, link)]
+    assert not dead
+
+
+def test_dead_links_are_found():
+    assert not leads_somewhere("docs/mpc.md", "no_such_page.md")
+    assert not leads_somewhere("docs/mpc.md", "mpc_realtime.md#no-such-heading")
+    assert not leads_somewhere("docs/mpc.md", "../../outside.md")
+    assert leads_somewhere("docs/mpc.md", "../benchmarks/results")
+
+
+def test_links_are_those_that_a_reader_sees():
+    text = 'a [b](c.md#d "e") ![f](g.png) <img src="h.gif"> `[no](code.md)` [web](https://doi.org/1) [r]\n\n[r]: i.md\n'
+    assert links(f"{text}\n```\n[no](fenced.md)\n```\n") == ["c.md#d", "g.png", "h.gif", "i.md"]
+
+
+def test_anchors_are_those_of_repository_browsers():
+    """As GitHub documents them: lower case, spaces to hyphens, other punctuation away, repetitions counted."""
+    text = "# What's `new_one`, in 1.0?\n\n## a - b\n\n## Same\n\n## Same\n\n## [Link](x.md) *it*\n\n<a id='no'></a>\n"
+    found = {"whats-new_one-in-10", "a---b", "same", "same-1", "link-it"}
+    assert anchors(text.replace("'no'", '"own"')) == {*found, "own"}
+
+
+def test_notebooks_are_shown_with_what_they_printed():
+    text, pictures = convert(ROOT / "notebooks/design_a_finger.ipynb")
+    assert text.startswith("# ")
+    assert text.count("```python") == 8
+    assert [name for name in pictures if f"![]({name})" not in text] == []
+    assert all(data.startswith(b"\x89PNG") for data in pictures.values())
+
+
+def test_a_chart_is_to_scale():
+    table = {"title": "t", "columns": ["", "median [ns]"], "rows": [["a", 20.0], ["b", 40.0], ["c", 50.0]]}
+    widths = [float(width) for width in re.findall(r'<rect [^>]*width="([\d.]+)"', chart(table))]
+    assert widths == pytest.approx([0.4 * widths[2], 0.8 * widths[2], widths[2]], abs=0.1)
+    table["rows"] = [["a", 1.0], ["b", 10.0], ["c", 1000.0]]
+    places = [float(place) for place in re.findall(r'<circle cx="([\d.]+)"', chart(table))]
+    assert places[2] - places[0] == pytest.approx(3 * (places[1] - places[0]), abs=0.2)
+
+
+def read(page: str) -> str:
+    """Text of a page."""
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def leads_somewhere(page: str, link: str) -> bool:
+    """Whether a file or folder of the repository is there, with the heading that the link names."""
+    path, anchor = target(page, link)
+    if path.startswith("../") or not (ROOT / path).exists():
+        return False
+    return not anchor or not path.endswith(".md") or anchor in anchors(read(path))
