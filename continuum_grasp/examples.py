@@ -91,7 +91,7 @@ def shipped_folder() -> Path:
 
 @cache
 def examples() -> dict[str, Example]:
-    """All shipped examples, by name.
+    """All shipped examples by name, in the order of their kinds.
 
     Examples
     --------
@@ -100,8 +100,10 @@ def examples() -> dict[str, Example]:
     >>> mug.kind, mug.arguments
     ('grasp', ('grasp', 'configs/grasp/mug.yaml'))
     """
+    from continuum_grasp.scene.load import KINDS
+
     found = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
-    return {one.name: one for one in found}
+    return {one.name: one for one in sorted(found, key=lambda one: KINDS.index(one.kind))}
 
 
 def example(name: str) -> Example:

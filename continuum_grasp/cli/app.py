@@ -19,6 +19,7 @@ from continuum_grasp.cli.grasp import grasp
 from continuum_grasp.cli.identify import identify
 from continuum_grasp.cli.modes import modes
 from continuum_grasp.cli.mpc import mpc
+from continuum_grasp.cli.new import new
 from continuum_grasp.cli.plan import plan
 from continuum_grasp.cli.schema import schema
 from continuum_grasp.cli.simulate import simulate
@@ -57,7 +58,6 @@ app = typer.Typer(
     name="continuum-grasp",
     cls=_Verbs,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="Planar tendon-driven continuum fingers: simulate, grasp, control, generate C.",
     epilog="Exit status: 0 done, 1 a solver failed, 2 bad input, 130 interrupted.",
@@ -80,6 +80,7 @@ def _root(
 
 
 for _verb in (
+    new,
     simulate,
     grasp,
     plan,

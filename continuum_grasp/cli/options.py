@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from continuum_grasp.cli.completion import complete_config
+
 if TYPE_CHECKING:
     from continuum_grasp.cli.output import Output
     from continuum_grasp.scene.simulate import Scene
@@ -33,7 +35,14 @@ def out_option(explained: str) -> Any:
 
 
 Config = Annotated[
-    Path, typer.Argument(metavar="CONFIG", parser=named_path, help="YAML configuration.", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="CONFIG",
+        parser=named_path,
+        help="YAML configuration.",
+        show_default=False,
+        autocompletion=complete_config,
+    ),
 ]
 Out = Annotated[
     Path | None,

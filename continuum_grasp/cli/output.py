@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 import threading
 import time
@@ -41,6 +42,11 @@ class Output:
         """Print text for people."""
         if not (self.quiet or self.as_json):
             _print(text)
+
+    def line(self, text: str) -> None:
+        """Print text for people, on a terminal as much of it as one line takes."""
+        width = shutil.get_terminal_size().columns
+        self.say(text if not sys.stdout.isatty() or len(text) <= width else f"{text[: width - 1]}…")
 
     def pairs(self, rows: Mapping[str, Any]) -> None:
         """Print names and values in two columns."""

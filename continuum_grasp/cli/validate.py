@@ -7,13 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
+from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.cli.options import Json, Quiet, Set
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 
 def validate(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILES...", help="YAML configurations.", show_default=False, autocompletion=complete_config
+        ),
+    ],
     changes: Set = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -1,0 +1,80 @@
+"""``continuum-grasp new``."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from continuum_grasp.cli.completion import complete_example
+from continuum_grasp.cli.options import Json, Quiet, named_path
+from continuum_grasp.cli.output import Output
+from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from continuum_grasp.examples import Example
+
+_DEFAULT = "grasp/mug"
+
+
+def new(
+    folder: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="DIR", parser=named_path, help="Where to; made where it is missing.", show_default=False
+        ),
+    ] = None,
+    name: Annotated[
+        str, typer.Option("--example", metavar="NAME", autocompletion=complete_example, help="Which one.")
+    ] = _DEFAULT,
+    listed: Annotated[bool, typer.Option("--list", help="Copy nothing: list all examples, by the command.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Copy an example that runs, with the files that it needs, as a start for your own.
+
+    Nothing is overwritten; one folder takes several examples.
+    """
+    output = Output(as_json, quiet)
+    if listed:
+        _list(output)
+        return
+    if folder is None:
+        raise InputError("expected a folder to copy an example into, or --list")
+    if folder.exists() and not folder.is_dir():
+        raise InputError("expected a folder, got a file", file=str(folder))
+
+    from continuum_grasp.examples import copy_example, example
+
+    one, files = example(name), copy_example(name, folder)
+    output.say(f"{name}: {one.summary}\n")
+    for file in files:
+        output.say(f"  {file}")
+    output.say("\nRun it:\n")
+    if folder.resolve() != Path.cwd():
+        output.say(f"  cd {shlex.quote(str(folder))}")
+    output.say(f"  {shlex.join(_command(one))}")
+    output.result(example=name, folder=folder, files=files, command=_command(one))
+
+
+def _list(output: Output) -> None:
+    from continuum_grasp.examples import examples
+
+    all_ = examples().values()
+    width = max(len(one.name) for one in all_)
+    for verb in dict.fromkeys(one.verb for one in all_):
+        output.say(f"continuum-grasp {verb}")
+        for one in all_:
+            if one.verb == verb:
+                note = f" (not shipped: its data, {', '.join(one.missing)})" if one.missing else ""
+                output.line(f"  {one.name:<{width}}  {one.summary}{note}")
+        output.say("")
+    names = ("name", "kind", "summary", "missing")
+    rows = [{**{name: getattr(one, name) for name in names}, "command": _command(one)} for one in all_]
+    output.result(examples=rows)
+
+
+def _command(one: Example) -> list[str]:
+    return ["continuum-grasp", *one.arguments]

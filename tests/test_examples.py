@@ -1,0 +1,159 @@
+"""The shipped examples: all of them are there, and each is whole where it is copied to."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from continuum_grasp import examples
+from continuum_grasp.cli import app
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.load import load
+
+ROOT = Path(__file__).parents[1]
+NAMES = list(examples.examples())
+WHOLE = [name for name in NAMES if not examples.example(name).missing]
+VERB_OF = {"mission": "mpc", "fingers": "validate"}
+"""Of folders of configurations; the others are named after their verb."""
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_every_configuration_is_an_example():
+    files = {path.relative_to(ROOT / "configs").with_suffix("").as_posix() for path in ROOT.glob("configs/**/*.yaml")}
+    assert set(NAMES) == files
+    for name, one in examples.examples().items():
+        folder = name.partition("/")[0]
+        assert one.verb == VERB_OF.get(folder, folder)
+        assert 20 < len(one.summary) < 260, name
+        assert one.summary[0].isupper()
+        assert not one.summary.endswith(".")
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_an_example_is_whole_where_it_is_copied_to(name, tmp_path):
+    files = examples.copy_example(name, tmp_path)
+    assert {path for path in tmp_path.rglob("*") if path.is_file()} == set(files)
+    load(files[0])
+    for file in files:
+        assert file.read_bytes() == (ROOT / file.relative_to(tmp_path)).read_bytes()
+        if file.suffix == ".yaml":
+            schema = file.read_text(encoding="utf-8").splitlines()[0].partition("$schema=")[2]
+            assert "properties" in json.loads((file.parent / schema).read_text(encoding="utf-8"))
+    assert (tmp_path / examples.example(name).arguments[1]) == files[0]
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - set(WHOLE)))
+def test_an_example_without_its_data_is_not_copied(name, tmp_path):
+    with pytest.raises(InputError, match=r"measured data that are not shipped: \w+"):
+        examples.copy_example(name, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_example_with_data_comes_with_them(tmp_path, monkeypatch):
+    shipped = tmp_path / "shipped"
+    for file in examples.example("identify/belendez_strip").files:
+        (shipped / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / file, shipped / file)
+    data = shipped / "configs/identify/tip_drop.csv"
+    data.write_text("tip_load_N,measured_tip_drop_m\n0.0,0.089\n")
+    monkeypatch.setattr(examples, "shipped_folder", lambda: shipped)
+    one = examples._example(shipped / "configs/identify/belendez_strip.yaml")
+    assert one.missing == ()
+    assert data.relative_to(shipped) in one.files
+    assert one.arguments == ("identify", "configs/identify/belendez_strip.yaml", "--data", "configs/identify")
+
+
+def test_new_prints_a_command_that_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = run("new", "my fingers", "--example", "fingers/hand_finger").output.splitlines()
+    assert [shlex.split(line) for line in said[-2:]] == [
+        ["cd", "my fingers"],
+        ["continuum-grasp", "validate", "configs/fingers/hand_finger.yaml"],
+    ]
+    monkeypatch.chdir(tmp_path / "my fingers")
+    assert run(*shlex.split(said[-1])[1:]).exit_code == 0
+    assert json.loads(run("new", ".", "--json").output)["command"][1:] == ["grasp", "configs/grasp/mug.yaml"]
+
+
+def test_new_overwrites_nothing(tmp_path):
+    assert run("new", str(tmp_path)).exit_code == 0
+    assert run("new", str(tmp_path), "--example", "grasp/mug_arcs").exit_code == 0  # the same finger is there
+    finger = tmp_path / "configs/fingers/hand_finger.yaml"
+    finger.write_text("mine", encoding="utf-8")
+    before = sorted(tmp_path.rglob("*"))
+    for name in ("grasp/mug", "mpc/pulse"):
+        refused = run("new", str(tmp_path), "--example", name)
+        assert refused.exit_code == 2
+        assert refused.stderr == f"error: already there, with other content: {finger}; nothing is overwritten\n"
+    assert finger.read_text(encoding="utf-8") == "mine"
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_new_refuses_what_it_cannot_do(tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    for arguments, words in (
+        (["new"], "--list"),
+        (["new", str(file)], "expected a folder, got a file"),
+        (["new", str(tmp_path / "a"), "--example", "grasp/mugg"], "did you mean 'grasp/mug'?"),
+        (["new", str(tmp_path / "a"), "--example", "nothing of the kind"], "no example 'nothing of the kind'"),
+    ):
+        refused = run(*arguments)
+        assert refused.exit_code == 2
+        assert words in refused.stderr
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_new_lists_every_example_in_one_line():
+    lines = run("new", "--list").output.splitlines()
+    named = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert named == NAMES
+    assert len([line for line in lines if line]) == len(NAMES) + len({one.verb for one in examples.examples().values()})
+    found = json.loads(run("new", "--list", "--json").output)["examples"]
+    assert {one["name"]: tuple(one["missing"]) for one in found if one["missing"]} == {
+        name: examples.example(name).missing for name in NAMES if name not in WHOLE
+    }
+
+
+COMPLETED = {
+    "new . --example grasp/mug_h": ["grasp/mug_handle", "grasp/mug_hanging"],
+    "modes configs/simulate/s": ["configs/simulate/standing.yaml", "configs/simulate/swing_against_disc.yaml"],
+    "mpc configs/mi": ["configs/mission/mug.yaml"],
+    "grasp configs/mpc/": [],
+}
+"""By what is typed; nothing: the shell completes files."""
+SCRIPTS = {
+    "bash": 'source <(continuum-grasp); unset V\nt() { COMP_WORDS=(continuum-grasp "$@"); COMP_CWORD=$#\n'
+    '_continuum_grasp_completion continuum-grasp; printf "%s\\n" "${COMPREPLY[@]}" ++; }\n',
+    "fish": "continuum-grasp | source; set -e V\n"
+    'function t; complete -C "continuum-grasp $argv" | cut -f 1; echo ++; end\n',
+    "zsh": 'unset V\nt() { V=complete_zsh _TYPER_COMPLETE_ARGS="continuum-grasp $*" continuum-grasp '
+    """| grep -o '"[^"]*"' | grep -v " "; echo ++; }\n""",
+}
+"""Print what a shell offers for the words of t."""
+
+
+@pytest.mark.parametrize("shell", SCRIPTS)
+def test_shells_complete(shell, tmp_path):
+    if shutil.which(shell) is None:
+        pytest.skip(f"no {shell}")
+    command = tmp_path / "continuum-grasp"
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m continuum_grasp "$@"\n', encoding="utf-8")
+    command.chmod(0o755)
+    cases = {words: found for words, found in COMPLETED.items() if found or shell != "fish"}  # fish adds files itself
+    path = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "_CONTINUUM_GRASP_COMPLETE": f"source_{shell}"}
+    script = SCRIPTS[shell].replace("V", "_CONTINUUM_GRASP_COMPLETE") + "".join(f"t {words}\n" for words in cases)
+    asked = subprocess.run([shell, "-c", script], cwd=ROOT, env={**os.environ, **path}, capture_output=True, text=True)
+    answers = [sorted(answer.replace('"', "").split()) for answer in asked.stdout.split("++\n")[:-1]]
+    assert dict(zip(cases, answers, strict=True)) == cases, asked.stderr
