@@ -64,7 +64,9 @@ def blocks(text: str) -> list[Block]:
 def pictures(text: str) -> dict[str, Path]:
     """Pictures of a page: where they are committed below ``docs/pictures``, and where a run draws them."""
     found = [(m[1], m[2], m[3]) for m in _PICTURE.finditer(text)]
-    return {f"{page}/{name}.{kind}": Path("runs", *name.split("-")).with_suffix(f".{kind}") for page, name, kind in found}
+    return {
+        f"{page}/{name}.{kind}": Path("runs", *name.split("-")).with_suffix(f".{kind}") for page, name, kind in found
+    }
 
 
 class Run:
