@@ -1,0 +1,99 @@
+"""The guides run as they stand: every command in its order, in a folder of its own, prints what the page says."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from docs.guides import ROOT, Run, blocks, page_text, pictures, run
+from docs.own_finger_data import FOLDER, TRUTH
+
+PAGES = ("first_finger", "simulate", "recipes")
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def apart(line):
+    """Words of a line with its numbers taken out, and the numbers as texts."""
+    return " ".join(_NUMBER.sub("#", line).split()), _NUMBER.findall(line)
+
+
+def agrees(said, printed):
+    """Whether a number of a page is the one that is printed, within 1 % or two units of its last digit."""
+    mantissa, _, exponent = said.replace(",", "").partition("e")
+    digits = len(mantissa.partition(".")[2])
+    last = 10.0 ** (int(exponent or 0) - digits)
+    value, found = float(said.replace(",", "")), float(printed.replace(",", ""))
+    return abs(found - value) <= max(0.01 * abs(value), 2.0 * last)
+
+
+def quotes(line, printed):
+    """Whether a printed line is the one that a page quotes; … stands for any word."""
+    words, numbers = line.split(), printed.split()
+    if "…" in words and len(words) == len(numbers):
+        pairs = [(w, p) for w, p in zip(words, numbers, strict=True) if w != "…"]
+        line, printed = " ".join(w for w, _ in pairs), " ".join(p for _, p in pairs)
+    (text, said), (other, found) = apart(line), apart(printed)
+    return text == other and len(said) == len(found) and all(map(agrees, said, found))
+
+
+def missing(lines, output):
+    """Quoted lines that an output does not have in this order."""
+    rest = iter(output.splitlines())
+    return [line for line in lines if not any(quotes(line, printed) for printed in rest)]
+
+
+def test_quoted_numbers_must_agree():
+    assert missing(["tip at (0.11, -2e-3) m"], "status\ntip at  (0.1101, -0.002001) m") == []
+    assert missing(["| 2 | 1,006 | … |"], "| 2 | 1,006 | 415 |") == []
+    assert missing(["tip at (0.11, 0.13) m"], "tip at (0.11, 0.16) m") != []
+    assert missing(["second", "first"], "first\nsecond") == ["first"]
+
+
+def test_a_page_that_does_not_fit_is_noticed(tmp_path):
+    for text in ("```sh\ncontinuum-grasp validate none.yaml\n```\n", "```yaml\nname: x\n```\n", "```c\n```\n"):
+        with pytest.raises((RuntimeError, ValueError)):
+            Run(tmp_path).page(text)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_have_their_pictures(page):
+    for name in pictures(page_text(page)):
+        assert (ROOT / "docs/pictures" / name).is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_of_a_page_runs(page, tmp_path):
+    done = run(page, tmp_path)
+    assert len(done.quoted) == sum(block.kind == "text" for block in blocks(page_text(page))) > 0
+    for one in done.quoted:
+        assert not missing(one.lines, one.output), f"{page}.md, line {one.line}, of\n{one.output}"
+    for name, source in pictures(page_text(page)).items():
+        assert (done.folder / source).is_file(), name
+
+
+def test_identify_recovers_the_simulated_finger():
+    fit = cg.identify(FOLDER / "own_finger.yaml", [*FOLDER.glob("own_finger*.csv")])
+    start = cg.load(FOLDER / "own_finger.yaml").finger
+    assert abs(start.rod.stiffness / TRUTH["bending_stiffness"] - 1.0) > 0.05  # there is something to be found
+    for name, (low, high) in zip(fit.names, fit.intervals, strict=True):
+        assert low < TRUTH[name] < high
+        assert high - low < 0.2 * TRUTH[name]
+
+
+@pytest.mark.slow
+def test_sample_measurements_are_those_of_their_script(tmp_path):
+    files = sorted(FOLDER.glob("own_finger*.csv"))
+    code = f"import pathlib, docs.own_finger_data as d; d.FOLDER = pathlib.Path({str(tmp_path)!r}); d.main()"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+    for file in files:
+        committed, again = (
+            np.genfromtxt(path / file.name, delimiter=",", skip_header=3) for path in (FOLDER, tmp_path)
+        )
+        # Printed to a tenth: another machine may round the last digit otherwise.
+        assert np.abs(committed - again).max() <= 0.11
