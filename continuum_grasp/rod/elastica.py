@@ -166,7 +166,6 @@ def solve_elastica(
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.rod import solve_elastica
     >>> scene = cg.Scene(
-    ...     schema_version=1,
     ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}},
     ...     actuation={"tip_moment": 2 * math.pi * 0.006 / 0.2},
     ...     gravity=(0.0, 0.0),

@@ -79,7 +79,8 @@ class FingerSetup:
 class GraspScene(Value):
     """Fingers that hold an object, alone or against supports."""
 
-    schema_version: Literal[1]
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     finger: AnyFinger | None = None
     """The finger, where there is one; it is called ``finger`` in the result."""

@@ -90,7 +90,8 @@ class MissionScene(Value):
     and at the tip; in the plant it moves, has friction and a weight and stands on a table until that sinks away.
     """
 
-    schema_version: Literal[1]
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: one finger with a tendon drive and its tip and one

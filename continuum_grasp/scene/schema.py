@@ -10,6 +10,7 @@ from continuum_grasp.scene.load import model_of
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
+_VERSION = {"const": 1, "description": "Format of this file."}
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
@@ -19,14 +20,14 @@ def json_schema(kind: str) -> _Node:
     definitions = schema.setdefault("$defs", {})
     if kind == "finger":
         schema["properties"] = {
-            "schema_version": {"const": 1, "description": "Format of this file."},
+            "schema_version": _VERSION,
             "extends": {
                 "type": "string",
                 "description": "Path of another finger file that this one changes.",
             },
             **schema["properties"],
         }
-        schema["required"] = ["schema_version"]
+        schema["required"] = []
         # A finger that changes another one needs no rod of its own.
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
     elif kind != "sweep":
@@ -36,6 +37,9 @@ def json_schema(kind: str) -> _Node:
             grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
         if "finger" in schema["properties"]:
             _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
+    # Of files alone: values that are made in Python need none.
+    schema["properties"]["schema_version"] = _VERSION
+    schema["required"].insert(0, "schema_version")
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
