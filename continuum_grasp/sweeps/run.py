@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import choice
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
@@ -145,8 +146,7 @@ def sweep(
     >>> table["status"].tolist()
     ['optimal', 'optimal']
     """
-    if keep not in ("all", "failed", "none"):
-        raise InputError(f"expected all, failed or none, got {keep!r}", key="keep")
+    choice("keep", keep, ("all", "failed", "none"))
     if sum(given is not None for given in (executor, scheduler)) > 1:
         raise InputError("give an executor or the address of a scheduler, not both", key="executor")
     count = None if workers is None else checked_count(workers)
