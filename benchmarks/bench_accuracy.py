@@ -38,7 +38,7 @@ def scene(rod: dict[str, float], angle: float = HORIZONTAL, mass: float = 0.0, *
     """A straight finger; weightless by default."""
     masses = [{"at": rod["length"], "mass": mass}] if mass else []
     finger = {"rod": rod, "base": {"angle": angle}, "masses": masses, **keys.pop("finger", {})}
-    return Scene.model_validate({"schema_version": 1, "finger": finger, "gravity": (0.0, 0.0), **keys})
+    return Scene.model_validate({"finger": finger, "gravity": (0.0, 0.0), **keys})
 
 
 def force(at: float, value: Any, follows: bool = False) -> dict[str, Any]:

@@ -32,7 +32,6 @@ WAIT = 0.025
 def config(scenes: int, seed: int) -> dict[str, Any]:
     """Discs of different size, weight and friction held against a palm."""
     return {
-        "schema_version": 1,
         "scene": str(ROOT / "configs" / "grasp" / "mug.yaml"),
         "set": {"solver.seeds": 1},
         "sample": {

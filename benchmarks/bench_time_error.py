@@ -20,7 +20,6 @@ def released(family: str, elements: int, step: float, tolerance: float, duration
     """The paper's rod, lifted by a tip force of 0.8 N and let go, undamped."""
     return Scene.model_validate(
         {
-            "schema_version": 1,
             "finger": {
                 "rod": {"length": 0.6, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9},
                 "base": {"position": [0.0, 0.0], "angle": -np.pi / 2},

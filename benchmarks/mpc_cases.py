@@ -198,7 +198,7 @@ def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int
 
 def _scene(**data: Any) -> ControlScene:
     parameters = ("gravity", "bending_stiffness")
-    return ControlScene.model_validate({"schema_version": 1, "parameters": parameters, **data})
+    return ControlScene.model_validate({"parameters": parameters, **data})
 
 
 def _bounds(which: str, *, curvature: float, speed: float) -> dict[str, Any]:

@@ -19,7 +19,6 @@ def random_scene(seed: int) -> Scene:
     force, moment = stiffness / length**2, stiffness / length
     weight = force * 10 ** random.uniform(-2.0, 0.3)
     scene: dict[str, Any] = {
-        "schema_version": 1,
         "finger": {
             "rod": {
                 "length": length,

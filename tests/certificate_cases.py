@@ -44,7 +44,6 @@ def make_scene(fingers, body, contacts=None, gravity=WEIGHTLESS, family="matched
     contacts = {"friction": 0.5, "normal_force_max": 50.0, "middle": "off", **(contacts or {})}
     one = {"finger": fingers} if isinstance(fingers, GraspFinger) else {"fingers": fingers}
     return GraspScene(
-        schema_version=1,
         **one,
         object=body,
         contacts=GraspContacts(**contacts),

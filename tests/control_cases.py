@@ -26,7 +26,6 @@ HAND = Finger(
 def rod_scene(**changes) -> ControlScene:
     """Two arcs under gravity with a tip moment; changes override."""
     given = {
-        "schema_version": 1,
         "finger": ROD,
         "gravity": (0.0, -9.81),
         "fidelity": Fidelity(family="arc", elements=2),
@@ -78,7 +77,6 @@ def swing_scene(rod=None, controller=None, **changes) -> ControlScene:
 def hand_scene(**changes) -> ControlScene:
     """Two clothoids with tendons that lag, in a horizontal plane; changes override."""
     given = {
-        "schema_version": 1,
         "finger": HAND,
         "gravity": (0.0, 0.0),
         "fidelity": Fidelity(family="matched_clothoid", elements=2),

@@ -71,7 +71,6 @@ def loop_scene(stages: int, *, observed: bool = True, rate: float | None = None)
     if not observed:
         finger = without_lag(finger)
     return ControlScene(
-        schema_version=1,
         name="two arcs under control",
         finger=finger,
         gravity=(0.0, -9.81),

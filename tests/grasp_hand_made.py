@@ -28,7 +28,6 @@ def make_finger(base=(0.0, 0.0, 0.0), half_thickness=0.006, weight=0.0, **tendon
 def make_scene(**changes):
     """A disc of radius 40 mm at the origin, out of reach of its one finger, weightless."""
     values = {
-        "schema_version": 1,
         "finger": make_finger((0.5, 0.5, 0.0)),
         "object": Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.0, 0.0)),
         "contacts": GraspContacts(friction=0.5, normal_force_max=30.0, tip="on", middle="off"),

@@ -35,7 +35,6 @@ def make_scene(family="matched_clothoid", gravity=UPRIGHT, base_y=-0.055, elemen
     )
     finger = finger.model_copy(update=changes.pop("finger", {}))
     values = {
-        "schema_version": 1,
         "finger": finger,
         "object": Circle(shape="circle", diameter=0.08, mass=changes.pop("mass", 0.3), position=(0.04, 0.0)),
         "supports": PALM,

@@ -21,7 +21,6 @@ def small(**changes) -> PlanScene:
     """A small plan of one arc, without weight."""
     damping = changes.pop("damping", 1e-4)
     keys = {
-        "schema_version": 1,
         "finger": finger(damping),
         "gravity": (0.0, 0.0),
         "fidelity": cg.Fidelity(family="arc", elements=1),

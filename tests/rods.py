@@ -45,7 +45,6 @@ def rod_scene(
     masses = [{"at": rod["length"], "mass": tip_mass}] if tip_mass else []
     base = {"position": [0.0, 0.0], "angle": angle}
     data = {
-        "schema_version": 1,
         "finger": {"rod": rod, "masses": masses, "base": base, **(finger or {})},
         "gravity": gravity,
         "fidelity": {"family": family, "elements": elements, "bending_range": 4.0, **(fidelity or {})},

@@ -72,7 +72,7 @@ def note(mass: float) -> None:
 def masses(count: int, **more: Any) -> Mapping[str, Any]:
     """A sweep over so many masses from 1 kg on."""
     values = [1.0 + k for k in range(count)]
-    return {"schema_version": 1, "scene": str(MUG), "vary": {"object.mass": {"values": values}}, **more}
+    return {"scene": str(MUG), "vary": {"object.mass": {"values": values}}, **more}
 
 
 if __name__ == "__main__":

@@ -38,7 +38,15 @@ FUNCTIONS = [
     if inspect.isfunction(value) and "; see `continuum_grasp." not in (inspect.getdoc(value) or "")
 ]
 """All but those that point at the function for users that they are behind."""
-WITH_EXAMPLES = [name for name, value in PUBLIC.items() if ">>>" in (inspect.getdoc(value) or "")]
+METHODS = {
+    method.__qualname__: method
+    for value in PUBLIC.values()
+    if inspect.isclass(value)
+    for name, method in inspect.getmembers(value, inspect.isfunction)
+    if method.__module__.startswith("continuum_grasp.") and not name.startswith("_")
+}
+EXPLAINED = PUBLIC | METHODS
+WITH_EXAMPLES = [name for name, value in EXPLAINED.items() if ">>>" in (inspect.getdoc(value) or "")]
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -55,7 +63,7 @@ def test_a_public_function_has_parameters_and_an_example(name):
 @pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_the_example_runs(name, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[1])
-    value = PUBLIC[name]
+    value = EXPLAINED[name]
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     for test in doctest.DocTestFinder(recurse=False).find(value, name, globs={}):
         runner.run(test)

@@ -158,7 +158,6 @@ def _scene(
         gravity |= {"magnitude": G, "tilt": "balance" if balanced else "ignore"}
     return GraspScene.model_validate(
         {
-            "schema_version": 1,
             ("finger" if "rod" in fingers else "fingers"): fingers,
             "object": body,
             "supports": supports,

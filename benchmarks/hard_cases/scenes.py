@@ -38,7 +38,7 @@ def nitinol(
         **(finger or {}),
     }
     fidelity = {"family": family, "elements": elements, "bending_range": bending_range}
-    data = {"schema_version": 1, "finger": body, "gravity": gravity, "fidelity": fidelity, **keys}
+    data = {"finger": body, "gravity": gravity, "fidelity": fidelity, **keys}
     return Scene(**data)
 
 

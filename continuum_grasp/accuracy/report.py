@@ -302,7 +302,6 @@ def accuracy_report(
     --------
     >>> import continuum_grasp as cg
     >>> scene = cg.Scene(
-    ...     schema_version=1,
     ...     finger={
     ...         "rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006},
     ...         "base": {"angle": -1.5708},  # along +x

@@ -1,1 +1,17 @@
 """The closed loop: a controller tried on a plant that differs from what it knows."""
+
+from __future__ import annotations
+
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
+
+if TYPE_CHECKING:
+    from continuum_grasp.closed_loop.converged import Converged as Converged
+    from continuum_grasp.closed_loop.metrics import Metrics as Metrics
+    from continuum_grasp.closed_loop.plant import Plant as Plant
+    from continuum_grasp.closed_loop.result import ControlRun as ControlRun
+    from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop
+    from continuum_grasp.closed_loop.schedule import Phase as Phase
+
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -54,7 +54,6 @@ def plant_scene(scene: ControlScene) -> Scene:
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
     return Scene(
         **around,
-        schema_version=1,
         name=scene.name,
         finger=finger.replaced(
             rod=stiffer,

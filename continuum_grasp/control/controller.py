@@ -17,7 +17,7 @@ from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled import Compiled, Field, controller_fields, controller_source, delay_periods
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
+from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
 from continuum_grasp.control.status import Statistics, Status
@@ -97,8 +97,8 @@ class Controller(Remade):
     Examples
     --------
     >>> import numpy as np
-    >>> from continuum_grasp.control.controller import Controller
-    >>> controller = Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
+    >>> import continuum_grasp as cg
+    >>> controller = cg.Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
     >>> controller.measurement_names
     ('tip_x [m]', 'tip_y [m]', 'tension_1 [N]', 'tension_2 [N]')
     >>> command = controller.step([0.0, 0.18, 1.0, 1.0])
@@ -333,9 +333,41 @@ class Controller(Remade):
 
     # -- setpoints ---------------------------------------------------------------------------------------------------
 
+    def setpoints(self, functions: Mapping[str, Function] | None = None) -> Setpoints:
+        """Collect setpoints over time: those of the scene, or functions of time in their place.
+
+        Parameters
+        ----------
+        functions : mapping of str to callable, optional
+            By name of a member of ``reference`` (``tip``, ``input``, ...): functions of time [s], each returning all
+            entries of its row.
+
+        Returns
+        -------
+        Setpoints
+            ``rows(times)`` are those at instants (K,) [s]: (K, nr), as ``step`` takes them.
+
+        Raises
+        ------
+        InputError
+            If no cost term tracks what a function is for.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import continuum_grasp as cg
+        >>> controller = cg.Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
+        >>> rising = controller.setpoints({"tip": lambda t: (-0.05, 0.15 + 0.01 * t)})
+        >>> ahead = controller.stages.stage * np.arange(controller.stages.stages + 1)  # s
+        >>> command = controller.step([0.0, 0.18, 1.0, 1.0], rising.rows(ahead))
+        >>> rising.rows([0.0, 1.0])[:, :2].round(3).tolist()
+        [[-0.05, 0.15], [-0.05, 0.16]]
+        """
+        return setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference, functions)
+
     @cached_property
     def _reference(self) -> Setpoints:
-        return setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference)
+        return self.setpoints()
 
     def _scheduled(self) -> Array:
         chunk, at = divmod(self._step, _CHUNK)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import positive
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Status, spread
-from continuum_grasp.core.call import positive
 from continuum_grasp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -98,8 +98,7 @@ def run_periodic(
     Examples
     --------
     >>> import math
-    >>> from continuum_grasp.control.controller import Controller
-    >>> from continuum_grasp.control.periodic import run_periodic
+    >>> from continuum_grasp.control import Controller, run_periodic
     >>> controller = Controller("configs/mpc/steady_tip.yaml", deadline=math.inf)
     >>> commands = []
     >>> run = run_periodic(controller, lambda: [0.0, 0.18, 1.0, 1.0], commands.append, duration=0.05)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from numbers import Integral, Real
+from numbers import Real
 from threading import Lock
 from typing import Any
 
@@ -218,24 +217,6 @@ def functions_of(given: Any) -> tuple[str, ...]:
     if not isinstance(given, FingerModel | System):
         raise InputError(f"expected a FingerModel, got {type(given).__name__} {given!r:.60}")
     return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS
-
-
-def whole(name: str, value: Any) -> int:
-    """A whole number, 1 or more; InputError for anything else."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
-        raise InputError(f"{name}: expected a whole number, 1 or more, got {value!r:.60}")
-    return int(value)
-
-
-def positive(name: str, value: Any) -> float:
-    """A finite number above zero; InputError for anything else."""
-    try:
-        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
-    except OverflowError:  # a whole number beyond the doubles
-        number = math.inf
-    if not 0.0 < number < math.inf:
-        raise InputError(f"{name}: expected a finite number above 0, got {value!r:.60}")
-    return number
 
 
 def finite(name: str, array: NDArray[np.float64]) -> NDArray[np.float64]:

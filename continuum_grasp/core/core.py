@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import positive, whole
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import (
     Caller,
@@ -19,11 +20,9 @@ from continuum_grasp.core.call import (
     finite,
     functions_of,
     pointers,
-    positive,
     real_array,
     section_check,
     shaped,
-    whole,
 )
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import step_function

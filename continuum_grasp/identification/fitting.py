@@ -81,7 +81,6 @@ def identify(
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.identification import Poses, Reading
     >>> scene = cg.Scene(
-    ...     schema_version=1,
     ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
     ...     gravity=(0.0, 0.0),
     ... )

@@ -1,1 +1,15 @@
 """A whole grasp under control: what is to be done, the closed loop that does it, and many plants on which it must."""
+
+from __future__ import annotations
+
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
+
+if TYPE_CHECKING:
+    from continuum_grasp.mission.result import MissionRun as MissionRun
+    from continuum_grasp.mission.run import run_mission as run_mission
+    from continuum_grasp.mission.trials import Outcome as Outcome
+    from continuum_grasp.mission.trials import run_trials as run_trials
+
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

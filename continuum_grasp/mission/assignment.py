@@ -127,7 +127,6 @@ def _control_scene(
         input_rate=asked.input_rate,
     )
     return ControlScene(
-        schema_version=1,
         name=mission.name,
         finger=finger,
         gravity=(0.0, 0.0),  # it acts out of the plane

@@ -2,6 +2,7 @@
 
 from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
+from continuum_grasp.model.stumpff import stumpff
 from continuum_grasp.model.system import System
 
-__all__ = ["FingerModel", "ModelOptions", "System"]
+__all__ = ["FingerModel", "ModelOptions", "System", "stumpff"]

@@ -41,9 +41,30 @@ def _series(x: Scalar, k: int, degree: int) -> Scalar:
 
 
 def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: int = 7) -> list[Scalar]:
-    """The Stumpff functions c_0 ... c_top (top >= 1) of the square of an angle [rad].
+    """Write the Stumpff functions c_0 ... c_top of an angle as polynomials, exact to rounding and smooth at zero.
 
-    ``accuracy`` bounds the truncation error up to ``angle_range`` [rad]; beyond, the error grows smoothly.
+    Parameters
+    ----------
+    theta : casadi.SX, casadi.MX or float
+        The angle [rad].
+    angle_range : float
+        Greatest angle [rad]; beyond, the error grows smoothly.
+    accuracy : float
+        Bound of the truncation error within the range, relative.
+    top : int
+        Highest order, at least 1.
+
+    Returns
+    -------
+    list
+        c_k = sum_n (-theta^2)^n / (2n+k)!: c_0 is the cosine, c_1 sin(theta)/theta, c_2 (1-cos(theta))/theta^2.
+
+    Examples
+    --------
+    >>> from continuum_grasp.model import stumpff
+    >>> c = stumpff(0.0, angle_range=2.0)  # at zero, where sin(theta)/theta has no value
+    >>> [float(each) for each in c[:3]]
+    [1.0, 1.0, 0.5]
     """
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)

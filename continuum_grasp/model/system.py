@@ -95,8 +95,7 @@ class System(Functions):
     Examples
     --------
     >>> from continuum_grasp import System
-    >>> from continuum_grasp.scene import Circle, Finger, Rod
-    >>> from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
+    >>> from continuum_grasp.scene import Circle, ContactLaw, Finger, Rod, Surroundings
     >>> finger = Finger(rod=Rod(length=0.6, linear_density=0.02, bending_stiffness=0.05), half_thickness=0.002)
     >>> disc = Circle(shape="circle", diameter=0.06, mass=0.1, position=(0.04, 0.6))
     >>> around = Surroundings(object=disc, contact_law=ContactLaw(stiffness=900.0, friction=0.5))

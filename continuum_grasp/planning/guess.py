@@ -179,7 +179,6 @@ def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Pos
     held = Actuation(tip_moment=u[0]) if len(u) == 1 else Actuation(tensions=(u[0], u[1]))
     # Equilibria are those of simulated scenes: the finger alone, under the input before the motion.
     alone = Scene(
-        schema_version=1,
         finger=scene.finger,
         gravity=scene.gravity,
         contacts=scene.contacts,

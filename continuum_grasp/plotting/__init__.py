@@ -4,12 +4,13 @@ Every ``plot_x(result, *, ax=None)`` draws into the axes it is given, or into ax
 axes; `continuum_grasp.results.save_picture` saves their figure. Nothing is shown, saved, or changed in matplotlib's
 global style. matplotlib is imported when the first picture is drawn.
 
-Further pictures are in ``plotting.control`` (closed loops and plans), ``plotting.mission``, ``plotting.identification``
-and ``plotting.accuracy``.
+Further pictures are in ``plotting.control`` (closed loops and plans), ``plotting.mission`` and
+``plotting.identification``.
 """
 
 from __future__ import annotations
 
+from continuum_grasp.plotting.accuracy import plot_accuracy
 from continuum_grasp.plotting.grasp import plot_grasp, plot_resistance
 from continuum_grasp.plotting.motion import (
     plot_contact_forces,
@@ -22,6 +23,7 @@ from continuum_grasp.plotting.motion import (
 from continuum_grasp.plotting.sweep import plot_front, plot_map
 
 __all__ = [
+    "plot_accuracy",
     "plot_contact_forces",
     "plot_coordinates",
     "plot_energy",

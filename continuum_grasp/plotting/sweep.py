@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-    from continuum_grasp.sweeps.maps import Front, Map
+    from continuum_grasp.sweeps import Front, Map
 
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
@@ -28,7 +28,7 @@ def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     drawn : Map
-        Of `continuum_grasp.sweeps.maps`.
+        Of `continuum_grasp.sweeps`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
 
@@ -36,7 +36,7 @@ def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
     --------
     >>> import numpy as np
     >>> from continuum_grasp import plotting
-    >>> from continuum_grasp.sweeps.maps import Map
+    >>> from continuum_grasp.sweeps import Map
     >>> labels = "diameter [m]", "friction [1]", "tension [N]"
     >>> points = np.array([0.07, 0.08]), np.array([0.3, 0.4]), np.array([5.0, 4.0]), np.array(["", ""])
     >>> ax = plotting.plot_map(Map(*points, labels))
@@ -61,7 +61,7 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     drawn : Front
-        Of `continuum_grasp.sweeps.maps`.
+        Of `continuum_grasp.sweeps`.
     ax : matplotlib.axes.Axes, optional
         Where to draw; new axes where not given.
 
@@ -69,9 +69,9 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
     --------
     >>> import numpy as np
     >>> from continuum_grasp import plotting
-    >>> from continuum_grasp.sweeps.maps import Front, pareto
-    >>> x, y = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 2.0])
-    >>> front = Front(x, y, None, pareto(x, y), ("mass [kg]", "tension [N]", ""), "least x and least y are best")
+    >>> from continuum_grasp.sweeps import Front
+    >>> x, y, best = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 2.0]), np.array([0, 1])
+    >>> front = Front(x, y, None, best, ("mass [kg]", "tension [N]", ""), "least x and least y are best")
     >>> plotting.plot_front(front).get_ylabel()
     'tension [N]'
     """

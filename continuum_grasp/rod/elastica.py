@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import choice, instance, within
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
@@ -166,7 +167,6 @@ def solve_elastica(
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.rod import solve_elastica
     >>> scene = cg.Scene(
-    ...     schema_version=1,
     ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}},
     ...     actuation={"tip_moment": 2 * math.pi * 0.006 / 0.2},
     ...     gravity=(0.0, 0.0),
@@ -175,10 +175,9 @@ def solve_elastica(
     >>> bool(abs(rod.tip).max() < 1e-10)
     True
     """
-    if not 1e-13 <= tolerance <= 1e-2:
-        raise InputError(f"tolerance: expected a number from 1e-13 to 1e-2, got {tolerance}")
-    if side not in (1, -1):
-        raise InputError(f"side: expected 1 or -1, got {side!r}")
+    instance("scene", scene, Scene)
+    tolerance = within("tolerance", tolerance, 1e-13, 1e-2)
+    choice("side", side, (1, -1))
     problem = read_problem(scene, extra_loads)
     equations = RodEquations(problem, _first_mesh(problem))
     descends = stable and problem.conservative

@@ -41,7 +41,6 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.rod import natural_frequencies, solve_elastica
     >>> scene = cg.Scene(
-    ...     schema_version=1,
     ...     finger={"rod": {"length": 0.6, "linear_density": 0.02, "bending_stiffness": 0.0208}},
     ...     gravity=(0.0, 0.0),
     ... )

@@ -79,6 +79,9 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.supports import Palm as Palm
     from continuum_grasp.scene.supports import Point as Point
     from continuum_grasp.scene.supports import VGroove as VGroove
+    from continuum_grasp.scene.surroundings import ContactLaw as ContactLaw
+    from continuum_grasp.scene.surroundings import Surroundings as Surroundings
+    from continuum_grasp.scene.sweep import Sweep as Sweep
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]

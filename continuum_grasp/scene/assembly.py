@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted
+from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted, plain
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
 if TYPE_CHECKING:
@@ -64,8 +64,7 @@ def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
         got = "an empty file" if document.value is None else "no keys"
         raise place.error(f"expected a mapping of keys to values, got {got}")
     _apply(document, changes, Path(path))
-    if "schema_version" in document.value:
-        _check_version(document)
+    _check_version(document)
     return document
 
 
@@ -149,6 +148,9 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
 
 
 def _check_version(document: Document) -> None:
+    if "schema_version" not in document.value:
+        message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
+        raise document.places[()].error(message, ("schema_version",))
     version, place = document.value["schema_version"], document.place(("schema_version",))
     if isinstance(version, bool) or not isinstance(version, int) or version != _VERSION:
         message = f"not a format that is read here: expected {_VERSION}, got {version!r}"
@@ -157,18 +159,16 @@ def _check_version(document: Document) -> None:
 
 def take_version(document: Document) -> None:
     """Check and remove the version of a finger file."""
-    if "schema_version" not in document.value:
-        message = f"missing; a file says which format it is in: schema_version: {_VERSION}"
-        raise document.places[()].error(message, ("schema_version",))
     _check_version(document)
     del document.value["schema_version"]
     document.forget(("schema_version",))
 
 
-def read_overrides(overrides: Overrides) -> list[Change]:
+def read_overrides(overrides: Overrides, name: str | None = None) -> list[Change]:
     """Read overrides, given as ``"key.path=value"`` texts or as a mapping from key path to value.
 
-    Values in texts are read as YAML; entries of lists are ``masses[0]`` or ``masses.0``.
+    Values in texts are read as YAML; entries of lists are ``masses[0]`` or ``masses.0``. In errors, ``name`` is what
+    a mapping is called.
     """
     if isinstance(overrides, str) or not isinstance(overrides, Iterable):
         raise InputError(f"overrides: expected a list of key.path=value texts, or a mapping, got {overrides!r:.60}")
@@ -177,7 +177,8 @@ def read_overrides(overrides: Overrides) -> list[Change]:
         if not isinstance(word, str):
             raise InputError(f"overrides: expected a text, got {word!r:.60}")
     if isinstance(overrides, Mapping):
-        return [(path_of(key, key), placed(value, Place(f"override {key}"))) for key, value in overrides.items()]
+        places = {key: Place(name or f"override {key}") for key in words}
+        return [(path_of(key, name or key), placed(overrides[key], places[key])) for key in words]
     return [_read(text) for text in words]
 
 
@@ -207,14 +208,7 @@ def path_of(key: str, name: str) -> KeyPath:
 
 def placed(value: Any, place: Place) -> Document:
     """A value as a document all of whose entries come from the same place."""
-    return Document(_plain(value), {(): place})
-
-
-def _plain(value: Any) -> Any:
-    """Mappings and sequences in a value as the dict and list that a file would have."""
-    if isinstance(value, Mapping):
-        return {key: _plain(child) for key, child in value.items()}
-    return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
+    return Document(plain(value), {(): place})
 
 
 def apply_override(document: Document, path: KeyPath, new: Document) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,16 @@ class Document:
         else:
             self.value = new.value
 
+    def write_out(self, path: KeyPath, value: Any) -> None:
+        """Write the defaults above ``path`` of the scene value whose data this is: a change there leaves their rest."""
+        for k, part in enumerate(path[:-1]):
+            value = _child(value, part)
+            if value is None:
+                return
+            here = self.get(path[:k])
+            if isinstance(here, dict) and part not in here:
+                here[part] = plain(value)
+
     def forget(self, path: KeyPath) -> None:
         """Drop the places at and below ``path``."""
         for p in [p for p in self.places if p[: len(path)] == path]:
@@ -128,6 +139,27 @@ def undotted(text: str) -> KeyPath:
 
 def _printable(key: str) -> str:
     return key if key and key.isprintable() and len(key) <= 60 else repr(key[:60])
+
+
+def plain(value: Any) -> Any:
+    """Scene values, mappings and sequences as the dict and list that a file would have, without unset defaults."""
+    if hasattr(value, "model_fields_set"):
+        fields = type(value).model_fields.items()
+        given = value.model_fields_set
+        return {field.alias or name: plain(getattr(value, name)) for name, field in fields if name in given}
+    if isinstance(value, Mapping):
+        return {key: plain(child) for key, child in value.items()}
+    return [plain(child) for child in value] if isinstance(value, list | tuple) else value
+
+
+def _child(value: Any, part: str | int) -> Any:
+    """The entry of a scene value, mapping or sequence; None where there is none."""
+    if hasattr(value, "model_fields_set"):
+        return getattr(value, part, None) if isinstance(part, str) and part in type(value).model_fields else None
+    try:
+        return value[part]
+    except (KeyError, IndexError, TypeError):
+        return None
 
 
 Change = tuple[KeyPath, Document]

@@ -79,8 +79,8 @@ class FingerSetup:
 class GraspScene(Value):
     """Fingers that hold an object, alone or against supports."""
 
-    schema_version: Literal[1]
-    """Format of this file."""
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     """Title of reports and pictures."""
     finger: AnyFinger | None = None

@@ -99,6 +99,7 @@ def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Do
         from continuum_grasp.scene.variation import variation_of
 
         variation_of(loaded, document, path)
+        loaded = loaded.in_folder(Path(path).parent)
     return loaded, document
 
 

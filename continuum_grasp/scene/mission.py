@@ -97,8 +97,8 @@ class MissionScene(Value):
     and at the tip; in the plant it moves, has friction and a weight and stands on a table until that sinks away.
     """
 
-    schema_version: Literal[1]
-    """Format of this file."""
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     """Title of reports and pictures."""
     grasp: GraspScene

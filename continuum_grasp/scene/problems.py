@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place
+from continuum_grasp.scene.document import Document, KeyPath, Place, plain
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
 
@@ -70,16 +70,7 @@ def input_error(error: ValidationError, model: type[BaseModel], document: Docume
 
 def input_error_of_values(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
     """What is wrong with values that were given in Python, with the class in place of a file."""
-    return input_error(error, model, Document(_plain(data), {(): Place(model.__name__)}))
-
-
-def _plain(value: Any) -> Any:
-    """Scene values, tuples and lists in it as the mappings and lists that a file would have."""
-    if isinstance(value, BaseModel):
-        return {key: _plain(getattr(value, key)) for key in value.model_fields_set}
-    if isinstance(value, Mapping):
-        return {key: _plain(child) for key, child in value.items()}
-    return [_plain(child) for child in value] if isinstance(value, list | tuple) else value
+    return input_error(error, model, Document(plain(data), {(): Place(model.__name__)}))
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:

@@ -12,6 +12,7 @@ from continuum_grasp.scene.units import QUANTITIES, to_si
 
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
+_VERSION = {"const": 1, "description": "Format of this file."}
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
@@ -24,14 +25,14 @@ def json_schema(kind: str) -> _Node:
             _give_examples(key)
     if kind == "finger":
         schema["properties"] = {
-            "schema_version": {"const": 1, "description": "Format of this file."},
+            "schema_version": _VERSION,
             "extends": {
                 "type": "string",
                 "description": "Path of another finger file that this one changes.",
             },
             **schema["properties"],
         }
-        schema["required"] = ["schema_version"]
+        schema["required"] = []
         # A finger that changes another one needs no rod of its own.
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
     elif kind != "sweep":
@@ -41,6 +42,9 @@ def json_schema(kind: str) -> _Node:
             grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
         if "finger" in schema["properties"]:
             _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
+    # Of files alone: values that are made in Python need none.
+    schema["properties"]["schema_version"] = _VERSION
+    schema["required"].insert(0, "schema_version")
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,

@@ -117,8 +117,8 @@ class Timing(Value):
 class FingerScene(Surroundings):
     """What scenes of one finger have in common; those that mean something else by a field describe it anew."""
 
-    schema_version: Literal[1]
-    """Format of this file."""
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     """Title of reports and pictures."""
     finger: Finger

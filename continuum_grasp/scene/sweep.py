@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import path_of
@@ -13,6 +14,9 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.assembly import Overrides
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -177,8 +181,8 @@ class Front(Value):
 class Sweep(Value):
     """A grasp scene with some of its keys varied: a grid, random draws, or both."""
 
-    schema_version: Literal[1]
-    """Format of this file."""
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     """Title of reports and pictures."""
     scene: str
@@ -227,6 +231,22 @@ class Sweep(Value):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")
         if self.count > MOST_SCENES:
             raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
+
+    _folder: Path = PrivateAttr(default=Path())
+
+    def in_folder(self, folder: Path) -> Self:
+        """A copy whose paths are relative to another folder than the working directory."""
+        found = self.model_copy()
+        found._folder = folder
+        return found
+
+    def changed(self, changes: Overrides) -> Self:
+        return super().changed(changes).in_folder(self._folder)
+
+    @property
+    def file(self) -> Path:
+        """A file beside which the paths lie."""
+        return self._folder / "Sweep"
 
     @property
     def count(self) -> int:

@@ -6,11 +6,16 @@ import inspect
 import warnings
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.units import Unit
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.assembly import Overrides
 
 
 class Value(BaseModel):
@@ -41,12 +46,64 @@ class Value(BaseModel):
                 vars(kind)["_check"](self)
         return self
 
+    def changed(self, changes: Overrides) -> Self:
+        """Return a copy in which some entries have other values, checked as a whole.
+
+        Parameters
+        ----------
+        changes : mapping or iterable of str
+            From key paths to values, such as ``{"object.mass": 0.4, "finger.masses[0].mass": 0.02}`` [SI units], or
+            ``"key.path=value"`` texts, as in `load` and as ``--set`` takes them; applied in order. A mapping or list
+            replaces what is there as a whole. Paths of files are relative to the working directory.
+
+        Returns
+        -------
+        same class
+            Validated as if it were made anew; what was left to its default stays so.
+
+        Raises
+        ------
+        InputError
+            With the key of everything that is wrong: unknown keys, wrong values, values that do not fit together.
+
+        Examples
+        --------
+        >>> import continuum_grasp as cg
+        >>> scene = cg.load("configs/grasp/mug.yaml")
+        >>> heavier = scene.changed({"object.mass": 0.4, "fidelity.elements": 3})
+        >>> heavier.object.mass, scene.object.mass  # kg
+        (0.4, 0.3)
+        >>> scene.changed({"object.mas": 0.4})
+        Traceback (most recent call last):
+        continuum_grasp.errors.InputError: GraspScene: object.mas: unknown key; did you mean 'mass'?
+        """
+        from continuum_grasp.scene.assembly import changed, placed, read_overrides, validated
+        from continuum_grasp.scene.document import Place
+
+        name = type(self).__name__
+        given, document = read_overrides(changes, name), placed(self, Place(name))
+        for path, _ in given:
+            document.write_out(path, self)
+        return validated(changed(document, given, Path(name)), type(self))
+
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
         return type(self)(**{**dict(self), **fields})
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            self._refuse(name)
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        self._refuse(name)
+
+    def _refuse(self, name: str) -> NoReturn:
+        message = f"values are frozen: changed({{{name!r}: ...}}) returns a copy with another value"
+        raise InputError(message, file=type(self).__name__, key=name)
 
     # That of pydantic cannot hash a dict, which supports, fingers and zones are.
     def __hash__(self) -> int:

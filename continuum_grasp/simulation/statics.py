@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import choice
 from continuum_grasp.core import Core
 from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
@@ -272,8 +273,7 @@ def equilibrium_under(
     >>> equilibrium_under(model, [0.05], []).q.round(6).tolist()  # bend = moment L / EI [rad]
     [1.0]
     """
-    if side not in (1, -1):
-        raise InputError(f"side: expected 1 or -1, got {side!r}")
+    choice("side", side, (1, -1))
     search = Search(model, np.asarray(u, dtype=float), np.asarray(w, dtype=float), np.array(model.p_nominal))
     start = search.rest() if guess is None else real_array("guess", guess)
     if start.shape != (model.n,) or not np.all(np.isfinite(start)):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import choice
 from continuum_grasp.results.result import maker_of
 
 if TYPE_CHECKING:
@@ -65,10 +66,39 @@ class Front:
 
 
 def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median") -> Map:
-    """A map of a quantity: over the grid where both keys belong to it, else point by point.
+    """Work out a map of a quantity: over the grid where both keys belong to it, else point by point.
 
-    ``reduce`` ("median", "mean", "least" or "greatest") is what a place of the grid shows that several grasps share.
+    Parameters
+    ----------
+    table : SweepTable
+        Of `continuum_grasp.sweep` or `continuum_grasp.sweep_table`.
+    x, y, color : str
+        Columns across, upwards and in color.
+    reduce : {"median", "mean", "least", "greatest"}
+        What a place of the grid shows that several grasps share.
+
+    Returns
+    -------
+    Map
+        Drawn by `continuum_grasp.plotting.plot_map`.
+
+    Raises
+    ------
+    InputError
+        If there is no such column, or no such reduction.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.sweeps import map_of
+    >>> masses, rough = {"values": [0.1, 0.2]}, {"values": [0.4, 0.5]}  # kg, 1
+    >>> config = {"scene": "configs/grasp/mug_arcs.yaml", "vary": {"object.mass": masses, "contacts.friction": rough}}
+    >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
+    >>> map_of(table, "object.mass", "contacts.friction", "tension_sum").color.shape
+    (2, 2)
     """
+    choice("reduce", reduce, _REDUCE)
     labels = _label(table, x), _label(table, y), _label(table, color)
     shown = np.where(table.solved, _numbers(table[color]), np.nan)
     kinds = np.where(table.solved, "", table.kinds)
@@ -96,7 +126,43 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
 def front_of(
     table: SweepTable, x: str, y: str, x_best: str = "least", y_best: str = "least", color: str | None = None
 ) -> Front:
-    """Two quantities of all grasps, and the Pareto front."""
+    """Work out the Pareto front of two quantities of all grasps.
+
+    Parameters
+    ----------
+    table : SweepTable
+        Of `continuum_grasp.sweep` or `continuum_grasp.sweep_table`.
+    x, y : str
+        Columns of numbers.
+    x_best, y_best : {"least", "greatest"}
+        Which way is better.
+    color : str, optional
+        A third column of numbers.
+
+    Returns
+    -------
+    Front
+        Drawn by `continuum_grasp.plotting.plot_front`.
+
+    Raises
+    ------
+    InputError
+        If there is no such column, or the better way is another word.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.sweeps import front_of
+    >>> masses = {"object.mass": {"values": [0.1, 0.2]}}  # kg
+    >>> config = {"scene": "configs/grasp/mug_arcs.yaml", "vary": masses}
+    >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
+    >>> front = front_of(table, "tension_sum", "object.mass", y_best="greatest")
+    >>> len(front.x), len(front.best)  # what holds more needs more tension: both are on the front
+    (2, 2)
+    """
+    for key, word in (("x_best", x_best), ("y_best", y_best)):
+        choice(key, word, ("least", "greatest"))
     solved = table.solved
     xs, ys = _numbers(table[x])[solved], _numbers(table[y])[solved]
     shades = None if color is None else _numbers(table[color])[solved]

@@ -183,10 +183,11 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
     return [*plan["vary"], *(sample["keys"] if sample else ()), *plan["follow"]]
 
 
-def plan_of(config: str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
+def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
     """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
-    if isinstance(config, Mapping):
-        document, file = placed(config, Place("sweep")), Path("sweep")
+    if isinstance(config, Sweep | Mapping):
+        file = config.file if isinstance(config, Sweep) else Path("sweep")
+        document = placed(config, Place("sweep"))
         for path, new in read_overrides(overrides):
             apply_override(document, path, new)
         sweep: Any = validated(document, Sweep)
@@ -194,7 +195,7 @@ def plan_of(config: str | os.PathLike[str] | Mapping[str, Any], overrides: Overr
         file = Path(config)
         sweep, document = load_placed(file, overrides)
     else:
-        raise InputError(f"expected the path of a sweep's file, or a mapping, got {config!r:.80}")
+        raise InputError(f"expected a sweep, the path of its file, or a mapping, got {config!r:.80}")
     if not isinstance(sweep, Sweep):
         raise InputError("expected a sweep (scene, vary, sample, ...)", file=str(file))
     return Plan(sweep, variation_of(sweep, document, file))

@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import choice
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_files
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
@@ -82,7 +84,7 @@ def _clock(seconds: float) -> str:
 
 @interrupt.listening()
 def sweep(
-    config: str | os.PathLike[str] | Mapping[str, Any],
+    config: Sweep | str | os.PathLike[str] | Mapping[str, Any],
     *,
     folder: str | os.PathLike[str] | None = None,
     workers: int | None = None,
@@ -101,8 +103,8 @@ def sweep(
 
     Parameters
     ----------
-    config : path-like or mapping
-        A sweep's YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
+    config : Sweep, path-like or mapping
+        A sweep, its YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
     folder : path-like, optional
         Where the table and the runs go; ``runs/sweep/`` and the name of the file where not given.
     workers : int, optional
@@ -139,13 +141,12 @@ def sweep(
     >>> import tempfile
     >>> import continuum_grasp as cg
     >>> masses = {"object.mass": {"values": [0.1, 0.2]}}  # kg
-    >>> config = {"schema_version": 1, "scene": "configs/grasp/mug_arcs.yaml", "vary": masses}
+    >>> config = {"scene": "configs/grasp/mug_arcs.yaml", "vary": masses}
     >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
     >>> table["status"].tolist()
     ['optimal', 'optimal']
     """
-    if keep not in ("all", "failed", "none"):
-        raise InputError(f"expected all, failed or none, got {keep!r}", key="keep")
+    choice("keep", keep, ("all", "failed", "none"))
     if sum(given is not None for given in (executor, scheduler)) > 1:
         raise InputError("give an executor or the address of a scheduler, not both", key="executor")
     count = None if workers is None else checked_count(workers)
@@ -300,10 +301,10 @@ class _Run:
         )
 
 
-def _folder(config: str | os.PathLike[str] | Mapping[str, Any], folder: str | os.PathLike[str] | None) -> Path:
+def _folder(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], folder: str | os.PathLike[str] | None) -> Path:
     if folder is None:
-        if isinstance(config, Mapping):
-            raise InputError("a sweep that is given as a mapping needs a folder", key="folder")
+        if not isinstance(config, str | os.PathLike):
+            raise InputError("a sweep that is not given as a file needs a folder", key="folder")
         return Path("runs") / "sweep" / Path(config).stem
     if Path(folder).exists() and not Path(folder).is_dir():
         raise InputError("expected a folder, got a file", file=os.fspath(folder))

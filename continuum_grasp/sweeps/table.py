@@ -151,7 +151,7 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     >>> import continuum_grasp as cg
     >>> folder = tempfile.mkdtemp()
     >>> mass = {"object.mass": {"values": [0.1]}}  # kg
-    >>> config = {"schema_version": 1, "scene": "configs/grasp/mug_arcs.yaml", "vary": mass}
+    >>> config = {"scene": "configs/grasp/mug_arcs.yaml", "vary": mass}
     >>> _ = cg.sweep(config, folder=folder, workers=1, keep="none")
     >>> cg.sweep_table(folder)["object.mass"].tolist()  # kg
     [0.1]

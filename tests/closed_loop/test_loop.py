@@ -60,7 +60,6 @@ ON_CURVE = (-0.18 * (1 - math.cos(0.5)) / 0.5, 0.18 * math.sin(0.5) / 0.5)
 def make(**changes):
     """A closed loop of small models."""
     given = {
-        "schema_version": 1,
         "finger": FINGER,
         "gravity": (0.0, 0.0),
         "fidelity": ARCS,

@@ -32,7 +32,6 @@ TIMES = np.array([-0.5, 0.0, 0.1, 0.25, 0.4, 0.999, 1.0, 1.3, 5.0])
 
 def points(cost, functions=None, **reference):
     scene = ControlScene(
-        schema_version=1,
         finger=FINGER,
         gravity=(0.0, 0.0),
         fidelity=Fidelity(family="arc", elements=2),

@@ -22,7 +22,6 @@ MOMENT = {"moment_max": 0.3}
 def scene(finger, *, family=None, elements=2, cost=None, **controller):
     given = {"cost": {"bending": 100.0, "effort": 1.0} if cost is None else cost, **controller}
     return ControlScene(
-        schema_version=1,
         finger=finger,
         gravity=(0.0, -9.81),
         fidelity=Fidelity(family=family, elements=elements),

@@ -504,7 +504,6 @@ def test_the_error_of_a_controller_is_found_at_limits_that_round_and_refused(tmp
     """In single precision 0.2 is above itself: the reference in double must not refuse it, and so be zero."""
     single = scene("given").finger.model_copy(update={"tendons": None})
     given = ControlScene(
-        schema_version=1,
         finger=single,
         gravity=(0.0, 0.0),
         fidelity={"family": "arc", "elements": 1},

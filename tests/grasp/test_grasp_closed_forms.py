@@ -51,7 +51,6 @@ def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
 def solve(fingers, body, gravity, supports=None, friction=FRICTION, objective="least_normal_force", **more):
     """The grasp by the tips of these fingers."""
     scene = GraspScene(
-        schema_version=1,
         fingers=dict(zip(("one", "two", "three"), fingers, strict=False)),
         object=body,
         supports=supports or {},

@@ -33,7 +33,6 @@ def axial_pinch(push, friction=0.5, lift=0.0, gravity=None, **tendons):
     """Two thin straight fingers that press on a disc from both sides, along their axes."""
     left, right = (-RADIUS - LENGTH, 0.0, -math.pi / 2), (RADIUS + LENGTH, 0.0, math.pi / 2)
     scene = GraspScene(
-        schema_version=1,
         fingers={"a": make_finger(left, 0.0, **tendons), "b": make_finger(right, 0.0, **tendons)},
         object=Circle(shape="circle", diameter=2 * RADIUS, mass=0.3, position=(0.0, 0.0)),
         contacts=GraspContacts(friction=friction, normal_force_max=30.0, middle="off"),
@@ -143,7 +142,6 @@ def held_disc(kind):
 
 def stored_scene(hand, state, names, friction=0.6):
     scene = GraspScene(
-        schema_version=1,
         fingers={n: make_finger(tuple(b), hand.half, hand.density) for n, b in zip(names, state.bases, strict=True)},
         object=Circle(shape="circle", diameter=2 * hand.radius, mass=-hand.weight[1] / 9.81, position=(0.0, 0.0)),
         supports={"floor": Palm(point=(0.0, -hand.radius), normal_angle=math.pi / 2)} if hand.wall else {},
@@ -231,7 +229,6 @@ def test_two_ends_of_a_face_on_a_wall_share_alike():
     """A box on the floor, a finger's tip on top: the floor takes a push down; its two ends share it."""
     base = (-0.12, 0.056, -math.pi / 2)
     scene = GraspScene(
-        schema_version=1,
         finger=make_finger((-0.18, 0.056, -math.pi / 2)),
         object=Box(shape="box", width=0.08, height=0.05, mass=0.3, position=(0.0, 0.025)),
         supports={"floor": Palm(point=(0.0, 0.0), normal_angle=math.pi / 2)},
@@ -284,7 +281,6 @@ def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():
     """A finger with a tangent middle contact."""
     kappa = -1 / 0.06
     scene = GraspScene(
-        schema_version=1,
         finger=make_finger((-0.10, 0.046, -math.pi / 2)),
         object=Circle(shape="circle", diameter=0.08, mass=0.1, position=(0.0, 0.0)),
         supports={"p": Point(type="point", position=(-0.03, -0.05)), "q": Point(type="point", position=(0.03, -0.05))},

@@ -44,7 +44,6 @@ TOUCHES = {"both": ("on", "on"), "middle": ("on", "off"), "tip": ("off", "on")}
 def scene_of(body, fingers, **changes):
     """A weightless scene; fingers as (x, y, angle) or with more keys."""
     values = {
-        "schema_version": 1,
         "fingers": fingers,
         "object": {"mass": 0.1, "position": (0.0, 0.0), **body},
         "contacts": {"friction": 0.5, "normal_force_max": 50.0},

@@ -176,7 +176,6 @@ def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(
     if not path.exists():
         pytest.skip(f"{path.name} is not in the folder that {VARIABLE} names, {FOLDER}")
     scene = IdentifyScene(
-        schema_version=1,
         finger={
             "rod": {"length": 0.010, "linear_density": 0.005, "bending_stiffness": 1e-5},
             "tendons": {"offset": 0.0014, "max_tension": 20.0},

@@ -35,7 +35,6 @@ def _registered():
 def hanging(elements: int, accuracy: float | None = 1e-13, **changes) -> Scene:
     """The rod, bent by a moment at its tip, under its weight."""
     given = {
-        "schema_version": 1,
         "finger": FINGER,
         "gravity": (0.0, -9.81),
         "fidelity": Fidelity(family=NAME, elements=elements, accuracy=accuracy),

@@ -638,7 +638,6 @@ def test_defaults():
 
 def test_a_scene_supplies_and_keywords_override():
     scene = Scene(
-        schema_version=1,
         finger=FULL,
         gravity=(1.0, 2.0),
         contacts=(0.3,),
@@ -744,7 +743,7 @@ def test_wrong_input_is_explained(name):
         FingerModel(finger, **options)
 
 
-SCENE = Scene(schema_version=1, finger=FULL, gravity=(0.0, -9.81))
+SCENE = Scene(finger=FULL, gravity=(0.0, -9.81))
 IN_SCENE = {
     "parameter": ({"parameters": ("gravity", "tip_mas")}, {}, "parameters[1]", "did you mean tip_mass"),
     "repeated parameter": ({"parameters": ("gravity", "gravity")}, {}, "parameters[1]", "'gravity' is repeated"),

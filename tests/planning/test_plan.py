@@ -198,7 +198,6 @@ def test_simulation_of_the_inputs_is_the_plan():
     found = plan(scene)
     tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
     played = cg.Scene(
-        schema_version=1,
         finger=HAND,
         gravity=scene.gravity,
         fidelity=scene.fidelity,

@@ -17,7 +17,7 @@ from continuum_grasp.scene import Circle, GraspContacts
 
 ROD = {"length": 0.6, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
 FINGER = cg.Finger(rod=cg.Rod(**ROD))
-SCENE = {"schema_version": 1, "finger": FINGER, "gravity": (0.0, -9.81)}
+SCENE = {"finger": FINGER, "gravity": (0.0, -9.81)}
 HUGE = 10**400
 
 WRONG = {

@@ -29,7 +29,6 @@ G = 9.81
 def body(shape=None, law=None, *, duration=1.0, step=1e-3, **keys):
     """An object alone, on a palm that points up, where nothing else is said."""
     data = {
-        "schema_version": 1,
         "finger": FAR,
         "gravity": [0.0, -G],
         "fidelity": {"family": "arc", "elements": 1},
@@ -87,7 +86,6 @@ def test_a_box_on_a_slope_sticks_or_slips(slope, sticks):
 
 def slid(shape, **keys):
     data = {
-        "schema_version": 1,
         "finger": FAR,
         "fidelity": {"family": "arc", "elements": 1},
         "object": {"mass": 0.1, **shape},
@@ -153,7 +151,6 @@ DISC = {"shape": "circle", "diameter": 0.06, "mass": 1.0, "position": [0.16, 0.0
 
 def pressing(stiffness, *, moment=0.06, friction=0.0, family="arc", duration=2.0, damping=5e-4, **keys):
     data = {
-        "schema_version": 1,
         "finger": {"rod": ROD, "half_thickness": 0.005, "damping": {"material": damping}, "base": BASE},
         "gravity": [0.0, 0.0],
         "fidelity": {"family": family, "elements": 2},
@@ -253,7 +250,6 @@ def test_a_grasp_that_was_found_holds_in_motion():
     length = scene.finger.rod.length
     lengths = [float(h) * length / planned.lengths.sum() for h in planned.lengths]
     data = {
-        "schema_version": 1,
         "finger": {name: getattr(scene.finger, name) for name in Finger.model_fields},
         "gravity": (0.0, 0.0),
         "contacts": (sum(lengths[:2]),),

@@ -20,7 +20,7 @@ HEAD = f"schema_version: 1\nscene: {MUG}\n"
 
 
 def plan(**more):
-    return plan_of({"schema_version": 1, "scene": str(MUG), **more})
+    return plan_of({"scene": str(MUG), **more})
 
 
 def sampled(count=500, method="random", seed=0, **keys):

@@ -24,7 +24,7 @@ GRID = {
 
 def swept(folder, evaluate=held, **more):
     with ThreadPoolExecutor(1) as executor:
-        config = {"schema_version": 1, "scene": str(MUG), **more}
+        config = {"scene": str(MUG), **more}
         return sweep(config, folder=folder, executor=executor, evaluate=evaluate)
 
 

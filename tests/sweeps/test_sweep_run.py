@@ -60,7 +60,6 @@ def test_a_table_of_grasps(tmp_path):
 def test_failures_are_rows(tmp_path):
     inside = [[0.04, 0.0], [0.0, -0.055]]  # the first within the mug
     config = {
-        "schema_version": 1,
         "scene": str(MUG),
         "vary": {"finger.base.position": {"values": inside}, "object.mass": {"values": [0.3, STUCK, BROKEN]}},
     }

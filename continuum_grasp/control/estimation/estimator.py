@@ -104,8 +104,8 @@ class Estimator(Remade):
 
     Examples
     --------
-    >>> from continuum_grasp.control.estimation.estimator import Estimator
-    >>> estimator = Estimator("configs/mpc/steady_tip.yaml")
+    >>> import continuum_grasp as cg
+    >>> estimator = cg.Estimator("configs/mpc/steady_tip.yaml")
     >>> found = estimator.step([0.0, 0.18, 1.0, 1.0], [1.0, 1.0])
     >>> [verdict.name for verdict in found.verdict]
     ['USED', 'USED', 'USED', 'USED']

@@ -56,19 +56,6 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     ------
     InputError
         If a reference has another number of entries than its cost term, or if no term tracks it.
-
-    Examples
-    --------
-    >>> from continuum_grasp.control.ocp.cost_terms import Outputs
-    >>> from continuum_grasp.control.ocp.setpoints import setpoints
-    >>> from continuum_grasp.control.prediction import Prediction
-    >>> from continuum_grasp.scene.load import load
-    >>> scene = load("configs/mpc/steady_tip.yaml")
-    >>> outputs = Outputs.of(scene.controller.cost, Prediction(scene))
-    >>> raised = {"tip": lambda t: (-0.05, 0.15 + 0.01 * t)}
-    >>> rows = setpoints(outputs, scene.reference, raised).rows([0.0, 1.0])
-    >>> rows[:, :2].round(3).tolist()
-    [[-0.05, 0.15], [-0.05, 0.16]]
     """
     given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
     tendons = outputs.model.scene.finger.tendons

@@ -145,9 +145,9 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
 
     Examples
     --------
-    >>> from continuum_grasp.control.ocp.stages import stages_of
-    >>> from continuum_grasp.scene.load import load
-    >>> stages = stages_of(load("configs/mpc/steady_tip.yaml"))
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.control import stages_of
+    >>> stages = stages_of(cg.load("configs/mpc/steady_tip.yaml"))
     >>> stages.nx, stages.nu, stages.r_names[:2]
     (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """

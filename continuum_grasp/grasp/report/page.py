@@ -53,7 +53,9 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
     has its pictures inside and refers to no other file or site.
     """
     name = result.scene.name or "grasp"
-    given = result.scene.model_dump(mode="json", exclude_unset=True)
+    scene = result.scene
+    # A scene that was made in Python may not have its version set, which a file needs.
+    given = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
     body = [
         f"<h1>{escaped(name)}</h1>",
         f"<p>{badge(result.status.value, result.solved)} {escaped(result.message)}</p>",
