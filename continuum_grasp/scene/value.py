@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+
+from continuum_grasp.summary import table
+
+_SHORT = 200
+"""Characters up to which a value is shown as it is written [1]: two lines of a terminal."""
 
 
 class Value(BaseModel):
@@ -38,6 +43,22 @@ class Value(BaseModel):
                 vars(kind)["_check"](self)
         return self
 
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        """Fields that differ from their defaults: what a user would write."""
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if value != field.get_default(call_default_factory=True, validated_data={}):
+                yield name, value
+
+    def __repr__(self) -> str:
+        """As it is written in Python where that is short; else field by field, each in one line."""
+        text = _written(self)
+        if len(text) <= _SHORT:
+            return text
+        return table(type(self).__name__, {str(name): _written(value) for name, value in self.__repr_args__()})
+
+    __str__ = __repr__
+
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
         return type(self)(**{**dict(self), **fields})
@@ -49,6 +70,13 @@ class Value(BaseModel):
     def __hash__(self) -> int:
         fields = (getattr(self, name) for name in type(self).model_fields)
         return hash((type(self), *(frozenset(v.items()) if isinstance(v, dict) else v for v in fields)))
+
+
+def _written(value: Any) -> str:
+    """A value as it is written in Python."""
+    if not isinstance(value, Value):
+        return repr(value)
+    return f"{type(value).__name__}({', '.join(f'{name}={_written(one)}' for name, one in value.__repr_args__())})"
 
 
 # Wide enough for any finger in SI units: a value beyond is in another unit, or mistyped.
