@@ -22,7 +22,8 @@ from continuum_grasp.scene.simulate import Fidelity, Scene
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import spectral_radius
-from continuum_grasp.simulation.statics import Equilibrium, equilibrium_under
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium_under
 
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 """Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound what is

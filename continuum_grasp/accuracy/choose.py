@@ -21,6 +21,7 @@ from continuum_grasp.core.cache import private_folder
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
+from continuum_grasp.summary import Summarized, quoted
 
 _PROBE = 1e-6
 """Relative accuracy of evaluation that shows whether a number of elements can meet the tolerance: its own error is
@@ -34,7 +35,7 @@ With few elements the order is not yet reached, so the prediction itself would s
 
 
 @dataclass(frozen=True)
-class Chosen:
+class Chosen(Summarized):
     """The cheapest choice that meets a tolerance."""
 
     best: Assessment
@@ -42,6 +43,20 @@ class Chosen:
     tried: tuple[Assessment, ...]  # everything that was measured, in order
     truth: Truth
     seconds: float  # that choosing took
+
+    def headline(self) -> str:
+        """The choice."""
+        return quoted(self.best.choice.scene.name, str(self.best.choice))
+
+    def pairs(self) -> dict[str, str]:
+        """Errors, cost, and what it was chosen from."""
+        best = self.best
+        return {
+            "shape": f"{best.shape:.2g} of the length (tip {best.tip:.2g})",
+            "tolerance": f"{self.tolerance:g}",
+            "cost": f"{best.instructions} instructions",
+            "measured": f"{len(self.tried)} choices in {self.seconds:.2g} s",
+        }
 
     @property
     def scene(self) -> Scene:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -28,12 +28,18 @@ from continuum_grasp.accuracy.motion import (
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
+from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.record import begin_run
-from continuum_grasp.results.result import File, Result
+from continuum_grasp.results.result import Result
+from continuum_grasp.results.tables import package
 from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Scene
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
@@ -96,12 +102,54 @@ class AccuracyReport(Result):
         File("accuracy.md", "accuracy.report:AccuracyReport.markdown"),
         File("accuracy.json", "accuracy.report:AccuracyReport.tables_json"),
     )
-    pictures: ClassVar[tuple[File, ...]] = (File("accuracy.png", "plotting.accuracy:plot_accuracy"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("accuracy", "plotting.accuracy:plot_accuracy", panels=True),)
 
     scene: Scene
     truth: Truth
     reference: Motion | None  # the motion that others are compared with; None where the scene has no time
     tables: tuple[Table, ...]  # ``choices`` first
+    status: str = "finished"
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    def pairs(self) -> dict[str, str]:
+        """How many choices were measured, and the cheapest and the most exact of those that none dominates."""
+        front, columns = self.front(), self.choices.columns
+        time, error = columns.index("evaluation [ns]"), columns.index("tip / L")
+        rows = {"choices": f"{len(self.choices.rows)} families and numbers of elements"}
+        if front:
+            for what, row in (("cheapest", front[0]), ("most exact", front[-1])):
+                text = f"{row[1]} {row[0]}: {row[time]:.3g} ns, static tip error {row[error]:.2g} of the length"
+                rows[what] = text
+        return {**rows, "tables": ", ".join(table.title for table in self.tables)}
+
+    def to_pandas(self, dimension: str | None = None) -> pandas.DataFrame:
+        """One of the tables; the numbers are rounded nowhere.
+
+        Parameters
+        ----------
+        dimension : str, optional
+            Title of the table; the first one, of the choices, where not given.
+
+        Raises
+        ------
+        InputError
+            There is no such table, or pandas is not installed.
+        """
+        known = {table.title: table for table in self.tables}
+        if dimension is not None and dimension not in known:
+            raise InputError(f"expected one of {', '.join(known)}, got {dimension!r}", key="dimension")
+        table = self.tables[0] if dimension is None else known[dimension]
+        frame: pandas.DataFrame = package("pandas").DataFrame(list(table.rows), columns=list(table.columns))
+        names = {name: name.partition(" [")[2].rstrip("]") or "1" for name in table.columns}
+        frame.attrs = {"units": names, "descriptions": dict.fromkeys(table.columns, table.note)}
+        return frame
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The table of the choices; the others are had by `to_pandas`."""
+        package("xarray")
+        found: xarray.Dataset = self.to_pandas().to_xarray()
+        return found
 
     @property
     def choices(self) -> Table:

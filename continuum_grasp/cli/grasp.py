@@ -45,7 +45,7 @@ def grasp(
         result.save(folder, quality=False)
     with output.drawing(folder):
         result.save(folder)
-        files = result.plot(folder) if pictures else []
+        files = result.save_pictures(folder) if pictures else []
 
     output.warn(result.warnings)
     output.say(result.table())

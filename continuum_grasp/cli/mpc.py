@@ -173,7 +173,7 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
 
 def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
-    from continuum_grasp.mission.trials import run_trials, save_trials, summarize
+    from continuum_grasp.mission.trials import run_trials
 
     grasp = _grasp(scene, output)
     stopped: Interrupted | None = None
@@ -184,15 +184,8 @@ def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool
         if not error.result:
             raise
         outcomes, stopped = error.result, error
-    found = summarize(outcomes)
-    with output.saving(folder):
-        files = [save_trials(outcomes, folder)]
-    if pictures:
-        from continuum_grasp.plotting.mission import plot_trials
-        from continuum_grasp.results import save_picture
-
-        with output.drawing(folder):
-            files.append(save_picture(plot_trials(outcomes), folder / "trials.png"))
+    found = outcomes.summary
+    files = [folder / "trials.csv", *output.save(outcomes, folder, pictures)]
     output.pairs(found.pairs())
     for k in found.failed[:_SHOWN]:
         output.say(f"plant {k + 1}: {outcomes[k].text}")

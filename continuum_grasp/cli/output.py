@@ -103,7 +103,7 @@ class Output:
         files: list[Path] = []
         if pictures:
             with self.drawing(folder):
-                files += result.plot(folder)
+                files += result.save_pictures(folder)
         if animation is not None:
             with self.drawing(folder):
                 files.append(cast("MotionResult", result).animate(folder / f"animation.{animation}", speed=speed))

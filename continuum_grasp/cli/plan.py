@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -48,25 +48,8 @@ def plan(
     with output.computing("planning", folder):
         found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
     files = output.save(found, folder, pictures, animation, speed)
-    squared = "(N m)2" if len(found.u_names) == 1 else "N2"
-    units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
-    unit = units.get(found.scene.objective, "")  # tracking sums terms of several units
-    x, y = found.tip[-1]
-    active = [c.name for c in found.constraints.values() if c.active and not c.name.startswith("motion")]
-    rows: dict[str, Any] = {
-        "status": found.status.value,
-        "objective": f"{found.objective:.6g} {unit} ({found.scene.objective})",
-        "duration": f"{found.duration:.6g} s in {len(found.t) - 1} intervals",
-        "tip at the end": f"({x:.4f}, {y:.4f}) m",
-        "active constraints": ", ".join(active) or "nothing",
-        "solver": f"{found.iterations} iterations; {found.times.get('total', 0.0):.2f} s in all",
-    }
-    for name, check in (("fine simulation", found.deviation), ("finer model", found.finer)):
-        if check is not None:
-            text = f"tip up to {1e3 * check.tip:.3g} mm off the plan, {1e3 * check.final_tip:.3g} mm at the end"
-            rows[name] = f"{text} ({check.model})"
     output.warn(found.warnings)
-    output.pairs({**rows, **saved_in(folder, files)})
+    output.pairs({"status": found.status.value, **found.pairs(), **saved_in(folder, files)})
     output.conclude(
         found,
         folder,
@@ -74,8 +57,8 @@ def plan(
         {f"{name} [s]": f"{value:.3f}" for name, value in found.times.items()},
         objective=found.objective,
         duration=found.duration,
-        tip=(x, y),
-        active=active,
+        tip=tuple(found.tip[-1]),
+        active=found.active_constraints,
         iterations=found.iterations,
         times=found.times,
         violated=found.violated,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, simulation_scene
@@ -37,17 +36,7 @@ def simulate(
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
     x, y = trajectory.tip[-1]
     error, steps = trajectory.time_error, len(trajectory.t) - 1
-    known = f"about {error:.2g} of the length, {1e3 * error * trajectory.length:.2g} mm"
     output.warn(trajectory.warnings)
-    output.pairs(
-        {
-            "status": trajectory.status,
-            "time": f"{trajectory.t[-1]:g} s in {steps} steps",
-            "tip at the end": f"({x:.4f}, {y:.4f}) m",
-            "time error": known if math.isfinite(error) else "not known",
-            "energy": f"{energy[0]:.6g} J at the start, {energy[1]:.6g} J at the end",
-            **saved_in(folder, files),
-        }
-    )
+    output.pairs({"status": trajectory.status, **trajectory.pairs(), **saved_in(folder, files)})
     values = {"duration": trajectory.t[-1], "steps": steps, "tip": (x, y), "time_error": error, "energy": energy}
     output.conclude(trajectory, folder, files, **values)

@@ -52,7 +52,7 @@ def sweep(
         from continuum_grasp.sweeps.table import CSV
 
         # The pictures are those that the configuration asks for now; those of before go.
-        table = replace(sweep_table(folder), pictures=plan_of(config, changes or []).pictures)
+        table = replace(sweep_table(folder), requested=plan_of(config, changes or []).pictures)
         begin_run(folder, "sweep", retained=(PLAN, CSV))
     else:
         from continuum_grasp.sweeps import sweep as run
@@ -70,7 +70,7 @@ def sweep(
     files: list[Path] = []
     if pictures or plot_only:
         with output.drawing(folder):
-            files = table.plot(folder)
+            files = table.save_pictures(folder)
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.closed_loop.metrics import Metrics, rms, times_of, tracking_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
-from continuum_grasp.results.result import File, MotionResult, Stored
+from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
+from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.simulation.contacts import CONTACT, ContactForces
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
-from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
 
@@ -42,39 +43,57 @@ class ControlRun(MotionResult):
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("t", "(T,)", "s", "instants at which commands were given, and the end"),
-        Stored("x", "(T, nx)", "", "states of the plant"),
-        Stored("u", "(K, nu)", "", "commands"),
-        Stored("w", "(T, nw)", "", "forces on the plant that the controller does not know"),
-        Stored("y", "(K, ny)", "", "measurements as they arrived"),
-        Stored("estimate", "(K, ne)", "", "estimated states of the controller's model"),
-        Stored("parameters", "(K, np)", "", "estimated parameters of the controller's model"),
-        Stored("given_parameters", "(K, np)", "", "parameters as they were given to it"),
-        Stored("std", "(K, nz)", "", "standard deviations of what ``estimated_names`` says"),
-        Stored("r", "(T, nr)", "", "setpoints"),
-        Stored("tracked", "(T, nr)", "", "what follows them, on the plant"),
-        Stored("tip", "(T, 2)", "m", "tip of the plant, world"),
-        Stored("plan_tip", "(K, N, 2)", "m", "predicted paths of the tip, world"),
-        Stored("iterations", "(K,)", "1", "iterations of the solver"),
-        Stored("violation", "(K,)", "1", "greatest violation of a soft constraint in each plan"),
-        Stored("phase_times", "(K, phases)", "s", "time that each phase of a step took"),
-        Stored("mismatch", "(K,)", "1", "mean squared normalized innovation, by which the supervisor judges"),
-        Stored("activity", "(K,)", "", "activity of the command, by which the supervisor judges"),
-        Stored("bounds", "(nb, T)", "", "amount by which each bound was exceeded on the plant", "excesses"),
-        Stored("status", "(K,)", "text", "status of each command"),
-        Stored("health", "(K,)", "text", "whether sensors, model and call rate agreed"),
+        Stored("t", "(time,)", "s", "instants at which commands were given, and the end"),
+        Stored("x", "(time, state)", "", "states of the plant"),
+        Stored("u", "(period, input)", "", "commands"),
+        Stored("w", "(time, force_component)", "", "forces on the plant that the controller does not know"),
+        Stored("y", "(period, measured)", "", "measurements as they arrived"),
+        Stored("estimate", "(period, model_state)", "", "estimated states of the controller's model"),
+        Stored("parameters", "(period, parameter)", "", "estimated parameters of the controller's model"),
+        Stored("given_parameters", "(period, parameter)", "", "parameters as they were given to it"),
+        Stored("std", "(period, estimated)", "", "standard deviations of what ``estimated_names`` says"),
+        Stored("r", "(time, setpoint)", "", "setpoints"),
+        Stored("tracked", "(time, setpoint)", "", "what follows them, on the plant"),
+        Stored("tip", "(time, xy)", "m", "tip of the plant, world"),
+        Stored("plan_tip", "(period, stage, xy)", "m", "predicted paths of the tip, world"),
+        Stored("iterations", "(period,)", "1", "iterations of the solver"),
+        Stored("violation", "(period,)", "1", "greatest violation of a soft constraint in each plan"),
+        Stored("phase_times", "(period, phase)", "s", "time that each phase of a step took"),
+        Stored("mismatch", "(period,)", "1", "mean squared normalized innovation, by which the supervisor judges"),
+        Stored("activity", "(period,)", "", "activity of the command, by which the supervisor judges"),
+        Stored("bounds", "(bound, time)", "", "amount by which each bound was exceeded on the plant", "excesses"),
+        Stored("status", "(period,)", "text", "status of each command"),
+        Stored("health", "(period,)", "text", "whether sensors, model and call rate agreed"),
         *CONTACTS_STORED,
-        Stored("object_pose", "(T, nq)", "", "pose of an object that moves: x, y [m], angle [rad], height [m]"),
+        Stored("object_pose", "(time, pose)", "", "pose of an object that moves: x, y [m], angle [rad], height [m]"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        TIME,
+        Dimension("period", "instants at which commands were given", "command_times", "s"),
+        Dimension("state", "states of the plant", "x_names"),
+        Dimension("input", "tendon tensions or tip moment", "u_names"),
+        Dimension("force_component", "forces and moments on the plant"),
+        Dimension("measured", "what is measured", "y_names"),
+        Dimension("model_state", "states of the controller's model"),
+        Dimension("parameter", "parameters of the controller's model", "p_names"),
+        Dimension("estimated", "what is estimated: states, then disturbances", "estimated_names"),
+        Dimension("setpoint", "what follows setpoints, and inputs that cost no effort", "r_names"),
+        Dimension("stage", "nodes of the horizon"),
+        Dimension("phase", "phases of a step", "phase_names"),
+        Dimension("bound", "bounds", "bound_names"),
+        XY,
+        POSE,
+        CONTACT,
     )
     texts: ClassVar[tuple[File, ...]] = (File("report.txt", "closed_loop.result:ControlRun.report"),)
-    pictures: ClassVar[tuple[File, ...]] = (
-        File("path.png", "plotting.control:plot_control_path"),
-        File("inputs.png", "plotting.control:plot_inputs"),
-        File("tracking.png", "plotting.control:plot_tracking"),
-        File("error.png", "plotting.control:plot_tracking_error"),
-        File("bounds.png", "plotting.control:plot_bounds"),
-        File("times.png", "plotting.control:plot_controller_times"),
-        File("disturbances.png", "plotting.control:plot_disturbances", needs="disturbance_names"),
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("path", "plotting.control:plot_control_path"),
+        Picture("inputs", "plotting.control:plot_inputs"),
+        Picture("tracking", "plotting.control:plot_tracking"),
+        Picture("error", "plotting.control:plot_tracking_error"),
+        Picture("bounds", "plotting.control:plot_bounds"),
+        Picture("times", "plotting.control:plot_controller_times"),
+        Picture("disturbances", "plotting.control:plot_disturbances", needs="disturbance_names"),
     )
     frames: ClassVar[str] = "plotting.control:control_frames"
 
@@ -118,8 +137,37 @@ class ControlRun(MotionResult):
     period: float
     statistics: Mapping[str, Any]
 
-    def __repr__(self) -> str:
-        return f"ControlRun({self.ended}: {self.t[-1]:g} s in {len(self.u)} periods, tip at {self.tip[-1].tolist()} m)"
+    @property
+    def outcome(self) -> str:
+        """How the run ended; ``status`` is of each command."""
+        return self.ended
+
+    def pairs(self) -> dict[str, str]:
+        """Time, errors of what is tracked, times of the controller, counts."""
+        found = self.metrics()
+        errors = {
+            f"error of the {one.name}": f"{one.rms:.3g} {one.unit} r.m.s., {one.max:.3g} {one.unit} at most"
+            for one in found.tracking[:2]
+        }
+        total = 1e3 * self.phase_times.sum(axis=1)
+        times = f"{np.median(total):.3g} ms in the median, {total.max():.3g} ms at most" if total.size else "none"
+        counts = found.pairs()
+        return {
+            "time": f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms",
+            **errors,
+            "time of a step": times,
+            **{key: counts[key] for key in ("late", "status", "health") if key in counts},
+        }
+
+    @property
+    def command_times(self) -> Array:
+        """Instants (K,) at which commands were given [s]."""
+        return self.t[:-1]
+
+    @property
+    def bound_names(self) -> tuple[str, ...]:
+        """Name and unit of each bound."""
+        return tuple(f"{bound.name} [{bound.unit}]" for bound in self.bounds)
 
     @property
     def deadline(self) -> float:
@@ -262,7 +310,7 @@ class ControlRun(MotionResult):
             "anomalies": {str(k): list(words) for k, words in enumerate(self.anomalies) if words},
             "names": {
                 **{key: list(getattr(self, f"{key}_names")) for key in keys},
-                "bounds": [f"{b.name} [{b.unit}]" for b in self.bounds],
+                "bounds": list(self.bound_names),
                 "contacts": [] if self.contacts is None else list(self.contacts.names),
             },
         }

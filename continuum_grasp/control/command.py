@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
+from continuum_grasp.summary import Summarized, quoted
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ class Times(NamedTuple):
     feedback: float
 
 
-class Command:
+class Command(Summarized):
     """The command of a controller for one period.
 
     Attributes
@@ -74,10 +75,21 @@ class Command:
         self.health = _HEALTH[int(self._number("health"))]
         self.u = self._part("u")
 
-    def __repr__(self) -> str:
-        odd = f", anomalies={self.anomalies}" if self.anomaly else ""
-        health = f", health={self.health.name} ({self.suspect})" if self.health else ""
-        return f"Command(u={self.u.tolist()}, status={self.status.name}{health}{odd})"
+    def headline(self) -> str:
+        """What it comes from, and the health."""
+        return quoted(
+            None, self.status.name.lower(), f"{self.health.name.lower()} ({self.suspect})" if self.health else ""
+        )
+
+    def pairs(self) -> dict[str, str]:
+        """Command, iterations, time, and what is odd."""
+        rows = {
+            "u": ", ".join(f"{value:.6g}" for value in self.u),
+            "iterations": f"{self.iterations}",
+            "time": f"{1e3 * sum(self.time):.3g} ms",
+            "violation": f"{self.violation:.3g} of the scale of a soft constraint",
+        }
+        return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
     def _part(self, name: str) -> Array:
         return self._out[self._layout.parts[name]]

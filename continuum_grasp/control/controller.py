@@ -26,6 +26,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.summary import Summarized, quoted
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ _NUMBERS = (
 """Scalars of ``cg_controller_step`` in ``c/controller_python.c``, in its order."""
 
 
-class Controller(Remade):
+class Controller(Remade, Summarized):
     """Nonlinear model predictive control by real-time iterations, with an estimator, a supervisor and a fallback.
 
     All of ``step`` runs in one C function that is compiled for the scene, without allocation.
@@ -154,6 +155,20 @@ class Controller(Remade):
         self.first = first_state(self.scene, self.prediction)
         self._nz = max(nz, s.nd)
         self.reset()
+
+    def headline(self) -> str:
+        """Its scene and periods."""
+        return quoted(self.scene.name, f"{1e3 * self.period:g} ms, {self.stages.stages} stages")
+
+    def pairs(self) -> dict[str, str]:
+        """What it measures, follows and commands, and how its steps ended."""
+        counts = ", ".join(f"{count} {name}" for name, count in self.statistics["status"].items() if count)
+        return {
+            "measures": ", ".join(self.measurement_names),
+            "setpoints": ", ".join(self.stages.r_names),
+            "commands": ", ".join(self.stages.u_names),
+            "steps": counts or "none",
+        }
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
         """Start again, at time zero of the scene's reference.

@@ -33,6 +33,7 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
+from continuum_grasp.summary import Summarized
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     return core
 
 
-class Core(Remade):
+class Core(Remade, Summarized):
     """The functions of a model on numpy arrays, compiled where there is a C compiler.
 
     Every function of the model is a method of the same name, with the model's inputs as positional or keyword
@@ -125,6 +126,14 @@ class Core(Remade):
             raise _no_single_precision(why_no_compiler() if compiled else "compiled=False")
         if compiled and self._compiler is None:
             _warn(why_no_compiler())
+
+    def headline(self) -> str:
+        """What it runs on."""
+        return f"in {self.precision} precision, {'compiled' if self.compiled else 'on the virtual machine'}"
+
+    def pairs(self) -> dict[str, str]:
+        """Its model."""
+        return {"model": f"{type(self.model).__name__} {self.model.headline()}", **self.model.pairs()}
 
     @property
     def _finger_model(self) -> FingerModel:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.model.family import family_class
-from continuum_grasp.results.result import File, Result, maker_of
+from continuum_grasp.results.declared import POSE, XY, Dimension, File, Picture, Stored, maker_of
+from continuum_grasp.results.result import Result
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -72,7 +73,7 @@ class FingerPosture:
     tip_curvature: float
     tensions: Array
     base: Array
-    backbone: Array
+    backbone: Array = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -184,13 +185,8 @@ class GraspResult(Result):
     message : str
         One sentence on how it ended.
     arrays : dict of str to ndarray
-        The numbers, as stored in a run folder. Per finger F: ``F.family``, ``F.q``, ``F.lengths``,
-        ``F.curvature_shapes`` (curvature at places spread evenly along each element per coordinate, see
-        `continuum_grasp.model.family.Family`), ``F.tip_curvature``, ``F.tensions``, ``F.base`` and ``F.backbone`` (see
-        `FingerPosture`); ``object.pose``;
-        per contact: ``contact_names``, ``contact_positions``, ``contact_normals``, ``contact_forces`` (N, f, lift),
-        ``contact_stations``, ``contact_parts`` (see `Contact`). Where there is no grasp: the point that comes
-        closest, or empty.
+        The stored arrays by name, ``{finger}`` is the name of each finger; `fingers`, `contacts` and `object_pose`
+        give them by object. Where there is no grasp: the point that comes closest, or empty.
     certificate : Certificate, optional
         Independent verification of these numbers.
     violated : tuple of str
@@ -218,11 +214,52 @@ class GraspResult(Result):
     """
 
     kind: ClassVar[str] = "grasp"
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
-    pictures: ClassVar[tuple[File, ...]] = (
-        File("grasp.png", "grasp.report.page:picture"),
-        File("report.html", "grasp.report.page:page"),
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("contact_names", "(contact,)", "text", "name of each contact"),
+        Stored("contact_positions", "(contact, xy)", "m", "where it is on the object's surface, world"),
+        Stored("contact_normals", "(contact, xy)", "1", "outward normal of the object there, world"),
+        Stored(
+            "contact_forces",
+            "(contact, part)",
+            "N",
+            "normal force, friction along the surface, friction out of the plane",
+        ),
+        Stored("contact_stations", "(contact,)", "m", "position along the finger; NaN for supports"),
+        Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
+        Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
+        Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
+        Stored(
+            "{finger}.q", "({finger} coordinate,)", "", "bends of the elements [rad] (arc) or nodal curvatures [1/m]"
+        ),
+        Stored("{finger}.lengths", "({finger} element,)", "m", "lengths of the elements"),
+        Stored(
+            "{finger}.curvature_shapes",
+            "({finger} element, {finger} spread, {finger} shape)",
+            "",
+            "curvature at places spread evenly along each element, per coordinate",
+        ),
+        Stored("{finger}.tip_curvature", "()", "1/m", "curvature at the tip"),
+        Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
+        Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
+        Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
     )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("contact", "contacts of the object", "contact_names"),
+        XY,
+        POSE,
+        Dimension("part", "parts of a contact force", ("normal", "friction", "lift")),
+        Dimension("tendon", "tendons: on the finger's left (-X side), on its right", ("left", "right")),
+        Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
+        Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
+        Dimension("{finger} coordinate", "bending coordinates"),
+        Dimension("{finger} shape", "the same, and the tip's curvature where the balance of moments sets it"),
+        Dimension("{finger} element", "elements, from the base"),
+        Dimension("{finger} spread", "places spread evenly along an element"),
+        Dimension("{finger} place", "places along the finger"),
+    )
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("grasp", "grasp.report.page:picture"),)
+    pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.report.page:page"),)
 
     scene: GraspScene
     status: Status
@@ -255,6 +292,31 @@ class GraspResult(Result):
     def solved(self) -> bool:
         """Whether there is a verified grasp."""
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
+
+    def words(self) -> dict[str, list[str]]:
+        """Names of the fingers."""
+        return {"finger": list(self.scene.named_fingers)}
+
+    @property
+    def contact_names(self) -> list[str]:
+        """Names of the contacts."""
+        return [str(name) for name in self.arrays.get("contact_names", ())]
+
+    def pairs(self) -> dict[str, str]:
+        """Tensions, contact forces and margins; where there is no grasp, why."""
+        if not self.solved:
+            reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
+            return {"message": self.message, **reasons, **({"advice": self.advice} if self.advice else {})}
+        rows = {"sum of tensions": f"{self.tension:.2f} N"}
+        if self.contacts:
+            forces = ", ".join(f"{c.name} {c.normal_force:.2f} N" for c in self.contacts)
+            margin = max(min(c.friction_margin for c in self.contacts), 0.0)
+            rows |= {"normal forces": forces, "least friction margin": f"{margin:.1%}"}
+        if self.certificate is not None:
+            checks, failed = len(self.certificate.checks), len(self.certificate.failed)
+            stable = "stable" if self.certificate.stability.stable else "unstable"
+            rows["certificate"] = f"{checks - failed} of {checks} checks passed, {stable}"
+        return rows
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.identification.unknowns import DEADBAND
-from continuum_grasp.results.result import File, Result, Stored
+from continuum_grasp.results.declared import Dimension, Picture, Stored
+from continuum_grasp.results.result import Result
 from continuum_grasp.scene.finger import Finger, PointMass, Rod
 from continuum_grasp.scene.simulate import Scene
 
@@ -64,23 +65,39 @@ class Fit(Result):
 
     kind: ClassVar[str] = "identify"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("values", "(n,)", "", "estimates"),
-        Stored("deviations", "(n,)", "", "their standard deviations; infinite where the data do not see a parameter"),
-        Stored("intervals", "(n, 2)", "", "95 % confidence intervals, by Student's t"),
-        Stored("correlation", "(n, n)", "1", "correlation of the estimates"),
+        Stored("values", "(parameter,)", "", "estimates"),
         Stored(
-            "singular_values", "(n,)", "1", "of the Jacobian, scaled by the data's deviations and typical parameters"
+            "deviations",
+            "(parameter,)",
+            "",
+            "their standard deviations; infinite where the data do not see a parameter",
         ),
-        Stored("measured", "(m,)", "", "measured numbers"),
-        Stored("predictions", "(m,)", "", "predictions of the model"),
-        Stored("residuals", "(m,)", "", "predictions less measurements"),
-        Stored("sigma", "(m,)", "", "standard deviations of the measured numbers, known or from the residuals"),
-        Stored("fitted", "(m,)", "1", "whether it was fitted"),
-        Stored("labels", "(m,)", "text", "name of each measured number"),
+        Stored("intervals", "(parameter, interval)", "", "95 % confidence intervals, by Student's t"),
+        Stored("correlation", "(parameter, other)", "1", "correlation of the estimates"),
+        Stored(
+            "singular_values",
+            "(parameter,)",
+            "1",
+            "of the Jacobian, scaled by the data's deviations and typical parameters",
+        ),
+        Stored("measured", "(measurement,)", "", "measured numbers"),
+        Stored("predictions", "(measurement,)", "", "predictions of the model"),
+        Stored("residuals", "(measurement,)", "", "predictions less measurements"),
+        Stored(
+            "sigma", "(measurement,)", "", "standard deviations of the measured numbers, known or from the residuals"
+        ),
+        Stored("fitted", "(measurement,)", "1", "whether it was fitted"),
+        Stored("labels", "(measurement,)", "text", "name of each measured number"),
     )
-    pictures: ClassVar[tuple[File, ...]] = (
-        File("residuals.png", "plotting.identification:plot_residuals"),
-        File("predictions.png", "plotting.identification:plot_all_predictions"),
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("parameter", "estimated parameters", "parameter_names"),
+        Dimension("other", "the same", "parameter_names"),
+        Dimension("interval", "ends of an interval", ("low", "high")),
+        Dimension("measurement", "measured numbers, set by set", "measurement_names"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("residuals", "plotting.identification:plot_residuals"),
+        Picture("predictions", "plotting.identification:plot_all_predictions", panels=True),
     )
 
     names: tuple[str, ...]
@@ -104,6 +121,25 @@ class Fit(Result):
     def __getitem__(self, name: str) -> float:
         """Estimate of a parameter by its name."""
         return float(self.values[self.names.index(name)])
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Name and unit of each parameter."""
+        return tuple(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Name and unit of each measured number."""
+        return tuple(f"{entry.label} [{entry.unit}]" for entry in self.entries)
+
+    def pairs(self) -> dict[str, str]:
+        """Estimates with their standard deviations, and the errors of what was fitted."""
+        estimates = zip(self.names, self.values, self.deviations, self.units, strict=True)
+        errors = [f"{one.group}: {one.rms:.3g} {one.unit} r.m.s. of {one.count}" for one in self.errors]
+        return {
+            **{name: f"{value:.6g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in list(estimates)[:5]},
+            "errors": "; ".join(errors),
+        }
 
     @cached_property
     def measured(self) -> Array:

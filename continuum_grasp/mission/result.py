@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -13,7 +14,9 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.verdict import Verdict, friction_limits, present
-from continuum_grasp.results.result import File, MotionResult, Result, Stored
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.motion import MotionResult
+from continuum_grasp.results.result import Result
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
@@ -29,14 +32,22 @@ class MissionRun(MotionResult):
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
         *(replace(one, source=f"run.{one.source or one.name}") for one in ControlRun.stored),
-        Stored("force_estimate", "(K,)", "N", "normal force of the held contact as the controller estimated it"),
-        Stored("friction_use", "(T, C)", "1", "share of the friction cone that each contact uses"),
-        Stored("pulls", "(P, 3)", "", "wrench of each pull: x, y [N], moment [N m]", "assignment.pulls"),
+        Stored("force_estimate", "(period,)", "N", "normal force of the held contact as the controller estimated it"),
+        Stored("friction_use", "(time, contact)", "1", "share of the friction cone that each contact uses"),
+        Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "assignment.pulls"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        *(
+            replace(one, labels=f"run.{one.labels}") if isinstance(one.labels, str) and one.labels else one
+            for one in ControlRun.dimensions
+        ),
+        Dimension("pull", "pulls, in order"),
+        Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
     )
     texts: ClassVar[tuple[File, ...]] = (File("report.txt", "mission.result:MissionRun.report"),)
-    pictures: ClassVar[tuple[File, ...]] = (
-        File("timeline.png", "plotting.mission:plot_mission_timeline"),
-        File("snapshots.png", "plotting.mission:plot_mission_snapshots"),
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("snapshots", "plotting.mission:plot_mission_snapshots", panels=True),
+        Picture("timeline", "plotting.mission:plot_mission_timeline", panels=True),
     )
     frames: ClassVar[str] = "plotting.mission:mission_frames"
     fps: ClassVar[float] = 25.0
@@ -57,6 +68,25 @@ class MissionRun(MotionResult):
     def name(self) -> str | None:
         """Name of the mission."""
         return self.assignment.mission.name
+
+    @property
+    def outcome(self) -> str:
+        """What became of the object."""
+        return self.verdict.word
+
+    @property
+    def status(self) -> str:
+        """How the closed loop ended."""
+        return self.run.ended
+
+    @property
+    def statistics(self) -> Mapping[str, Any]:
+        """Those of the closed loop."""
+        return self.run.statistics
+
+    def pairs(self) -> dict[str, str]:
+        """Time, and the verdict in numbers."""
+        return {"time": f"{self.t[-1]:g} s", **self.verdict.pairs()}
 
     @property
     def t(self) -> Array:

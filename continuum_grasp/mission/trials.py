@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from io import StringIO
 from os import PathLike
-from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.verdict import Verdict
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.result import Result
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
 from continuum_grasp.workers import ProcessPool, cores
@@ -50,7 +53,7 @@ def run_trials(
     grasp: GraspResult | None = None,
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> list[Outcome]:
+) -> TrialsResult:
     """Carry a mission out on the plants of its ``trials``.
 
     Parameters
@@ -66,8 +69,8 @@ def run_trials(
 
     Returns
     -------
-    list of Outcome
-        In the order of ``variations``.
+    TrialsResult
+        A sequence of `Outcome`, in the order of ``variations``; ``summary`` has them in numbers.
 
     Raises
     ------
@@ -76,7 +79,7 @@ def run_trials(
     InputError
         If the mission does not make sense.
     Interrupted
-        On Ctrl-C; ``result`` is the list of those that were done.
+        On Ctrl-C; ``result`` has those that were done.
 
     Examples
     --------
@@ -100,9 +103,9 @@ def run_trials(
             done[k] = outcome
             report(len(done) / len(drawn))
     except KeyboardInterrupt:
-        finished = [done[k] for k in sorted(done)]
+        finished = TrialsResult(mission, tuple(done[k] for k in sorted(done)), "interrupted")
         raise Interrupted(f"interrupted after {len(finished)} of {len(drawn)} plants", result=finished) from None
-    return [done[k] for k in range(len(drawn))]
+    return TrialsResult(mission, tuple(done[k] for k in range(len(drawn))))
 
 
 def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
@@ -203,44 +206,119 @@ class Summary:
         }
 
 
-def summarize(outcomes: Sequence[Outcome]) -> Summary:
-    """Many plants in numbers."""
-    judged = [outcome.verdict for outcome in outcomes if outcome.verdict is not None]
+@dataclass(frozen=True)
+class TrialsResult(Result, Sequence[Outcome]):
+    """One mission on many plants: a sequence of `Outcome`.
 
-    def column(name: str) -> np.ndarray:
-        values = np.abs(np.array([getattr(verdict, name) for verdict in judged], dtype=float))
-        values = values[~np.isnan(values)]  # a mission that was dropped early has no hold
-        return values if values.size else np.array([np.nan])
+    Attributes
+    ----------
+    scene : MissionScene
+    outcomes : tuple of Outcome
+        In the order of ``variations``.
+    status : {"finished", "interrupted"}
+    """
 
-    return Summary(
-        plants=len(outcomes),
-        held=sum(verdict.held for verdict in judged),
-        succeeded=sum(outcome.succeeded for outcome in outcomes),
-        force_error_median=float(np.median(column("force_error"))),
-        force_error_worst=float(column("force_error").max()),
-        estimate_error_worst=float(column("force_estimate_error").max()),
-        sunk_worst=float(column("sunk").max()),
-        moved_worst=float(column("moved").max()),
-        slip_margin_least=float(column("slip_margin").min()),
-        fallbacks=sum(verdict.fallbacks for verdict in judged),
-        failed=tuple(k for k, outcome in enumerate(outcomes) if not outcome.succeeded),
+    kind: ClassVar[str] = "mpc"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("stiffness", "(plant,)", "1", "bending stiffness per that of the controller's finger"),
+        Stored("damping", "(plant,)", "1", "damping per that of the controller's finger"),
+        Stored("mass", "(plant,)", "1", "mass of the object per that of the mission"),
+        Stored("friction", "(plant,)", "1", "friction of the object per that of the mission"),
+        Stored("shift_x", "(plant,)", "m", "how far the object stands from where it should, world x"),
+        Stored("shift_y", "(plant,)", "m", "the same, world y"),
+        Stored("succeeded", "(plant,)", "1", "whether the object was held and let go"),
+        Stored("held", "(plant,)", "1", "whether the object was never dropped"),
+        Stored("released", "(plant,)", "1", "whether nothing of the finger touched it in the end"),
+        Stored("sunk", "(plant,)", "m", "greatest height that it lost between lift and lowering"),
+        Stored("moved", "(plant,)", "m", "greatest distance that it moved in the plane while it was held"),
+        Stored("force_error", "(plant,)", "1", "greatest error of the held contact force, per setpoint"),
+        Stored("force_mean_error", "(plant,)", "1", "error of its mean, per setpoint"),
+        Stored("force_estimate_error", "(plant,)", "1", "error of the mean of its estimate, per setpoint"),
+        Stored("slip_margin", "(plant,)", "1", "least share of the friction cone that was left while nothing pulled"),
+        Stored("pulled_margin", "(plant,)", "1", "the same while something pulled"),
+        Stored("fallbacks", "(plant,)", "1", "commands that were not of a new plan"),
+        Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("plant", "plants, in the order of the draws"),)
+    texts: ClassVar[tuple[File, ...]] = (File("trials.csv", "mission.trials:trials_csv"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("trials", "plotting.mission:plot_trials", panels=True),)
+
+    scene: MissionScene
+    outcomes: tuple[Outcome, ...]
+    status: str = "finished"
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.outcomes[index]
+
+    @property
+    def outcome(self) -> str:
+        """How many plants succeeded."""
+        return f"{sum(one.succeeded for one in self.outcomes)} of {len(self)} plants held and released the object"
+
+    def stored_arrays(self) -> dict[str, Any]:
+        """Of every plant what differs and the verdict; NaN, and false, where there is none."""
+        rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
+        columns = {one.name: [row.get(one.name) for row in rows] for one in self.stored}
+        flags = ("succeeded", "held", "released")
+        return {
+            name: np.array(values, dtype=str if name == "error" else bool if name in flags else float)
+            for name, values in columns.items()
+        }
+
+    @cached_property
+    def summary(self) -> Summary:
+        """All plants in numbers; of those that have a verdict."""
+        judged = [one.verdict for one in self.outcomes if one.verdict is not None]
+
+        def column(name: str) -> np.ndarray:
+            values = np.abs(np.array([getattr(verdict, name) for verdict in judged], dtype=float))
+            values = values[~np.isnan(values)]  # a mission that was dropped early has no hold
+            return values if values.size else np.array([np.nan])
+
+        return Summary(
+            plants=len(self),
+            held=sum(verdict.held for verdict in judged),
+            succeeded=sum(one.succeeded for one in self.outcomes),
+            force_error_median=float(np.median(column("force_error"))),
+            force_error_worst=float(column("force_error").max()),
+            estimate_error_worst=float(column("force_estimate_error").max()),
+            sunk_worst=float(column("sunk").max()),
+            moved_worst=float(column("moved").max()),
+            slip_margin_least=float(column("slip_margin").min()),
+            fallbacks=sum(verdict.fallbacks for verdict in judged),
+            failed=tuple(k for k, one in enumerate(self.outcomes) if not one.succeeded),
+        )
+
+    def pairs(self) -> dict[str, str]:
+        """The summary."""
+        return self.summary.pairs()
+
+    def details(self) -> dict[str, Any]:
+        """The summary, and the seed of the draws."""
+        return {"seed": self.scene.trials.seed, "summary": asdict(self.summary)}
 
 
-def save_trials(outcomes: Sequence[Outcome], folder: str | Path) -> Path:
-    """Write ``trials.csv`` into a folder, one line per plant; returns the file."""
-    from continuum_grasp.results import begin_run, write_text
+def _row(outcome: Outcome) -> dict[str, Any]:
+    """Plant and verdict by name."""
+    own = asdict(outcome.variation)
+    x, y = own.pop("shift")
+    judged = asdict(outcome.verdict) if outcome.verdict is not None else {}
+    return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
 
-    rows: list[dict[str, object]] = []
-    for outcome in outcomes:
-        own = asdict(outcome.variation)
-        x, y = own.pop("shift")
-        judged = asdict(outcome.verdict) if outcome.verdict is not None else {}
-        row = {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
-        rows.append({name: f"{value:.9g}" if isinstance(value, float) else value for name, value in row.items()})
-    columns = list(dict.fromkeys(name for row in rows for name in row))
+
+def trials_csv(result: TrialsResult) -> str:
+    """All plants as CSV, one line each."""
+    rows = [
+        {name: f"{value:.9g}" if isinstance(value, float) else value for name, value in _row(one).items()}
+        for one in result
+    ]
     text = StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    return write_text(text.getvalue(), begin_run(folder, "mpc") / "trials.csv")
+    return text.getvalue()

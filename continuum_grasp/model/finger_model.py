@@ -147,6 +147,10 @@ class FingerModel(Functions):
         self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
         self._equations = Equations(made)
 
+    def headline(self) -> str:
+        """Its elements."""
+        return f"of {len(self.lengths)} x {self.family}, {self.finger.rod.length:g} m long"
+
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
     inverse_dynamics = named(
         "q qd qdd u w p", Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force)

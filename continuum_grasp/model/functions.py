@@ -11,6 +11,7 @@ import casadi as ca
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.summary import Summarized
 
 Output = ca.SX | Vec | Scalar | list[Scalar]
 
@@ -45,10 +46,20 @@ def named(inputs: str, **outputs: Callable[[Any], Output]) -> cached_property[ca
     return found
 
 
-class Functions(Remade):
+class Functions(Remade, Summarized):
     """What a finger alone and a finger with an object have in common: functions with named inputs and outputs."""
 
     _equations: Equations
+
+    x_names: list[str]
+    u_names: list[str]
+    w_names: list[str]
+    p_names: list[str]
+
+    def pairs(self) -> dict[str, str]:
+        """Names of states, inputs, forces and parameters."""
+        named = {"x": self.x_names, "u": self.u_names, "w": self.w_names, "p": self.p_names}
+        return {key: f"{len(names)}: {', '.join(names)}" for key, names in named.items() if names}
 
     def _function(self, name: str, inputs: str, **outputs: Output) -> ca.Function:
         """A function of space-separated inputs, which are symbols of the equations."""

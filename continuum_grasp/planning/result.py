@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.motion import parameters_over_time
-from continuum_grasp.results.result import File, MotionResult, Stored
+from continuum_grasp.results.declared import TIME, XY, Dimension, Picture, Stored
+from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -23,8 +24,13 @@ Array = NDArray[np.float64]
 
 _ACTIVE = 1e-6
 """Multiplier above which a bound counts as active, in the units of `Constraint.multipliers`."""
-_PARTS = ("values", "lower", "upper", "multipliers")
-"""Arrays of a constraint."""
+_PARTS = {
+    "values": "what is bounded",
+    "lower": "its lower bound",
+    "upper": "its upper bound",
+    "multipliers": "by how much the objective falls per amount by which the bound is moved outwards",
+}
+"""Arrays of a constraint, and what they are."""
 
 
 class PlanStatus(StrEnum):
@@ -132,16 +138,41 @@ class Plan(MotionResult):
 
     kind: ClassVar[str] = "plan"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("t", "(T,)", "s", "instants of the nodes"),
-        Stored("x", "(T, nx)", "", "states"),
-        Stored("u", "(T, nu)", "", "inputs"),
-        Stored("tip", "(T, 2)", "m", "world position of the tip"),
+        Stored("t", "(time,)", "s", "instants of the nodes"),
+        Stored("x", "(time, state)", "", "states"),
+        Stored("u", "(time, input)", "", "inputs"),
+        Stored("tip", "(time, xy)", "m", "world position of the tip"),
+        *(
+            Stored(f"constraint {{constraint}} {part}", "({constraint} place, {constraint} entry)", "", meaning)
+            for part, meaning in _PARTS.items()
+        ),
+        Stored("solver w", "(unknown,)", "1", "scaled unknowns of the NLP, for a warm start", "solver_state.w"),
+        Stored("solver bounds", "(unknown,)", "1", "multipliers of their bounds", "solver_state.bounds"),
+        Stored(
+            "solver constraints",
+            "(condition,)",
+            "1",
+            "multipliers of its constraints",
+            "solver_state.constraints",
+        ),
+        Stored("solver units", "(scaled,)", "", "units in which the unknowns are scaled", "solver_state.units"),
     )
-    pictures: ClassVar[tuple[File, ...]] = (
-        File("path.png", "plotting.control:plot_plan_path"),
-        File("inputs.png", "plotting.control:plot_plan_inputs"),
-        File("coordinates.png", "plotting.motion:plot_coordinates"),
-        File("contact_forces.png", "plotting.motion:plot_contact_forces", needs="contacts"),
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        TIME,
+        Dimension("state", "states of the model", "x_names"),
+        Dimension("input", "tendon tensions or tip moment", "u_names"),
+        XY,
+        Dimension("{constraint} place", "nodes or intervals at which it holds"),
+        Dimension("{constraint} entry", "its entries, in its unit (``constraints`` of ``meta.json``)"),
+        Dimension("unknown", "unknowns of the NLP"),
+        Dimension("condition", "constraints of the NLP"),
+        Dimension("scaled", "kinds of unknowns"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("path", "plotting.control:plot_plan_path"),
+        Picture("inputs", "plotting.control:plot_plan_inputs"),
+        Picture("coordinates", "plotting.motion:plot_coordinates"),
+        Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion:motion_frames"
 
@@ -163,10 +194,37 @@ class Plan(MotionResult):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     solver_state: Mapping[str, Array] = field(default_factory=dict)
 
-    def __repr__(self) -> str:
-        return (
-            f"Plan({self.status}: {self.duration:.4g} s, {len(self.t) - 1} intervals, objective {self.objective:.6g})"
-        )
+    def words(self) -> dict[str, list[str]]:
+        """Names of the constraints."""
+        return {"constraint": list(self.constraints)}
+
+    @property
+    def objective_unit(self) -> str:
+        """Unit of the objective; empty for tracking, which sums terms of several units."""
+        squared = "(N m)2" if len(self.u_names) == 1 else "N2"
+        units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
+        return units.get(self.scene.objective, "")
+
+    @property
+    def active_constraints(self) -> list[str]:
+        """Names of the constraints that hold the plan back somewhere."""
+        return [c.name for c in self.constraints.values() if c.active and not c.name.startswith("motion")]
+
+    def pairs(self) -> dict[str, str]:
+        """Objective, duration, where the tip ends, active constraints, effort, and how it fares in a simulation."""
+        x, y = self.tip[-1]
+        rows = {
+            "objective": f"{self.objective:.6g} {self.objective_unit} ({self.scene.objective})",
+            "duration": f"{self.duration:.6g} s in {len(self.t) - 1} intervals",
+            "tip at the end": f"({x:.4f}, {y:.4f}) m",
+            "active constraints": ", ".join(self.active_constraints) or "nothing",
+            "solver": f"{self.iterations} iterations; {self.times.get('total', 0.0):.2f} s in all",
+        }
+        for name, check in (("fine simulation", self.deviation), ("finer model", self.finer)):
+            if check is not None:
+                text = f"tip up to {1e3 * check.tip:.3g} mm off the plan, {1e3 * check.final_tip:.3g} mm at the end"
+                rows[name] = f"{text} ({check.model})"
+        return rows
 
     @property
     def solved(self) -> bool:
@@ -280,10 +338,9 @@ class Plan(MotionResult):
     # -- files --------------------------------------------------------------------------------------------------------
 
     def stored_arrays(self) -> dict[str, Any]:
-        """Those declared, and of each constraint and of the solver's state what they have."""
+        """Those declared, and what each constraint has."""
         parts = {f"constraint {n} {part}": getattr(c, part) for n, c in self.constraints.items() for part in _PARTS}
-        state = {f"solver {name}": value for name, value in self.solver_state.items()}
-        return {**super().stored_arrays(), **parts, **state}
+        return {**super().stored_arrays(), **parts}
 
     def details(self) -> dict[str, Any]:
         """How the search ended, and what the plan does in a fine simulation."""

@@ -17,6 +17,7 @@ from continuum_grasp.plotting.motion import (
     plot_coordinates,
     plot_energy,
     plot_modes,
+    plot_shape,
     plot_snapshots,
     plot_tip_path,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "plot_map",
     "plot_modes",
     "plot_resistance",
+    "plot_shape",
     "plot_snapshots",
     "plot_tip_path",
 ]

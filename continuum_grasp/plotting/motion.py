@@ -21,8 +21,11 @@ if TYPE_CHECKING:
 
     from continuum_grasp.planning.result import Plan
     from continuum_grasp.simulation.modes import Modes
+    from continuum_grasp.simulation.static_shape import Equilibrium
     from continuum_grasp.simulation.trajectory import Trajectory
 
+_FORCE = 0.25
+"""Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 
 
@@ -128,11 +131,41 @@ def _forces_and_box(
     """Forces at each of some instants, their drawn length per force, and limits that hold all arrows and shapes."""
     forces = [[one for one in motion.loads_at(int(k)) if np.hypot(*one[1]) > 0] for k in indices]
     everything = list(chain(*forces))
-    # a quarter of the finger: long enough to see the direction, without dwarfing the finger
-    scale = force_scale(everything, 0.25 * motion.length)
+    scale = force_scale(everything, _FORCE * motion.length)
     ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in everything]
     box = axes.bend_box([*points, *ends, *chain(*outlines)], 0.09 * motion.length)
     return forces, scale, box
+
+
+def plot_shape(found: Equilibrium, *, ax: Axes | None = None) -> Axes:
+    """Draw a finger at rest, with clamp, point masses and forces to scale.
+
+    Parameters
+    ----------
+    found : Equilibrium
+        Its ``backbone`` and ``forces`` are drawn, and the point masses of its finger.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> plotting.plot_shape(cg.equilibrium("configs/simulate/hanging.yaml")).get_ylabel()
+    'y [m]'
+    """
+    finger = found.model.finger
+    shape, masses, forces = found.backbone(60), bodies.masses_of(finger), found.forces
+    scale = force_scale(forces, _FORCE * finger.rod.length)
+    ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in forces]
+    ax = axes.plane_axes(ax, axes.bend_box([shape, *ends], 0.09 * finger.rod.length), colorbar=False)
+    ax.plot(*shape.T, color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
+    bodies.draw_clamp(ax, shape, finger.rod.length)
+    if masses:
+        ax.plot(*bodies.mass_positions(shape, masses, finger.rod.length).T, "o", color=INK, markersize=6, zorder=Z.MASS)
+    draw_forces(ax, forces, scale)
+    explain(ax, masses, forces, found.name)
+    return ax
 
 
 def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:

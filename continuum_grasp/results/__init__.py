@@ -1,7 +1,8 @@
 """Results: what a run computed and how, declared once, written whole or not at all.
 
-A result class is a `Result` that declares its arrays (`Stored`), its texts and its pictures (`File`); saving, reading,
-drawing and animating are written here for all of them. Nothing here draws: `continuum_grasp.plotting` does.
+A result class is a `Result` that declares its arrays (`Stored`), its texts (`File`) and its pictures (`Picture`);
+saving, reading, drawing, animating and conversion to tables are written here for all of them. Nothing here draws:
+`continuum_grasp.plotting` does.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ if TYPE_CHECKING:
     from continuum_grasp.results.animation import save_picture as save_picture
     from continuum_grasp.results.atomic import replacing as replacing
     from continuum_grasp.results.atomic import write_text as write_text
+    from continuum_grasp.results.declared import Dimension as Dimension
+    from continuum_grasp.results.declared import File as File
+    from continuum_grasp.results.declared import Picture as Picture
+    from continuum_grasp.results.declared import Stored as Stored
+    from continuum_grasp.results.motion import MotionResult as MotionResult
     from continuum_grasp.results.record import begin_run as begin_run
     from continuum_grasp.results.record import kind_of_run as kind_of_run
     from continuum_grasp.results.record import note_part as note_part
-    from continuum_grasp.results.result import File as File
-    from continuum_grasp.results.result import MotionResult as MotionResult
     from continuum_grasp.results.result import Result as Result
-    from continuum_grasp.results.result import Stored as Stored
     from continuum_grasp.results.run_folder import Run as Run
     from continuum_grasp.results.run_folder import pack_run as pack_run
     from continuum_grasp.results.run_folder import read_run as read_run

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -137,6 +140,8 @@ def _write_mp4(path: Path, pictures: Iterator[NDArray[Any]], fps: float, ffmpeg:
 
 _DPI = 150.0
 """Pixels per inch: text of 9 points is read without zooming on a page and on a screen."""
+_SHOWN = 100.0
+"""Pixels of a browser per inch of a picture in a notebook: text of 9 points is as high as the notebook's own."""
 
 
 def save_picture(drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dpi: float = _DPI) -> Path:
@@ -165,9 +170,21 @@ def save_picture(drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dp
     >>> save_picture(ax, mkdtemp() + "/forces.svg").name
     'forces.svg'
     """
-    first: Any = drawn[0] if isinstance(drawn, (list, tuple)) else drawn
-    figure = first if hasattr(first, "savefig") else first.figure
     target = Path(path)
     with replacing(target) as temporary:
-        figure.savefig(temporary, format=target.suffix[1:] or "png", dpi=dpi)
+        _figure_of(drawn).savefig(temporary, format=target.suffix[1:] or "png", dpi=dpi)
     return target
+
+
+def inline_picture(drawn: Any, described: str) -> str:
+    """What a plot returned as an HTML element with its data in it, described for who cannot see it."""
+    figure, buffer = _figure_of(drawn), io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_DPI)
+    data = base64.b64encode(buffer.getvalue()).decode("ascii")
+    wide = round(_SHOWN * float(figure.get_figwidth()))
+    return f'<img alt="{escape(described)}" style="width:{wide}px;max-width:100%" src="data:image/png;base64,{data}">'
+
+
+def _figure_of(drawn: Any) -> Any:
+    first: Any = drawn[0] if isinstance(drawn, (list, tuple)) else drawn
+    return first if hasattr(first, "savefig") else first.figure

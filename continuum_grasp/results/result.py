@@ -2,91 +2,43 @@
 
 from __future__ import annotations
 
+import inspect
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from pathlib import Path
-from pkgutil import resolve_name
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import write_text
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.run_folder import Run, read_run, write_run
+from continuum_grasp.summary import Summarized, clipped, quoted
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 
-@dataclass(frozen=True)
-class Stored:
-    """An array of ``result.npz``.
-
-    Attributes
-    ----------
-    name : str
-    shape : str
-        In letters that mean the same number in all arrays of a result, as ``"(T, nx)"``.
-    unit : str
-        SI unit; ``""`` where columns differ, and then their names carry it, ``"text"`` for words.
-    meaning : str
-    source : str
-        The attribute of the result that it is, ``name`` where not given; dots lead into attributes. An array whose
-        source is None is not stored.
-
-    The docstring of a result lists its stored arrays.
-    """
-
-    name: str
-    shape: str
-    unit: str
-    meaning: str
-    source: str = ""
-
-    def __str__(self) -> str:
-        unit = f" [{self.unit}]" if self.unit not in ("", "text") else ""
-        return f"{self.meaning[:1].upper()}{self.meaning[1:]}{unit}."
-
-    def of(self, result: Result) -> Any:
-        """The array of a result; None where it has none."""
-        found: Any = result
-        for part in (self.source or self.name).split("."):
-            found = None if found is None else getattr(found, part)
-        return np.array(found, dtype=str) if self.unit == "text" and found is not None else found
-
-
-@dataclass(frozen=True)
-class File:
-    """A text or picture that is made of a result.
-
-    Attributes
-    ----------
-    name : str
-        In the run folder; the suffix of a picture is its format.
-    maker : str
-        ``"module:function"`` below ``continuum_grasp``, which is given the result and returns a text, or axes or a
-        figure. It is a name because results lie below what draws and describes them, and matplotlib is loaded late.
-    needs : str
-        An attribute of the result; where it is None or empty the file is not written.
-    """
-
-    name: str
-    maker: str
-    needs: str = ""
-
-
-class Result:
+class Result(Summarized):
     """A result: a frozen dataclass that says which of its attributes are stored, and what is written and drawn of it.
 
-    Subclasses have ``scene``, ``status``, ``warnings`` and ``statistics``, as fields or properties.
+    Subclasses have ``scene``, ``status``, ``warnings`` and ``statistics``, as fields or properties. ``repr`` and what a
+    notebook shows are short: `headline`, `pairs`, and in a notebook the first picture.
 
     Attributes
     ----------
     kind : str
         The command that computes such results, as recorded in the run folder.
     stored : tuple of Stored
+    dimensions : tuple of Dimension
+        What stored arrays extend along.
     texts : tuple of File
         Written by `save`, beside ``result.npz`` and ``meta.json``.
-    pictures : tuple of File
-        Written by `plot`.
+    pictures : tuple of Picture
+        Drawn by `plot`, the first where none is named, and written by `save_pictures`.
+    pages : tuple of File
+        Texts with pictures in them, written by `save_pictures`.
 
     Examples
     --------
@@ -109,8 +61,10 @@ class Result:
 
     kind: ClassVar[str]
     stored: ClassVar[tuple[Stored, ...]] = ()
+    dimensions: ClassVar[tuple[Dimension, ...]] = ()
     texts: ClassVar[tuple[File, ...]] = ()
-    pictures: ClassVar[tuple[File, ...]] = ()
+    pictures: ClassVar[tuple[Picture, ...]] = ()
+    pages: ClassVar[tuple[File, ...]] = ()
 
     scene: Any
     status: Any
@@ -128,12 +82,29 @@ class Result:
     @property
     def name(self) -> str | None:
         """Name of the scene."""
-        found: str | None = self.scene.name
+        found: str | None = None if self.scene is None else self.scene.name
         return found
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in a word or two."""
+        return str(self.status)
+
+    def headline(self) -> str:
+        """Name, and how it ended."""
+        return quoted(self.name, self.outcome)
+
+    def words(self) -> Mapping[str, Iterable[str]]:
+        """Names that stand for the words in braces in the names of stored arrays."""
+        return {}
+
+    def declared(self) -> list[Stored]:
+        """The stored arrays, with names in place of `words`."""
+        return [each for one in self.stored for each in one.each(self.words())]
 
     def stored_arrays(self) -> dict[str, Any]:
         """The arrays by the names that they are stored under."""
-        found = {one.name: one.of(self) for one in self.stored}
+        found = {one.name: one.of(self) for one in self.stored if "{" not in one.name}
         return {name: value for name, value in found.items() if value is not None}
 
     def meta(self, **options: Any) -> dict[str, Any]:
@@ -186,8 +157,61 @@ class Result:
             part.save(target / name)
         return target
 
-    def plot(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Draw the pictures into a folder, which is made where missing; files of the same names are replaced.
+    def drawable(self) -> Sequence[Picture]:
+        """The pictures that there are of this result, the main one first."""
+        return [one for one in self.pictures if not one.needs or _is_there(getattr(self, one.needs))]
+
+    def plot(self, picture: str | None = None, *, ax: Any = None, **options: Any) -> Any:
+        """Draw a picture; nothing is written, and a notebook shows what is returned.
+
+        Parameters
+        ----------
+        picture : str, optional
+            Its name, of `drawable`; the main one where not given.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; axes in a new figure, unknown to pyplot, where not given.
+        **options
+            What else the function that draws it takes, as ``times`` of `continuum_grasp.plotting.plot_snapshots`.
+
+        Returns
+        -------
+        matplotlib.axes.Axes or matplotlib.figure.Figure
+            The axes; the figure of a picture with panels.
+
+        Raises
+        ------
+        InputError
+            There is no such picture, it takes no such option, or it has panels and ``ax`` is given.
+        """
+        drawable = {one.name: one for one in self.drawable()}
+        known = ", ".join(drawable) or "none: there is nothing to draw"
+        if not drawable or (picture is not None and picture not in drawable):
+            raise InputError(f"no such picture of this result: {picture!r}; there are {known}", key="picture")
+        chosen = drawable[picture] if picture is not None else next(iter(drawable.values()))
+        if ax is not None:
+            if chosen.panels:
+                raise InputError(
+                    f"{chosen.name} has panels in a figure of its own: leave ax out, and take the figure's axes",
+                    key="ax",
+                )
+            if not hasattr(ax, "get_xlim"):
+                raise InputError(f"expected matplotlib axes, got {type(ax).__name__}", key="ax")
+            options["ax"] = ax
+        return self._drawn(chosen, options)
+
+    def _drawn(self, picture: Picture, options: Mapping[str, Any]) -> Any:
+        maker = maker_of(picture.maker)
+        taken = [name for name, one in inspect.signature(maker).parameters.items() if one.kind is one.KEYWORD_ONLY]
+        for name in options.keys() - set(taken):
+            known = ", ".join(option for option in taken if option != "ax") or "none"
+            raise InputError(f"no such option of {picture.name}; it takes {known}", key=name)
+        drawn = maker(self, **{**picture.options, **options})
+        return drawn[0].figure if picture.panels else drawn
+
+    def save_pictures(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Draw all pictures into a folder, which is made where missing; files of the same names are replaced.
+
+        Where the folder is that of a run, save the result first: that removes the pictures of the run before.
 
         Returns
         -------
@@ -199,19 +223,69 @@ class Result:
         OSError
             A file cannot be written.
         """
-        return self._write(self.pictures, Path(folder))
-
-    def _write(self, files: tuple[File, ...], folder: Path, **options: Any) -> list[Path]:
         from continuum_grasp.results.animation import save_picture
 
-        written = []
-        for file in files:
-            if file.needs and not _is_there(getattr(self, file.needs)):
-                continue
-            made = maker_of(file.maker)(self, **options)
-            write = write_text if isinstance(made, str) else save_picture
-            written.append(write(made, folder / file.name))
-        return written
+        target = Path(folder)
+        files = [save_picture(self._drawn(one, {}), target / f"{one.name}.png") for one in self.drawable()]
+        return files + self._write(self.pages, target)
+
+    def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:
+        return [write_text(maker_of(file.maker)(self, **options), folder / file.name) for file in files]
+
+    def _shown_pairs(self) -> Mapping[str, str]:
+        count = len(self.warnings)
+        more = f" (and {count - 1} more)" if count > 1 else ""
+        return {**self.pairs(), **({f"warning{more}": self.warnings[0]} if count else {})}
+
+    def _picture_html(self) -> str:
+        """The main picture inline; why there is none where it cannot be drawn: the numbers are shown all the same."""
+        from continuum_grasp.results.animation import inline_picture
+
+        if not self.drawable():
+            return ""
+        try:
+            return inline_picture(self.plot(), self.drawable()[0].name)
+        except Exception as error:
+            return f"<p>{escape(clipped(f'no picture: {type(error).__name__}: {error}'))}</p>"
+
+    def to_pandas(self, dimension: str | None = None) -> pandas.DataFrame:
+        """The stored arrays along one dimension, one row for each place on it.
+
+        Parameters
+        ----------
+        dimension : str, optional
+            Name of a dimension; the first one of the first array where not given.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A column per array; of an array with several dimensions one per entry, ``name.entry``. The index are the
+            dimension's labels, instants [s] for one. ``attrs`` has ``units`` and ``descriptions`` by column.
+
+        Raises
+        ------
+        InputError
+            There is no such dimension, or pandas is not installed.
+        """
+        from continuum_grasp.results.tables import to_pandas
+
+        return to_pandas(self, dimension)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The stored arrays with named dimensions, labels as coordinates, ``units`` and ``long_name`` as attributes.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        InputError
+            xarray is not installed.
+        """
+        from continuum_grasp.results.tables import to_xarray
+
+        return to_xarray(self)
 
     @classmethod
     def read(cls, folder: str | os.PathLike[str]) -> Run:
@@ -228,71 +302,6 @@ class Result:
                 f"expected the folder of a run of {cls.kind}, got that of {run.meta.get('kind')}", file=str(folder)
             )
         return run
-
-
-class MotionResult(Result):
-    """A result that moves, over instants ``t``.
-
-    Attributes
-    ----------
-    frames : str
-        What draws its animation, as `File.maker`: given the result, the indices of the instants and the width [pixels],
-        it yields frames.
-    fps : float
-        Frames per second where none are asked for.
-    """
-
-    frames: ClassVar[str]
-    fps: ClassVar[float] = 30.0
-
-    t: Any
-
-    @property
-    def length(self) -> float:
-        """Length of the finger [m]."""
-        found: float = self.scene.finger.rod.length
-        return found
-
-    def animate(
-        self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640
-    ) -> Path:
-        """Write an animation.
-
-        Parameters
-        ----------
-        path : path-like
-            ``.gif``, written by Pillow, or ``.mp4``, written by ffmpeg where that is found. It is replaced whole.
-        fps : float, optional
-            Frames per second of the animation. A GIF counts time in hundredths of a second: above 50 it is refused,
-            below that single frames last up to 10 ms more or less, never the whole.
-        speed : float
-            Seconds of motion per second of animation; 0.1 is ten times slowed down.
-        width : int
-            Width of the frames [pixels], from 160 on.
-
-        Returns
-        -------
-        pathlib.Path
-            ``path``.
-
-        Raises
-        ------
-        InputError
-            Another suffix, a number out of range, or MP4 without ffmpeg.
-        SolverError
-            ffmpeg failed.
-        """
-        from continuum_grasp.results.animation import write_animation
-
-        def draw(indices: Any) -> Any:
-            return maker_of(self.frames)(self, indices, width)
-
-        return write_animation(path, self.t, draw, self.fps if fps is None else fps, speed=speed, width=width)
-
-
-def maker_of(name: str) -> Any:
-    """The function of a ``"module:function"`` below the package."""
-    return resolve_name(f"continuum_grasp.{name}")
 
 
 def _is_there(value: Any) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
@@ -16,6 +16,10 @@ from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
+from continuum_grasp.summary import table
+
+_SHORT = 200
+"""Characters up to which a value is shown as it is written [1]: two lines of a terminal."""
 
 
 class Value(BaseModel):
@@ -86,6 +90,22 @@ class Value(BaseModel):
             document.write_out(path, self)
         return validated(changed(document, given, Path(name)), type(self))
 
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        """Fields that differ from their defaults: what a user would write."""
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if value != field.get_default(call_default_factory=True, validated_data={}):
+                yield name, value
+
+    def __repr__(self) -> str:
+        """As it is written in Python where that is short; else field by field, each in one line."""
+        text = _written(self)
+        if len(text) <= _SHORT:
+            return text
+        return table(type(self).__name__, {str(name): _written(value) for name, value in self.__repr_args__()})
+
+    __str__ = __repr__
+
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
         return type(self)(**{**dict(self), **fields})
@@ -109,6 +129,13 @@ class Value(BaseModel):
     def __hash__(self) -> int:
         fields = (getattr(self, name) for name in type(self).model_fields)
         return hash((type(self), *(frozenset(v.items()) if isinstance(v, dict) else v for v in fields)))
+
+
+def _written(value: Any) -> str:
+    """A value as it is written in Python."""
+    if not isinstance(value, Value):
+        return repr(value)
+    return f"{type(value).__name__}({', '.join(f'{name}={_written(one)}' for name, one in value.__repr_args__())})"
 
 
 # Wide enough for any finger in SI units: a value beyond is in another unit, or mistyped.

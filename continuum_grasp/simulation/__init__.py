@@ -3,7 +3,8 @@
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import Modes, modes
 from continuum_grasp.simulation.simulate import simulate
-from continuum_grasp.simulation.statics import Equilibrium, equilibrium, equilibrium_path, equilibrium_under
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium, equilibrium_path, equilibrium_under
 from continuum_grasp.simulation.trajectory import Trajectory
 
 __all__ = [

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest
-from continuum_grasp.results.result import Stored
+from continuum_grasp.results.declared import Dimension, Stored
 from continuum_grasp.scene.objects import GraspObject
 
 Array = NDArray[np.float64]
@@ -69,15 +69,18 @@ _FRICTION = "friction in the plane, on what touches the object, along its normal
 STORED = tuple(
     Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")
     for name, shape, unit, meaning in (
-        ("gap", "(T, C)", "m", "distance of the surfaces, negative where they are pressed together"),
-        ("normal_force", "(T, C)", "N", "normal force"),
-        ("friction", "(T, C)", "N", _FRICTION),
-        ("lift", "(T, C)", "N", "friction out of the plane, on the object"),
-        ("force", "(T, 2, C)", "N", "world force on the object in the plane"),
-        ("point", "(T, 2, C)", "m", "where it acts, world"),
+        ("gap", "(time, contact)", "m", "distance of the surfaces, negative where they are pressed together"),
+        ("normal_force", "(time, contact)", "N", "normal force"),
+        ("friction", "(time, contact)", "N", _FRICTION),
+        ("lift", "(time, contact)", "N", "friction out of the plane, on the object"),
+        ("force", "(time, xy, contact)", "N", "world force on the object in the plane"),
+        ("point", "(time, xy, contact)", "m", "where it acts, world"),
     )
 )
 """How results with ``contacts`` store them."""
+CONTACT = Dimension(
+    "contact", "contacts of the object: finger.1 and so on, finger.tip, then the supports", "contacts.names"
+)
 
 
 def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.results.result import File, Result, Stored
+from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
+from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
-from continuum_grasp.simulation.statics import Equilibrium, equilibrium
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium
 
 Array = NDArray[np.float64]
 
@@ -33,12 +35,17 @@ class Modes(Result):
 
     kind: ClassVar[str] = "modes"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("frequencies_hz", "(m,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
-        Stored("damping_ratios", "(m,)", "1", "modal damping ratios; NaN where the frequency is zero"),
-        Stored("backbone", "(points, 2)", "m", "equilibrium shape, world"),
-        Stored("shapes", "(m, points, 2)", "1", "displacements of the backbone, each of greatest length one"),
+        Stored("frequencies_hz", "(mode,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
+        Stored("damping_ratios", "(mode,)", "1", "modal damping ratios; NaN where the frequency is zero"),
+        Stored("backbone", "(place, xy)", "m", "equilibrium shape, world"),
+        Stored("shapes", "(mode, place, xy)", "1", "displacements of the backbone, each of greatest length one"),
     )
-    pictures: ClassVar[tuple[File, ...]] = (File("modes.png", "plotting.motion:plot_modes"),)
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("mode", "modes, from the lowest frequency"),
+        Dimension("place", "places along the finger, evenly spaced from base to tip"),
+        XY,
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("modes", "plotting.motion:plot_modes", panels=True),)
 
     frequencies_hz: Array
     damping_ratios: Array
@@ -63,6 +70,18 @@ class Modes(Result):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of the equilibrium."""
         return self.equilibrium.warnings
+
+    def pairs(self) -> dict[str, str]:
+        """The lowest frequencies and their damping ratios."""
+
+        def row(values: Array) -> str:
+            return " ".join(f"{value:.4g}" for value in values[:6]) + (" ..." if len(values) > 6 else "")
+
+        return {
+            "frequencies": f"{row(self.frequencies_hz)} Hz",
+            "damping ratios": row(self.damping_ratios),
+            "about a tip at": "({:.4f}, {:.4f}) m".format(*self.backbone[-1]),
+        }
 
 
 def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:

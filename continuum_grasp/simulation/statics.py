@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
+from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.trajectory import LOST, limit_warnings
 
 Array = NDArray[np.float64]
@@ -33,49 +34,6 @@ _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
 second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
 clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
 number."""
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """A shape at rest.
-
-    Attributes
-    ----------
-    q : (n,) ndarray
-        Bending coordinates.
-    u, w, p : ndarray
-        Input, forces and parameters that it is an equilibrium of.
-    stable : bool
-        Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearized
-        motion has a positive real part (following loads, tendon friction).
-    margin : float
-        Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
-    residual : float
-        Largest missing generalized force, relative to the largest of those that balance.
-    warnings : tuple of str
-        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
-    """
-
-    q: Array
-    u: Array
-    w: Array
-    p: Array
-    stable: bool
-    margin: float
-    residual: float
-    iterations: int
-    model: FingerModel
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def tip(self) -> Array:
-        """World position of the tip [m]."""
-        return np.array(self.model.tip(self.q, self.u, self.p)).ravel()
-
-    def backbone(self, points: int = 50) -> Array:
-        """World positions (points, 2) along the backbone [m]."""
-        s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]
-        return np.array(Core(self.model, compiled=False).batch("position", self.q, self.u, s, self.p))
 
 
 class Search:
@@ -235,7 +193,8 @@ def equilibrium(
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
     signals = Signals(scene, model)
-    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess, stable=stable, side=side)
+    u, w = signals.u(0.0)[0], signals.w(0.0)[0]
+    return replace(equilibrium_under(model, u, w, guess=guess, stable=stable, side=side), scene=scene)
 
 
 def equilibrium_under(

@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.results.result import File, MotionResult, Stored
+from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
+from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlaps
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
-from continuum_grasp.simulation.contacts import ContactForces, overlaps
 
 Array = NDArray[np.float64]
 
@@ -48,24 +49,36 @@ class Trajectory(MotionResult):
 
     kind: ClassVar[str] = "simulate"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("t", "(T,)", "s", "instants"),
-        Stored("x", "(T, nx)", "", "states"),
-        Stored("u", "(T, nu)", "", "inputs"),
-        Stored("w", "(T, nw)", "", "forces at contacts, tip and loads"),
-        Stored("tip", "(T, 2)", "m", "world position of the tip"),
-        Stored("kinetic", "(T,)", "J", "kinetic energy, with that of the object"),
-        Stored("potential", "(T,)", "J", "elastic energy and potential of the weight"),
+        Stored("t", "(time,)", "s", "instants"),
+        Stored("x", "(time, state)", "", "states"),
+        Stored("u", "(time, input)", "", "inputs"),
+        Stored("w", "(time, force_component)", "", "forces at contacts, tip and loads"),
+        Stored("tip", "(time, xy)", "m", "world position of the tip"),
+        Stored("kinetic", "(time,)", "J", "kinetic energy, with that of the object"),
+        Stored("potential", "(time,)", "J", "elastic energy and potential of the weight"),
         Stored(
-            "object_pose", "(T, nq)", "", "pose of the object: x, y [m], angle [rad], and height [m] if it slides out"
+            "object_pose",
+            "(time, pose)",
+            "",
+            "pose of the object: x, y [m], angle [rad], and height [m] if it slides out",
         ),
         *CONTACTS_STORED,
     )
-    pictures: ClassVar[tuple[File, ...]] = (
-        File("snapshots.png", "plotting.motion:plot_snapshots"),
-        File("tip_path.png", "plotting.motion:plot_tip_path"),
-        File("coordinates.png", "plotting.motion:plot_coordinates"),
-        File("energy.png", "plotting.motion:plot_energy"),
-        File("contact_forces.png", "plotting.motion:plot_contact_forces", needs="contacts"),
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        TIME,
+        Dimension("state", "bending coordinates, their rates, and what else moves", "x_names"),
+        Dimension("input", "tendon tensions or tip moment, and their rates where the model needs them", "u_names"),
+        Dimension("force_component", "forces and moments that act, in the world's axes", "w_names"),
+        XY,
+        POSE,
+        CONTACT,
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("snapshots", "plotting.motion:plot_snapshots"),
+        Picture("tip_path", "plotting.motion:plot_tip_path"),
+        Picture("coordinates", "plotting.motion:plot_coordinates"),
+        Picture("energy", "plotting.motion:plot_energy"),
+        Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion:motion_frames"
 
@@ -184,23 +197,21 @@ class Trajectory(MotionResult):
 
         Contacts of the finger with an object act on the finger, supports on the object.
         """
-        q, u, w = self.q[index], self.acting[index], self.w[index]
-        places = [(at, "contact", 2 * k, False) for k, at in enumerate(self.model.contacts)]
-        if self.model.structure.tip_force:
-            places.append((self.length, "tip", 2 * len(places), False))
-        for load, (_, start) in zip(self.model.loads, self.model.load_entries, strict=True):
-            if isinstance(load, ForceLoad):
-                places.append((load.at, "load", start, load.follows))
         found = [] if self.contacts is None else self.contacts.at(index)
-        own = []
-        for at, kind, start, follows in places:
-            force = w[start : start + 2]
-            if follows:  # across and along the section
-                angle = float(self.core.orientation(q, u, [at])[0])
-                c, s = np.cos(angle), np.sin(angle)
-                force = np.array([[c, -s], [s, c]]) @ force
-            own.append((np.asarray(self.core.position(q, u, [at])), force, kind))
-        return [(at, force, kind) for at, force, kind in own + found if np.any(force != 0.0)]
+        own = acting_forces(self.core, self.q[index], self.acting[index], self.w[index])
+        return own + [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
+
+    def pairs(self) -> dict[str, str]:
+        """Time, where the tip ends, error of the steps in time, energy."""
+        energy = (self.kinetic + self.potential)[[0, -1]]
+        (x, y), error = self.tip[-1], self.time_error
+        known = f"about {error:.2g} of the length, {1e3 * error * self.length:.2g} mm"
+        return {
+            "time": f"{self.t[-1]:g} s in {len(self.t) - 1} steps",
+            "tip at the end": f"({x:.4f}, {y:.4f}) m",
+            "time error": known if math.isfinite(error) else "not known",
+            "energy": f"{energy[0]:.6g} J at the start, {energy[1]:.6g} J at the end",
+        }
 
     def details(self) -> dict[str, Any]:
         """Error of the steps in time, and what the columns are."""
@@ -215,6 +226,26 @@ class Trajectory(MotionResult):
                 "contact_names": [] if self.contacts is None else list(self.contacts.names),
             },
         }
+
+
+def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = None) -> list[tuple[Array, Array, str]]:
+    """Forces on a finger at coordinates q (n,), acting inputs u and forces w; as ``Trajectory.loads_at``."""
+    model: FingerModel = core.model
+    places = [(at, "contact", 2 * k, False) for k, at in enumerate(model.contacts)]
+    if model.structure.tip_force:
+        places.append((model.finger.rod.length, "tip", 2 * len(places), False))
+    for load, (_, start) in zip(model.loads, model.load_entries, strict=True):
+        if isinstance(load, ForceLoad):
+            places.append((load.at, "load", start, load.follows))
+    found = []
+    for at, kind, start, follows in places:
+        force = w[start : start + 2]
+        if follows:  # across and along the section
+            angle = float(core.orientation(q, u, [at], p)[0])
+            c, s = np.cos(angle), np.sin(angle)
+            force = np.array([[c, -s], [s, c]]) @ force
+        found.append((np.asarray(core.position(q, u, [at], p)), force, kind))
+    return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
 
 
 def acting_input(model: FingerModel, x: Array, u: Array) -> Array:

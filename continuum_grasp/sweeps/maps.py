@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import choice
-from continuum_grasp.results.result import maker_of
+from continuum_grasp.results.declared import maker_of
+from continuum_grasp.sweeps.table import WORDS, SweepTable
 
 if TYPE_CHECKING:
-    from continuum_grasp.sweeps.table import SweepTable
+    from matplotlib.axes import Axes
 
-_WORDS = {
-    "tension_sum": "sum of all tensions",
-    "tension_max": "greatest tension",
-    "normal_force_max": "greatest normal force",
-    "friction_margin": "least friction margin",
-    "contacts": "number of contacts",
-    "iterations": "iterations of the solver",
-    "seconds": "time",
-}
 _REDUCE: dict[str, Callable[[NDArray[np.float64]], Any]] = {
     "median": np.median,
     "mean": np.mean,
@@ -190,19 +180,25 @@ def pareto(
     return np.array(found[::-1] if x_greatest else found, dtype=np.int64)
 
 
-def draw_pictures(table: SweepTable, pictures: Mapping[str, Sequence[Mapping[str, Any]]], folder: Path) -> list[Path]:
-    """Draw the ``maps`` and the ``pareto`` pictures that a configuration asks for into a folder."""
-    from continuum_grasp.results import save_picture
+def draw_map(table: SweepTable, *, x: str, y: str, color: str, reduce: str = "median", ax: Axes | None = None) -> Axes:
+    """Draw `map_of` some columns."""
+    drawn: Axes = maker_of("plotting.sweep:plot_map")(map_of(table, x, y, color, reduce), ax=ax)
+    return drawn
 
-    plot_map, plot_front = (maker_of(f"plotting.sweep:{name}") for name in ("plot_map", "plot_front"))
-    files = []
-    for k, spec in enumerate(pictures.get("maps", ())):
-        name = f"map_{k + 1}_{_file_name(spec['color'])}.png"
-        files.append(save_picture(plot_map(map_of(table, **spec)), folder / name))
-    for k, spec in enumerate(pictures.get("pareto", ())):
-        name = f"pareto_{k + 1}_{_file_name(spec['x'])}_{_file_name(spec['y'])}.png"
-        files.append(save_picture(plot_front(front_of(table, **spec)), folder / name))
-    return files
+
+def draw_front(
+    table: SweepTable,
+    *,
+    x: str,
+    y: str,
+    x_best: str = "least",
+    y_best: str = "least",
+    color: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw `front_of` some columns."""
+    drawn: Axes = maker_of("plotting.sweep:plot_front")(front_of(table, x, y, x_best, y_best, color), ax=ax)
+    return drawn
 
 
 def _places(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
@@ -220,8 +216,4 @@ def _numbers(values: NDArray[Any]) -> NDArray[np.float64]:
 
 def _label(table: SweepTable, name: str) -> str:
     unit = table.units.get(name, "")
-    return f"{_WORDS.get(name, name)} [{unit}]" if unit else _WORDS.get(name, name)
-
-
-def _file_name(column: str) -> str:
-    return re.sub(r"[^A-Za-z0-9]+", "_", column).strip("_")
+    return f"{WORDS.get(name, name)} [{unit}]" if unit else WORDS.get(name, name)

@@ -5,28 +5,40 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import replacing
-from continuum_grasp.results.result import maker_of
+from continuum_grasp.results.declared import Dimension, Picture, Stored
+from continuum_grasp.results.result import Result
 from continuum_grasp.scene.problems import nearest
 from continuum_grasp.sweeps.folder import SOLVED, TABLE, decode, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 
 CSV = "table.csv"
-_WORDS = ("scene", "status", "reason", "message")
+_TEXTS = ("scene", "status", "reason", "message")
+WORDS = {
+    "tension_sum": "sum of all tensions",
+    "tension_max": "greatest tension",
+    "normal_force_max": "greatest normal force",
+    "friction_margin": "least friction margin",
+    "contacts": "number of contacts",
+    "iterations": "iterations of the solver",
+    "seconds": "time",
+}
+"""What columns are called."""
 
 
 @dataclass(frozen=True)
-class SweepTable:
+class SweepTable(Result):
     """The rows of a sweep, in the order of its scenes.
 
     Attributes
@@ -45,11 +57,14 @@ class SweepTable:
         Keys with a few values each: those of the grid, and those that follow them.
     units : mapping of str to str
         Of keys and numbers, where known.
-    pictures : mapping
+    requested : mapping
         The ``maps`` and ``pareto`` pictures that the configuration asks for.
     statistics : mapping
         Times of the call that made it.
     """
+
+    kind: ClassVar[str] = "sweep"
+    dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("row", "scenes that have a row", "index"),)
 
     folder: Path
     total: int
@@ -57,8 +72,11 @@ class SweepTable:
     columns: Mapping[str, NDArray[Any]]
     grid_keys: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
-    pictures: Mapping[str, Any] = field(default_factory=dict)
+    requested: Mapping[str, Any] = field(default_factory=dict)
     statistics: Mapping[str, Any] = field(default_factory=dict)
+    scene: None = None
+    """None: there are many."""
+    warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.columns["index"])
@@ -104,8 +122,12 @@ class SweepTable:
         """The folder of a run, by the number of its scene."""
         return run_path(self.folder, index)
 
-    def plot(self, folder: str | os.PathLike[str] | None = None) -> list[Path]:
-        """Draw the maps and Pareto pictures that the configuration asks for.
+    def drawable(self) -> list[Picture]:
+        """The maps and Pareto pictures that the configuration asks for."""
+        return _pictures(self.requested)
+
+    def save_pictures(self, folder: str | os.PathLike[str] | None = None) -> list[Path]:
+        """Draw the pictures that the configuration asks for.
 
         Parameters
         ----------
@@ -121,9 +143,63 @@ class SweepTable:
         OSError
             A file cannot be written.
         """
-        draw = maker_of("sweeps.maps:draw_pictures")
-        files: list[Path] = draw(self, self.pictures, self.folder if folder is None else Path(folder))
-        return files
+        return super().save_pictures(self.folder if folder is None else folder)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write the table as arrays into another folder than the sweep's own, which has it as it grows.
+
+        Raises
+        ------
+        InputError
+            It is the sweep's own folder.
+        OSError
+            The files cannot be written.
+        """
+        if Path(folder).resolve() == self.folder.resolve():
+            raise InputError("the sweep is stored in this folder already", file=str(folder))
+        return super().save(folder)
+
+    @property
+    def index(self) -> NDArray[Any]:
+        """Number of the scene of each row, shape (rows,)."""
+        return self["index"]
+
+    @property
+    def name(self) -> str | None:
+        """Name of the sweep."""
+        found: str | None = read_plan(self.folder).get("name")
+        return found
+
+    @property
+    def status(self) -> str:
+        """``finished``, or ``unfinished`` where scenes have no row yet."""
+        return "finished" if self.finished else "unfinished"
+
+    def pairs(self) -> dict[str, str]:
+        """How many scenes have a grasp, and why the others have none."""
+        return {
+            "scenes": f"{len(self)} of {self.total}",
+            "varied": ", ".join(self.keys),
+            "status": ", ".join(f"{count} {name}" for name, count in self.counts.items()) or "none",
+            "without a grasp": ", ".join(f"{count} {name}" for name, count in self.failures.items()) or "none",
+            "folder": str(self.folder),
+        }
+
+    def declared(self) -> list[Stored]:
+        """The columns."""
+        return [
+            Stored(
+                name,
+                "(row,)",
+                "text" if values.dtype.kind == "U" else self.units.get(name, ""),
+                WORDS.get(name, "varied key" if name in self.keys else name),
+            )
+            for name, values in self.columns.items()
+        ]
+
+    def stored_arrays(self) -> dict[str, Any]:
+        """The columns by name."""
+        return dict(self.columns)
 
 
 def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any] | None = None) -> SweepTable:
@@ -159,13 +235,13 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     target = Path(folder)
     plan = read_plan(target)
     keys, numbers = keys_of(plan), list(plan["columns"])
-    found: dict[str, list[Any]] = {name: [] for name in ("index", *_WORDS, *keys, *numbers)}
+    found: dict[str, list[Any]] = {name: [] for name in ("index", *_TEXTS, *keys, *numbers)}
     for _, row in rows_of(target, int(plan["scenes"])):
         own = row | row["values"]
         for name, values in found.items():
             values.append(own.get(name))
     order = np.argsort(np.array(found["index"], dtype=int), kind="stable")
-    columns = {name: _column(values, name in _WORDS)[order] for name, values in found.items()}
+    columns = {name: _column(values, name in _TEXTS)[order] for name, values in found.items()}
     units = {key: unit for key, unit in plan.get("units", {}).items() if unit}
     follow = (key for key, tie in plan["follow"].items() if tie["key"] in plan["vary"])
     grid = (*plan["vary"], *follow)
@@ -207,3 +283,22 @@ def write_csv(folder: Path) -> Path:
             # true and false as in YAML and JSON, not as in Python.
             writer.writerow([json.dumps(cell) if isinstance(cell, bool) else cell for cell in cells])
     return folder / CSV
+
+
+def _pictures(requested: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Picture]:
+    """The ``maps`` and the ``pareto`` pictures that a configuration asks for, by name."""
+    maps = [
+        Picture(f"map_{k + 1}_{_file_name(spec['color'])}", "sweeps.maps:draw_map", options=spec)
+        for k, spec in enumerate(requested.get("maps", ()))
+    ]
+    fronts = [
+        Picture(
+            f"pareto_{k + 1}_{_file_name(spec['x'])}_{_file_name(spec['y'])}", "sweeps.maps:draw_front", options=spec
+        )
+        for k, spec in enumerate(requested.get("pareto", ()))
+    ]
+    return maps + fronts
+
+
+def _file_name(column: str) -> str:
+    return re.sub(r"[^A-Za-z0-9]+", "_", column).strip("_")

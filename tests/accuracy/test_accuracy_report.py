@@ -87,7 +87,7 @@ def test_the_reference_knows_its_error(release):
 
 def test_it_is_saved_whole(report, tmp_path):
     report.save(tmp_path)
-    report.plot(tmp_path)
+    report.save_pictures(tmp_path)
     found = sorted(file.name for file in tmp_path.iterdir())
     assert found == [".run.json", "accuracy.json", "accuracy.md", "accuracy.png"]
     saved = json.loads((tmp_path / "accuracy.json").read_text())

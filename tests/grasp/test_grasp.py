@@ -240,7 +240,7 @@ def test_table_tells_the_figures(mug):
 
 def test_picture(mug, tmp_path):
     assert plot_grasp(mug).get_xlabel() == "x [mm]"
-    assert [file.name for file in mug.plot(tmp_path)] == ["grasp.png", "report.html"]
+    assert [file.name for file in mug.save_pictures(tmp_path)] == ["grasp.png", "report.html"]
     assert (tmp_path / "grasp.png").stat().st_size > 10_000
 
 

@@ -345,7 +345,7 @@ def test_saved_files_are_whole(tmp_path):
 
 
 def test_pictures_of_a_failure(tmp_path):
-    files = failed(arrays=False).plot(tmp_path / "new")
+    files = failed(arrays=False).save_pictures(tmp_path / "new")
     assert [path.name for path in files] == ["grasp.png", "report.html"]
     assert all(path.stat().st_size > 10_000 for path in files)
     assert len(list((tmp_path / "new").iterdir())) == 2

@@ -20,9 +20,8 @@ from continuum_grasp.mission import trials
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.mission.trials import Outcome, save_trials, summarize
+from continuum_grasp.mission.trials import Outcome, TrialsResult
 from continuum_grasp.mission.verdict import Verdict, judge
-from continuum_grasp.plotting.mission import plot_trials
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
@@ -248,16 +247,17 @@ def test_outcomes_are_counted_and_written(tmp_path):
     drawn = trials.variations(Trials(count=4))
     outcomes = [Outcome(v, verdict) for v, verdict in zip(drawn[:3], (good, bad, good), strict=True)]
     outcomes.append(Outcome(drawn[3], None, 'not finite,\n"lost"'))
-    found = summarize(outcomes)
+    run = TrialsResult(load(MUG), tuple(outcomes))
+    found = run.summary
     assert (found.plants, found.held, found.succeeded, found.fallbacks, found.failed) == (4, 2, 2, 3, (1, 3))
     assert (found.force_error_median, found.force_error_worst, found.sunk_worst) == pytest.approx((0.0, 0.5, 0.05))
-    with open(save_trials(outcomes, tmp_path / "new"), encoding="utf-8") as file:
+    with open(run.save(tmp_path / "new") / "trials.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["held"] for row in rows] == ["True", "False", "True", ""]
     assert float(rows[2]["stiffness"]) == pytest.approx(drawn[2].stiffness)
     assert rows[3]["error"] == 'not finite, "lost"'
-    axes = plot_trials(outcomes)
-    crosses = [line.get_xdata() for line in axes[0].lines if line.get_marker() == "x"]
+    figure = run.plot()
+    crosses = [line.get_xdata() for line in figure.axes[0].lines if line.get_marker() == "x"]
     assert [list(x) for x in crosses] == [[drawn[1].stiffness]]
 
 
@@ -291,7 +291,7 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
     assert (tmp_path / "report.txt").read_text() == report
     for word in ("held and released", "mN m about z", "pull 6", "fallbacks"):
         assert word in report
-    assert {path.name for path in held.plot(tmp_path)} == {"timeline.png", "snapshots.png"}
+    assert {path.name for path in held.save_pictures(tmp_path)} == {"timeline.png", "snapshots.png"}
     assert held.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
 
 
@@ -341,7 +341,8 @@ def test_the_command_keeps_what_there_is(monkeypatch, held, tmp_path):
     done = command(monkeypatch, None, "--out", tmp_path / "one", error=stop)
     assert done.exit_code == 130
     assert read_run(tmp_path / "one").meta["verdict"]["held"]
-    some = [Outcome(variation, held.verdict) for variation in trials.variations(Trials(count=3))]
+    outcomes = tuple(Outcome(variation, held.verdict) for variation in trials.variations(Trials(count=3)))
+    some = TrialsResult(held.assignment.mission, outcomes)
     stop = Interrupted("interrupted after 3 of 100 plants", result=some)
     done = command(monkeypatch, None, "--trials", "all", "--out", tmp_path / "many", "--no-pictures", error=stop)
     assert done.exit_code == 130
@@ -353,7 +354,8 @@ def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
     drawn = trials.variations(Trials(count=3))
     some = [Outcome(variation, held.verdict) for variation in drawn[:2]]
     some.append(Outcome(drawn[2], replace(held.verdict, held=False, sunk=0.05)))
-    done = command(monkeypatch, some, "--trials", "3", "--out", tmp_path)
+    found = TrialsResult(held.assignment.mission, tuple(some))
+    done = command(monkeypatch, found, "--trials", "3", "--out", tmp_path)
     assert done.exit_code == 1
     assert "2 of 3 plants" in done.output
     assert "plant 3: stiffness" in done.output

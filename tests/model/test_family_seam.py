@@ -95,7 +95,7 @@ def test_simulation_without_damping_conserves_energy_and_draws(tmp_path):
     motion = cg.simulate(hanging(1, finger=undamped, actuation=None, initial={"q": (2.0, 1.0, 0.0)}, time=timing))
     total = motion.kinetic + motion.potential
     np.testing.assert_allclose(total, total[0], atol=1e-8 * motion.kinetic.max())
-    assert len(motion.plot(tmp_path)) > 0
+    assert len(motion.save_pictures(tmp_path)) > 0
 
 
 def test_a_tolerance_chooses_it_and_is_satisfied():
@@ -123,7 +123,7 @@ def test_a_controller_reaches_the_target(tmp_path):
     )
     loop = cg.run_closed_loop(scene)
     assert np.linalg.norm(loop.tip[-1] - np.array(TARGET)) < 0.1 * np.linalg.norm(loop.tip[0] - np.array(TARGET))
-    assert len(loop.plot(tmp_path)) > 0
+    assert len(loop.save_pictures(tmp_path)) > 0
 
 
 def test_the_c_package_passes_its_own_vectors(tmp_path):

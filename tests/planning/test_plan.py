@@ -355,7 +355,7 @@ def test_plans_are_the_same_every_time():
 
 def test_pictures_and_values_at_instants(tmp_path):
     found = plan(tendons(intervals=10))
-    assert {path.name for path in found.plot(tmp_path)} == {"path.png", "inputs.png", "coordinates.png"}
+    assert {path.name for path in found.save_pictures(tmp_path)} == {"path.png", "inputs.png", "coordinates.png"}
     middle = 0.5 * (found.t[3] + found.t[4])
     assert found.inputs_at([middle, 99.0]) == pytest.approx(found.u[[3, -1]])
     assert found.states_at(found.t) == pytest.approx(found.x)

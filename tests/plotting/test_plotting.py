@@ -218,7 +218,7 @@ def test_any_number_of_modes(count: int, tmp_path: Path) -> None:
 
 
 def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
-    files = motion.plot(tmp_path / "run")
+    files = motion.save_pictures(tmp_path / "run")
     assert [f.name for f in files] == ["snapshots.png", "tip_path.png", "coordinates.png", "energy.png"]
     assert sorted(tmp_path.joinpath("run").iterdir()) == sorted(files)
     for file in files:
@@ -236,11 +236,11 @@ def test_other_formats(motion: Motion, tmp_path: Path, suffix: str) -> None:
 
 
 def test_one_instant_and_a_run_that_ended_in_nan(tmp_path: Path) -> None:
-    Motion(count=1).plot(tmp_path)
+    Motion(count=1).save_pictures(tmp_path)
     broken = Motion()
     for name in ("bend", "x", "tip", "kinetic", "potential"):
         getattr(broken, name)[60:] = np.nan
-    broken.plot(tmp_path)
+    broken.save_pictures(tmp_path)
     broken.animate(tmp_path / "a.gif", fps=5, width=200)
 
 
@@ -348,7 +348,7 @@ before = state()
 sys.path.insert(0, sys.argv[1])
 import test_plotting as given
 from pathlib import Path
-given.Motion().plot(Path(sys.argv[2]))
+given.Motion().save_pictures(Path(sys.argv[2]))
 given.plotting.plot_modes(given.some_modes())
 given.Motion().animate(Path(sys.argv[2]) / "a.gif", fps=5, width=160)
 assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global figures"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import inspect
+import json
 import re
-from dataclasses import dataclass, field
+import sys
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,16 +17,31 @@ import pytest
 from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import GraspResult, Status
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.result import MissionRun
+from continuum_grasp.mission.trials import TrialsResult
 from continuum_grasp.planning import Plan
-from continuum_grasp.results import File, Result, Stored, read_run
-from continuum_grasp.results.result import maker_of
-from continuum_grasp.simulation import Modes, Trajectory
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, read_run
+from continuum_grasp.results.declared import maker_of
+from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
+from continuum_grasp.sweeps import SweepTable
 
-RESULTS = (AccuracyReport, ControlRun, Fit, GraspResult, MissionRun, Modes, Plan, Trajectory)
-FILES = [(result, file) for result in RESULTS for file in (*result.texts, *result.pictures)]
+CONFIGS = Path(__file__).parents[2] / "configs"
+RESULTS = (
+    AccuracyReport,
+    ControlRun,
+    Equilibrium,
+    Fit,
+    GraspResult,
+    MissionRun,
+    Modes,
+    Plan,
+    SweepTable,
+    Trajectory,
+    TrialsResult,
+)
+FILES = [(result, one) for result in RESULTS for one in (*result.texts, *result.pages, *result.pictures)]
 
 
 def a_text(result: Result) -> str:
@@ -36,15 +54,16 @@ class Case(Result):
 
     kind: ClassVar[str] = "case"
     stored: ClassVar[tuple[Stored, ...]] = (
-        Stored("force", "(T,)", "N", "pull"),
-        Stored("absent", "(T,)", "N", "nothing"),
-        Stored("first", "(2,)", "N", "of another result", "inner.force"),
-        Stored("words", "(K,)", "text", "words"),
+        Stored("force", "(time,)", "N", "pull"),
+        Stored("absent", "(time,)", "N", "nothing"),
+        Stored("first", "(xy,)", "N", "of another result", "inner.force"),
+        Stored("labels", "(label,)", "text", "words"),
     )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("time", "instants"),)
     force: np.ndarray
     inner: Case | None = None
     absent: None = None
-    words: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
     scene: None = None
     status: str = "finished"
     warnings: tuple[str, ...] = ("a warning",)
@@ -55,16 +74,16 @@ class Case(Result):
 
 
 def test_a_folder_holds_what_is_declared(tmp_path: Path) -> None:
-    inner = Case(np.array([1.0, 2.0]), words=("a", "bc"))
+    inner = Case(np.array([1.0, 2.0]), labels=("a", "bc"))
     run = Case.read(Case(np.array([3.0]), inner).save(tmp_path / "run"))
     assert {name: value.tolist() for name, value in run.arrays.items()} == {
         "force": [3.0],
         "first": [1.0, 2.0],
-        "words": [],
+        "labels": [],
     }
-    assert run.arrays["words"].dtype.kind == "U"  # also where there are none
+    assert run.arrays["labels"].dtype.kind == "U"  # also where there are none
     assert (run.meta["kind"], run.meta["status"], run.meta["warnings"]) == ("case", "finished", ["a warning"])
-    assert read_run(tmp_path / "run" / "inner").arrays["words"].tolist() == ["a", "bc"]
+    assert read_run(tmp_path / "run" / "inner").arrays["labels"].tolist() == ["a", "bc"]
 
 
 def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
@@ -73,21 +92,22 @@ def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
         Plan.load(tmp_path)
 
 
-def test_texts_are_written_and_what_is_not_there_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_texts_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("continuum_grasp.results.result.a_text", a_text, raising=False)
-    here = "results.result:a_text"
-    monkeypatch.setattr(
-        Case, "pictures", (File("a.txt", here), File("b.txt", here, "absent"), File("c.txt", here, "words"))
-    )
-    assert [path.name for path in Case(np.zeros(1)).plot(tmp_path / "new")] == ["a.txt"]
-    assert (tmp_path / "new" / "a.txt").read_text(encoding="utf-8") == "finished of 5 \N{GREEK SMALL LETTER MU}s"
+    monkeypatch.setattr(Case, "texts", (File("a.txt", "results.result:a_text"),))
+    folder = Case(np.zeros(1)).save(tmp_path / "new")
+    assert (folder / "a.txt").read_text(encoding="utf-8") == "finished of 5 \N{GREEK SMALL LETTER MU}s"
 
 
-@pytest.mark.parametrize(("result", "file"), FILES, ids=[f"{r.__name__}-{f.name}" for r, f in FILES])
-def test_what_makes_a_file_takes_the_result_alone(result: type[Result], file: File) -> None:
-    signature = inspect.signature(maker_of(file.maker))
-    signature.bind(object())
-    assert hasattr(result, file.needs) or not file.needs
+@pytest.mark.parametrize(("result", "one"), FILES, ids=[f"{r.__name__}-{f.name}" for r, f in FILES])
+def test_what_makes_a_file_takes_the_result_and_axes(result: type[Result], one: File | Picture) -> None:
+    signature = inspect.signature(maker_of(one.maker))
+    if isinstance(one, File):
+        signature.bind(object())
+        return
+    signature.bind(object(), **({} if one.panels else {"ax": object()}))
+    assert hasattr(result, one.needs) or not one.needs
+    assert re.fullmatch("[a-z_]+", one.name)
 
 
 @pytest.mark.parametrize("result", [ControlRun, MissionRun, Plan, Trajectory])
@@ -96,33 +116,221 @@ def test_what_draws_frames_takes_result_indices_and_width(result: type) -> None:
 
 
 @pytest.mark.parametrize("result", RESULTS)
-def test_declared_arrays_have_a_name_a_shape_and_a_meaning(result: type[Result]) -> None:
+def test_declared_arrays_have_a_name_dimensions_and_a_meaning(result: type[Result]) -> None:
     names = [one.name for one in result.stored]
+    dimensions = [one.name for one in result.dimensions]
     assert len(set(names)) == len(names)
+    assert len(set(dimensions)) == len(dimensions)
+    assert not set(names) & set(dimensions)  # xarray has one name space
     for one in result.stored:
-        assert re.fullmatch(r"\((\w+,|\w+(, \w+)+)\)", one.shape), one
+        assert set(one.dimensions) <= set(dimensions), one
+        assert len(set(one.dimensions)) == len(one.dimensions), one
+        assert one.shape == f"({', '.join(one.dimensions)}{',' * (len(one.dimensions) == 1)})"
         assert one.meaning
 
 
-def shapes_fit(result: type[Result], arrays: dict[str, np.ndarray]) -> None:
-    """Assert that arrays have their declared shapes, where one letter is one number."""
-    sizes: dict[str, int] = {}
-    for one in result.stored:
-        if one.name in arrays:
-            letters = re.findall(r"\w+", one.shape)
-            assert len(letters) == arrays[one.name].ndim, one
-            for letter, size in zip(letters, arrays[one.name].shape, strict=True):
-                assert sizes.setdefault(letter, int(letter) if letter.isdigit() else size) == size, (one, letter)
+def shapes_fit(result: Result, arrays: dict[str, np.ndarray]) -> None:
+    """Assert that exactly the declared arrays are there, with their shapes: one dimension is one number."""
+    sizes = {one.name: len(one.labels) for one in result.dimensions if isinstance(one.labels, tuple) and one.labels}
+    sizes.pop("pose", None)  # of which an array may have the first three
+    declared = {one.name: one for one in result.declared()}
+    assert set(arrays) <= set(declared)
+    for name, array in arrays.items():
+        assert len(declared[name].dimensions) == array.ndim, name
+        for dimension, size in zip(declared[name].dimensions, array.shape, strict=True):
+            assert sizes.setdefault(dimension, size) == size, (name, dimension)
 
 
-def test_saved_motions_have_the_declared_shapes(tmp_path: Path) -> None:
+def test_saved_results_have_the_declared_shapes(tmp_path: Path) -> None:
     import continuum_grasp as cg
 
-    root = Path(__file__).parents[2] / "configs" / "simulate"
-    scene = cg.load(root / "swing_against_disc.yaml", ["time.duration=0.02"])
-    arrays = Trajectory.read(cg.simulate(scene).save(tmp_path / "motion")).arrays
-    assert set(arrays) == {one.name for one in Trajectory.stored}
-    shapes_fit(Trajectory, arrays)
-    arrays = Modes.read(cg.modes(root / "standing.yaml").save(tmp_path / "modes")).arrays
-    assert set(arrays) == {one.name for one in Modes.stored}
-    shapes_fit(Modes, arrays)
+    scene = cg.load(CONFIGS / "simulate" / "swing_against_disc.yaml", ["time.duration=0.02"])
+    results: list[Result] = [
+        cg.simulate(scene),
+        cg.modes(CONFIGS / "simulate" / "standing.yaml"),
+        cg.equilibrium(CONFIGS / "simulate" / "standing.yaml"),
+        cg.optimize_grasp(CONFIGS / "grasp" / "mug_arcs.yaml"),
+    ]
+    for result in results:
+        arrays = type(result).read(result.save(tmp_path / type(result).__name__)).arrays
+        assert set(arrays) == {one.name for one in result.declared()}
+        shapes_fit(result, arrays)
+
+
+# -- what users see -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def motion() -> Trajectory:
+    import continuum_grasp as cg
+
+    return cg.simulate(cg.load(CONFIGS / "simulate" / "hanging.yaml", ["time.duration=0.05"]))
+
+
+@pytest.fixture(scope="module")
+def several(motion: Trajectory) -> list[Result]:
+    import continuum_grasp as cg
+
+    modes = cg.modes(CONFIGS / "simulate" / "standing.yaml")
+    grasp = cg.optimize_grasp(CONFIGS / "grasp" / "mug_arcs.yaml")
+    failed = replace(grasp, status=Status.INFEASIBLE, message="too heavy", advice="object.mass = 0.63 kg")
+    return [motion, modes, modes.equilibrium, grasp, failed]
+
+
+def test_a_result_is_shown_in_a_few_lines(several: list[Result]) -> None:
+    for result in several:
+        assert len(repr(result)) < 1000
+        first, *rest = repr(result).splitlines()
+        assert first == f'{type(result).__name__} "{result.name}": {result.outcome}'
+        assert 2 <= len(rest) <= 8
+    assert "tip at the end" in repr(several[0])
+    assert "object.mass = 0.63" in repr(several[-1])
+
+
+def test_what_stands_in_for_a_summary_that_fails() -> None:
+    @dataclass(frozen=True)
+    class Broken(Case):
+        def pairs(self) -> dict[str, str]:
+            raise ValueError("no such array")
+
+    assert repr(Broken(np.zeros(1))).endswith("no summary  ValueError: no such array")
+
+
+def test_nothing_is_written_to_see_a_picture(
+    several: list[Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    monkeypatch.chdir(tmp_path)
+    for result in several:
+        for picture in result.drawable():
+            drawn = result.plot(picture.name)
+            assert isinstance(drawn, Figure if picture.panels else Axes)
+            png, size = drawn._repr_png_()  # type: ignore[union-attr]
+            assert png.startswith(b"\x89PNG")
+            assert 200 < size["width"] < 1500
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_are_drawn_where_and_as_asked_for(several: list[Result]) -> None:
+    from matplotlib.figure import Figure
+
+    for result in several:
+        for picture in result.drawable():
+            ax = Figure().add_subplot()
+            if picture.panels:
+                with pytest.raises(InputError, match=f"{picture.name} has panels"):
+                    result.plot(picture.name, ax=ax)
+            else:
+                assert result.plot(picture.name, ax=ax) is ax
+                assert ax.has_data()
+    motion = several[0]
+    assert len(motion.plot(times=[0.0, 0.05]).collections[0].get_segments()) == 2
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("path",), "'path'; there are snapshots, tip_path, coordinates, energy$"),
+        (("contact_forces",), "there are snapshots, tip_path, coordinates, energy$"),  # there is no object
+        ((), "color: no such option of snapshots; it takes times"),
+    ],
+)
+def test_pictures_that_there_are_not(motion: Trajectory, given: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        motion.plot(*given, **({} if given else {"color": "red"}))
+    with pytest.raises(InputError, match="ax: expected matplotlib axes, got list"):
+        motion.plot(ax=[])
+    with pytest.raises(InputError, match="there is nothing to draw"):
+        Case(np.zeros(1)).plot()
+
+
+def test_a_notebook_shows_values_and_the_picture(motion: Trajectory) -> None:
+    named = replace(motion, scene=motion.scene.replaced(name="<b>&"), warnings=("a < b",))
+    page = named._repr_html_()
+    assert "<b>Trajectory &quot;&lt;b&gt;&amp;&quot;: finished</b>" in page
+    assert ">a &lt; b</td>" in page
+    encoded = re.search('src="data:image/png;base64,([^"]*)"', page)
+    assert encoded is not None
+    assert base64.b64decode(encoded[1]).startswith(b"\x89PNG")
+
+
+def test_a_notebook_shows_values_where_the_picture_fails(monkeypatch: pytest.MonkeyPatch, motion: Trajectory) -> None:
+    def fails(*arguments: Any, **options: Any) -> None:
+        raise ValueError("<no> canvas")
+
+    monkeypatch.setattr(Trajectory, "plot", fails)
+    page = motion._repr_html_()
+    assert "tip at the end" in page
+    assert page.endswith("<p>no picture: ValueError: &lt;no&gt; canvas</p></div>")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("inline", [True, False])
+def test_a_notebook_shows_a_picture_once(inline: bool) -> None:
+    """Also with pyplot and its inline backend, which shows what pyplot knows at the end of a cell."""
+    notebook, client = pytest.importorskip("nbformat.v4"), pytest.importorskip("nbclient")
+    first = "%matplotlib inline\nimport matplotlib.pyplot as plt\n" if inline else ""
+    scene = f"cg.load({str(CONFIGS / 'simulate' / 'hanging.yaml')!r}, ['time.duration=0.05'])"
+    cells = [f"{first}import continuum_grasp as cg\nmotion = cg.simulate({scene})", "motion.plot()"]
+    cells += ["motion", "cg.modes(motion.scene).plot()"]
+    if inline:
+        cells += ["fig, ax = plt.subplots()\nmotion.plot('energy', ax=ax);", "plt.get_fignums()"]
+    found = notebook.new_notebook(cells=[notebook.new_code_cell(cell) for cell in cells])
+    client.NotebookClient(found, kernel_name="python3").execute()
+    shown = ["".join(str(one.get("data", {})) for one in cell.outputs) for cell in found.cells]
+    assert [page.count("image/png") for page in shown[:4]] == [0, 1, 1, 1]
+    if inline:
+        assert shown[4].count("image/png") == 1
+        assert shown[5] == "{'text/plain': '[]'}"
+
+
+# -- tables -------------------------------------------------------------------------------------------------------
+
+
+def test_a_motion_as_a_data_frame(motion: Trajectory) -> None:
+    frame = motion.to_pandas()
+    assert frame.index.name == "time"
+    np.testing.assert_array_equal(frame.index, motion.t)
+    np.testing.assert_array_equal(frame[["tip.x", "tip.y"]], motion.tip)
+    np.testing.assert_array_equal(frame["x.kappa_1"], motion.x[:, 1])
+    assert list(frame.attrs["units"]) == list(frame.columns) == list(frame.attrs["descriptions"])
+    assert [frame.attrs["units"][name] for name in ("kinetic", "tip.x", "x.kappa_1")] == ["J", "m", "1/m"]
+    states = motion.to_pandas("state")
+    assert states["unit"].to_list() == ["1/m", "1/m", "1/m/s", "1/m/s"]
+    np.testing.assert_array_equal(states.loc["kappa_0", "x.0.05"], motion.x[-1, 0])
+    with pytest.raises(InputError, match="expected one of time, state, input, force_component, xy, got 'tip'"):
+        motion.to_pandas("tip")
+
+
+def test_a_motion_as_a_data_set(motion: Trajectory) -> None:
+    found = motion.to_xarray()
+    np.testing.assert_array_equal(found["tip"].sel(xy="y", time=0.02), motion.tip[20, 1])
+    np.testing.assert_array_equal(found["x"].sel(state="kappa_1"), motion.x[:, 1])
+    assert found["kinetic"].attrs == {"units": "J", "long_name": "kinetic energy, with that of the object"}
+    assert found["time"].attrs["units"] == "s"
+    assert found["state_unit"].values.tolist() == ["1/m", "1/m", "1/m/s", "1/m/s"]
+    assert found.attrs["name"] == motion.name
+
+
+def test_all_results_become_tables(several: list[Result]) -> None:
+    for result in several:
+        arrays, found = result.stored_arrays(), result.to_xarray()
+        for name, array in arrays.items():
+            labels = {"t": "time", "contact_names": "contact", "places": "place"}
+            np.testing.assert_array_equal(found[labels.get(name, name)], array)
+        json.dumps([found.attrs, *(one.attrs for one in found.variables.values())])
+        frame = result.to_pandas()
+        json.dumps(frame.attrs)
+        assert len(frame) == np.shape(next(iter(arrays.values())))[0]
+    grasp = several[3].to_pandas()
+    assert grasp.index.to_list() == ["finger.middle", "finger.tip", "palm"]
+    assert grasp.attrs["units"]["contact_forces.normal"] == "N"
+
+
+@pytest.mark.parametrize("package", ["pandas", "xarray"])
+def test_a_missing_package_is_named(package: str, motion: Trajectory, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=f"pip install {package}"):
+        getattr(motion, f"to_{package}")()

@@ -295,7 +295,7 @@ def test_results_have_the_contacts(tmp_path):
         assert saved["contact_normal_force"].shape == (len(found.t), 2)
         assert saved["contact_force"].shape == (len(found.t), 2, 2)
         assert np.array_equal(saved["contact_gap"], found.contacts.gap)
-    names = [file.name for file in found.plot(tmp_path)]
+    names = [file.name for file in found.save_pictures(tmp_path)]
     assert names[-1] == "contact_forces.png"
     assert found.animate(tmp_path / "a.gif", fps=10).stat().st_size > 1000
     touched = [kind for _, _, kind in found.loads_at(-1)]

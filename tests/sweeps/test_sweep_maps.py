@@ -112,7 +112,7 @@ def test_pictures_are_drawn(tmp_path):
         ],
         pareto=[{"x": "tension_max", "y": "friction_margin", "y_best": "greatest"}],
     )
-    files = table.plot()
+    files = table.save_pictures()
     assert [file.name for file in files] == [
         "map_1_tension_max.png",
         "map_2_object_mass.png",

@@ -217,7 +217,7 @@ def test_a_folder_belongs_to_one_plan(tmp_path):
     with pytest.raises(InputError, match=r"another plan: scenes: 3 there, 4 here; vary.object.mass"):
         with_threads(masses(4), tmp_path)
     other = masses(3, maps=[{"x": "object.mass", "y": "contacts", "color": "tension_max"}])
-    assert with_threads(other, tmp_path).pictures["maps"][0]["y"] == "contacts"  # pictures are no part of it
+    assert with_threads(other, tmp_path).requested["maps"][0]["y"] == "contacts"  # pictures are no part of it
     (tmp_path / "sweep.json").unlink()
     with pytest.raises(InputError, match=r"table.jsonl without its sweep.json"):
         with_threads(masses(3), tmp_path)

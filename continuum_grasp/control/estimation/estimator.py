@@ -19,6 +19,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.summary import Summarized, quoted
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""
 
 
-class Filtered:
+class Filtered(Summarized):
     """Estimate after a measurement.
 
     Attributes
@@ -55,6 +56,15 @@ class Filtered:
             # USED and ALONE are no anomalies.
             self.anomaly |= Anomaly.__members__.get(verdict.name, Anomaly(0))
 
+    def pairs(self) -> dict[str, str]:
+        """Estimate, its standard deviations, verdicts and anomalies."""
+        rows = {
+            "z": ", ".join(f"{value:.4g}" for value in self.z),
+            "std": ", ".join(f"{value:.2g}" for value in self.std),
+            "verdicts": ", ".join(one.name.lower() for one in self.verdict),
+        }
+        return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
+
     @property
     def std(self) -> Array:
         """Standard deviations of ``then`` (nz)."""
@@ -66,7 +76,7 @@ class Filtered:
         return texts(self.anomaly, [float(v) for v in self.verdict], self._names)
 
 
-class Estimator(Remade):
+class Estimator(Remade, Summarized):
     """The estimator of a control scene alone; the same C as in ``Controller``.
 
     Parameters
@@ -135,6 +145,14 @@ class Estimator(Remade):
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
         self.reset()
+
+    def headline(self) -> str:
+        """Its scene and period."""
+        return quoted(self.scene.name, f"{1e3 * self.period:g} ms")
+
+    def pairs(self) -> dict[str, str]:
+        """What it measures and estimates."""
+        return {"measures": ", ".join(self.measurement_names), "estimates": ", ".join(self.names)}
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
         """Start again.

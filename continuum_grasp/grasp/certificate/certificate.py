@@ -35,12 +35,13 @@ from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
+from continuum_grasp.summary import Summarized
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Summarized):
     """The result of recomputing a grasp independently.
 
     Attributes
@@ -112,6 +113,17 @@ class Certificate:
     def overlap(self) -> float:
         """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
         return float("nan") if self.grasp is None else overlap(self.grasp.fingers)
+
+    def headline(self) -> str:
+        """How many checks passed."""
+        return f"{len(self.checks) - len(self.failed)} of {len(self.checks)} checks passed"
+
+    def pairs(self) -> dict[str, str]:
+        """What failed, least margin, stability and model error."""
+        failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
+        stable = "stable" if self.stability.stable else "unstable"
+        margin = f"{self.friction_margin:.1%} of the friction cone"
+        return {**failed, "least margin": margin, "second-order test": stable, "model": str(self.model_error)}
 
     def __getitem__(self, name: str) -> Check:
         for check in self.checks:

@@ -30,11 +30,14 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 
-def picture(result: GraspResult) -> Axes:
-    """Draw a grasp, or the closest point to one, or neither: the scene is drawn then."""
+def picture(
+    result: GraspResult, *, ax: Axes | None = None, tendons: bool = True, numbers: bool = True, resisted: bool = True
+) -> Axes:
+    """Draw a grasp as `plot_grasp` does, with the forces that it resists in a new figure that has numbers."""
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
-    return plot_grasp(result, resisted=_resisted(result))
+    polygon = _resisted(result) if resisted and numbers and ax is None else None
+    return plot_grasp(result, ax=ax, tendons=tendons, numbers=numbers, resisted=polygon)
 
 
 def page(result: GraspResult) -> str:

@@ -24,13 +24,10 @@ Box = tuple[float, float, float, float]
 
 
 def new_figure(width: float = 6.4, height: float = 4.2) -> Figure:
-    """An empty figure [inch] on an Agg canvas, unknown to pyplot, which would keep it alive."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    """An empty figure [inch] that a notebook shows."""
+    from continuum_grasp.plotting.drawing.shown import ShownFigure
 
-    figure = Figure(figsize=(width, height), dpi=150, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
+    return ShownFigure(figsize=(width, height), dpi=150, layout="constrained", facecolor="white")
 
 
 def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:

@@ -1,0 +1,47 @@
+"""Figures and axes that a notebook shows where they are the value of a cell; imported when the first one is drawn.
+
+Those of matplotlib are shown through pyplot, which stores every figure until it is closed and shows it once more.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+_SCREEN = 100.0
+"""Pixels of a browser per inch, of which screens with small pixels show more: text of 9 points is as high as the
+notebook's own."""
+
+
+class ShownFigure(Figure):
+    """A figure on an Agg canvas, unknown to pyplot, which would keep it alive."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        FigureCanvasAgg(self)
+
+    def add_subplot(self, *arguments: Any, **named: Any) -> Any:
+        """Axes that are shown, too."""
+        return super().add_subplot(*arguments, **{"axes_class": ShownAxes, **named})
+
+    def add_axes(self, *arguments: Any, **named: Any) -> Any:
+        """Axes that are shown, too."""
+        return super().add_axes(*arguments, **{"axes_class": ShownAxes, **named})
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=self.dpi)
+        wide, high = (round(_SCREEN * float(size)) for size in self.get_size_inches())
+        return buffer.getvalue(), {"width": wide, "height": high}
+
+
+class ShownAxes(Axes):
+    """Axes that show their figure."""
+
+    def _repr_png_(self) -> Any:
+        shown = getattr(self.get_figure(root=True), "_repr_png_", None)
+        return None if shown is None else shown()

@@ -1,0 +1,148 @@
+"""What a result declares: arrays, the dimensions they share, texts and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Stored:
+    """An array of ``result.npz``.
+
+    Attributes
+    ----------
+    name : str
+        With ``{word}`` in it: one array for each name of that word, see `Result.words`.
+    shape : str
+        Names of its dimensions, as ``"(time, state)"``; each means the same number in all arrays of a result.
+    unit : str
+        SI unit; ``""`` where entries differ, and then their names carry it, ``"text"`` for words.
+    meaning : str
+    source : str
+        The attribute of the result that it is, ``name`` where not given; dots lead into attributes. An array whose
+        source is None is not stored.
+
+    The docstring of a result lists its stored arrays.
+    """
+
+    name: str
+    shape: str
+    unit: str
+    meaning: str
+    source: str = ""
+
+    def __str__(self) -> str:
+        unit = f" [{self.unit}]" if self.unit not in ("", "text") else ""
+        return f"{self.meaning[:1].upper()}{self.meaning[1:]}{unit}."
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of the dimensions, in order."""
+        return tuple(name.strip() for name in self.shape.strip("()").split(",") if name.strip())
+
+    def of(self, result: Any) -> Any:
+        """The array of a result; None where it has none."""
+        found = attribute(result, self.source or self.name)
+        return np.array(found, dtype=str) if self.unit == "text" and found is not None else found
+
+    def each(self, words: Mapping[str, Iterable[str]]) -> list[Stored]:
+        """One for each name of the word in its name; itself where there is no such word."""
+        for word, names in words.items():
+            if f"{{{word}}}" in self.name:
+                return [
+                    replace(self, **{key: getattr(self, key).replace(f"{{{word}}}", name) for key in ("name", "shape")})
+                    for name in names
+                ]
+        return [self]
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """What arrays extend along.
+
+    Attributes
+    ----------
+    name : str
+    meaning : str
+    labels : str or tuple of str
+        An attribute of the result with one number or ``"name [unit]"`` per place, dots lead into attributes; or these
+        names themselves, of which an array may have the first few. Empty: places are counted.
+    unit : str
+        Of labels that are numbers.
+    """
+
+    name: str
+    meaning: str
+    labels: str | tuple[str, ...] = ()
+    unit: str = ""
+
+    def labels_of(self, result: Any, size: int) -> list[Any] | None:
+        """One label for each of so many places; None where there are none."""
+        found = attribute(result, self.labels) if isinstance(self.labels, str) and self.labels else self.labels
+        labels = [] if found is None else list(found)
+        return labels[:size] if len(labels) >= size and labels else None
+
+
+TIME = Dimension("time", "instants", "t", "s")
+XY = Dimension("xy", "world axes", ("x", "y"))
+POSE = Dimension("pose", "pose of the object", ("x [m]", "y [m]", "angle [rad]", "height [m]"))
+
+
+@dataclass(frozen=True)
+class File:
+    """A text that is made of a result.
+
+    Attributes
+    ----------
+    name : str
+        In the run folder.
+    maker : str
+        ``"module:function"`` below ``continuum_grasp``, which is given the result and returns the text. It is a name
+        because results lie below what describes and draws them, and matplotlib is loaded late.
+    """
+
+    name: str
+    maker: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of a result.
+
+    Attributes
+    ----------
+    name : str
+        By which it is asked for; the file is ``name.png``.
+    maker : str
+        As of a `File`; it is given the result and, by name, ``ax`` and what else it takes. It returns axes, a list of
+        them if it has panels.
+    needs : str
+        An attribute of the result; where it is None or empty there is no such picture.
+    panels : bool
+        Whether it is a figure of several axes, which cannot be drawn into axes that are given.
+    options : mapping
+        Arguments of the maker, beside those that a user gives.
+    """
+
+    name: str
+    maker: str
+    needs: str = ""
+    panels: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def attribute(of: Any, path: str) -> Any:
+    """An attribute, dots lead into attributes and mappings; None where one on the path is None or not in a mapping."""
+    for part in path.split("."):
+        of = of.get(part) if isinstance(of, Mapping) else None if of is None else getattr(of, part)
+    return of
+
+
+def maker_of(name: str) -> Any:
+    """The function of a ``"module:function"`` below the package."""
+    return resolve_name(f"continuum_grasp.{name}")

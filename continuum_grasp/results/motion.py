@@ -1,0 +1,70 @@
+"""Results that move."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, ClassVar
+
+from continuum_grasp.results.declared import maker_of
+from continuum_grasp.results.result import Result
+
+
+class MotionResult(Result):
+    """A result that moves, over instants ``t``.
+
+    Attributes
+    ----------
+    frames : str
+        What draws its animation, as `File.maker`: given the result, the indices of the instants and the width [pixels],
+        it yields frames.
+    fps : float
+        Frames per second where none are asked for.
+    """
+
+    frames: ClassVar[str]
+    fps: ClassVar[float] = 30.0
+
+    t: Any
+
+    @property
+    def length(self) -> float:
+        """Length of the finger [m]."""
+        found: float = self.scene.finger.rod.length
+        return found
+
+    def animate(
+        self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640
+    ) -> Path:
+        """Write an animation.
+
+        Parameters
+        ----------
+        path : path-like
+            ``.gif``, written by Pillow, or ``.mp4``, written by ffmpeg where that is found. It is replaced whole.
+        fps : float, optional
+            Frames per second of the animation. A GIF counts time in hundredths of a second: above 50 it is refused,
+            below that single frames last up to 10 ms more or less, never the whole.
+        speed : float
+            Seconds of motion per second of animation; 0.1 is ten times slowed down.
+        width : int
+            Width of the frames [pixels], from 160 on.
+
+        Returns
+        -------
+        pathlib.Path
+            ``path``.
+
+        Raises
+        ------
+        InputError
+            Another suffix, a number out of range, or MP4 without ffmpeg.
+        SolverError
+            ffmpeg failed.
+        """
+        from continuum_grasp.results.animation import write_animation
+
+        def draw(indices: Any) -> Any:
+            return maker_of(self.frames)(self, indices, width)
+
+        return write_animation(path, self.t, draw, self.fps if fps is None else fps, speed=speed, width=width)

@@ -1,0 +1,115 @@
+"""The shape of a finger at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.model import FingerModel
+from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
+from continuum_grasp.results.result import Result
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.trajectory import acting_forces
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Equilibrium(Result):
+    """A shape at rest.
+
+    Attributes
+    ----------
+    scene : Scene or None
+        None where a model was given without one.
+    stable : bool
+        Whether the tangent stiffness is positive definite (conservative loads), or no eigenvalue of the linearized
+        motion has a positive real part (following loads, tendon friction).
+    margin : float
+        Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
+    residual : float
+        Largest missing generalized force, relative to the largest of those that balance.
+    warnings : tuple of str
+        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
+    """
+
+    kind: ClassVar[str] = "equilibrium"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("q", "(coordinate,)", "", "bending coordinates"),
+        Stored("u", "(input,)", "", "input that it is an equilibrium of"),
+        Stored("w", "(force_component,)", "", "forces and moments that it is an equilibrium of"),
+        Stored("p", "(parameter,)", "", "parameters of the model"),
+        Stored("tip", "(xy,)", "m", "world position of the tip"),
+        Stored("places", "(place,)", "m", "positions along the finger, from base to tip"),
+        Stored("shape", "(place, xy)", "m", "world positions of the backbone there"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("coordinate", "bending angles or nodal curvatures", "model.q_names"),
+        Dimension("input", "tendon tensions or tip moment", "model.u_names"),
+        Dimension("force_component", "forces and moments that act, in the world's axes", "model.w_names"),
+        Dimension("parameter", "run-time parameters", "model.p_names"),
+        Dimension("place", "places along the finger", "places", "m"),
+        XY,
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("shape", "plotting.motion:plot_shape"),)
+
+    q: Array
+    u: Array
+    w: Array
+    p: Array
+    stable: bool
+    margin: float
+    residual: float
+    iterations: int
+    model: FingerModel
+    warnings: tuple[str, ...] = ()
+    scene: Scene | None = None
+
+    @property
+    def status(self) -> str:
+        """``stable`` or ``unstable``."""
+        return "stable" if self.stable else "unstable"
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Effort and quality of the search."""
+        return {"iterations": self.iterations, "residual": self.residual, "margin": self.margin}
+
+    def pairs(self) -> dict[str, str]:
+        """Where the tip is, how stiff and how exact."""
+        x, y = self.tip
+        return {
+            "tip": f"({x:.4f}, {y:.4f}) m",
+            "margin": f"{self.margin:.4g} rad2/s2",
+            "residual": f"{self.residual:.1e} of the forces that balance",
+            "model": f"{len(self.model.lengths)} x {self.model.family}",
+        }
+
+    @property
+    def places(self) -> Array:
+        """Positions along the finger (50,) [m] of ``shape``."""
+        return np.linspace(0.0, self.model.finger.rod.length, 50)
+
+    @property
+    def shape(self) -> Array:
+        """World positions (50, 2) of the backbone [m]."""
+        return self.backbone()
+
+    @property
+    def forces(self) -> list[tuple[Array, Array, str]]:
+        """Forces that act: position (2,) [m], force (2,) in the world [N], and kind."""
+        return acting_forces(Core(self.model, compiled=False), self.q, self.u, self.w, self.p)
+
+    @property
+    def tip(self) -> Array:
+        """World position of the tip [m]."""
+        return np.array(self.model.tip(self.q, self.u, self.p)).ravel()
+
+    def backbone(self, points: int = 50) -> Array:
+        """World positions (points, 2) along the backbone [m]."""
+        s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]
+        return np.array(Core(self.model, compiled=False).batch("position", self.q, self.u, s, self.p))
