@@ -61,6 +61,7 @@ ALLOWED = {
     },
     "export": {"export", "control", "accuracy", "simulation", "core", "model", "scene", "results"},
     "sweeps": {"sweeps", "grasp", "scene", "results"},
+    "examples": {"scene", "results"},
     "results": {"results"},
     "plotting": {"plotting", "scene"},
 }
@@ -87,6 +88,7 @@ OUTSIDE = {
     "export": DRAWING,
     "sweeps": {"casadi", "yaml", *DRAWING},
     "results": {"casadi", *DRAWING},
+    "examples": {"casadi", "numpy", "scipy", "yaml", *DRAWING},
     "plotting": {"casadi", "typer", "rich", "yaml"},
 }
 """Packages that a module does without."""

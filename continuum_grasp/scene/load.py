@@ -48,6 +48,8 @@ _KINDS = {
 }
 KINDS = tuple(_KINDS)
 """Of configurations."""
+COMMANDS = {name: kind.command for name, kind in _KINDS.items()}
+"""The command that runs each kind; None: a finger alone is not run."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:

@@ -1,0 +1,226 @@
+"""The shipped examples: configurations that run, what each needs, and how it is run.
+
+A checkout has them in its ``configs`` and ``schema``; a wheel has these two folders inside the package.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from continuum_grasp.errors import InputError
+
+_SCHEMA_LINE = "# yaml-language-server: $schema="
+_SENTENCE = re.compile(r".*?[.?!](?=\s|$)")
+
+
+@dataclass(frozen=True)
+class Example:
+    """A shipped configuration.
+
+    Attributes
+    ----------
+    name : str
+        Folder and name of its file, such as ``grasp/mug``.
+    path : pathlib.Path
+        Its file.
+    kind : str
+        Kind of configuration, as in ``continuum-grasp schema KIND``.
+    summary : str
+        The first sentence of the comment at the head of the file.
+    """
+
+    name: str
+    path: Path
+    kind: str
+    summary: str
+
+    @property
+    def verb(self) -> str:
+        """The command that runs it; a finger alone can only be checked."""
+        from continuum_grasp.scene.load import COMMANDS
+
+        return COMMANDS[self.kind] or "validate"
+
+    @cached_property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that it needs, its own first, then the fingers, grasps and data that it names, and schemas."""
+        root = shipped_folder()
+        found = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
+        schemas = [_schema_of(file, file.read_text(encoding="utf-8")) for file in found if file.suffix == ".yaml"]
+        return tuple(file.relative_to(root) for file in dict.fromkeys([*found, *schemas]))
+
+    @cached_property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the data files that it needs and that are not shipped."""
+        return tuple(dict.fromkeys(name for name in _named(self.path) if isinstance(name, str)))
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What follows ``continuum-grasp`` to run it in a folder that has its files."""
+        data = [file.parent.as_posix() for file in self.files if file.suffix == ".csv"]
+        options = [word for folder in dict.fromkeys(data) for word in ("--data", folder)]
+        return (self.verb, self.files[0].as_posix(), *options)
+
+
+def shipped_folder() -> Path:
+    """The folder that has ``configs`` and ``schema``: the package of a wheel, or the root of a checkout.
+
+    Raises
+    ------
+    InputError
+        If the installation has lost them.
+
+    Examples
+    --------
+    >>> from continuum_grasp.examples import shipped_folder
+    >>> (shipped_folder() / "configs/grasp/mug.yaml").is_file()
+    True
+    """
+    package = Path(__file__).absolute().parent
+    for folder in (package, package.parent):
+        if (folder / "configs").is_dir():
+            return folder
+    raise InputError("this installation has no examples; install the package again", file=str(package / "configs"))
+
+
+@cache
+def examples() -> dict[str, Example]:
+    """All shipped examples, by name.
+
+    Examples
+    --------
+    >>> from continuum_grasp.examples import examples
+    >>> mug = examples()["grasp/mug"]
+    >>> mug.kind, mug.arguments
+    ('grasp', ('grasp', 'configs/grasp/mug.yaml'))
+    """
+    found = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
+    return {one.name: one for one in found}
+
+
+def example(name: str) -> Example:
+    """The example of a name.
+
+    Raises
+    ------
+    InputError
+        If there is none; the message has names that are near.
+
+    Examples
+    --------
+    >>> from continuum_grasp.examples import example
+    >>> example("grasp/egg").files[1].as_posix()
+    'configs/fingers/short_finger.yaml'
+    """
+    from continuum_grasp.scene.problems import nearest
+
+    if name not in examples():
+        raise InputError(f"no example {name!r}{nearest(name, examples(), say_all=False)}")
+    return examples()[name]
+
+
+def copy_example(name: str, folder: Path) -> list[Path]:
+    """Copy an example, with every file that it needs, into a folder, laid out as they are shipped.
+
+    Files that are there already and say the same stay as they are, so that one folder takes several examples.
+
+    Parameters
+    ----------
+    name : str
+        Of the example.
+    folder : path
+        Where to; made where it is missing.
+
+    Returns
+    -------
+    list of path
+        The files in the folder, the example's own first.
+
+    Raises
+    ------
+    InputError
+        If there is no such example, if data that it needs are not shipped, or if the folder has another file where
+        one would be written; nothing is written then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.examples import copy_example
+    >>> folder = Path(mkdtemp())
+    >>> [file.relative_to(folder).as_posix() for file in copy_example("simulate/hanging", folder)][:2]
+    ['configs/simulate/hanging.yaml', 'configs/fingers/nitinol_60cm.yaml']
+    """
+    from continuum_grasp.results import write_text
+
+    one, root = example(name), shipped_folder()
+    if one.missing:
+        raise InputError(f"{name} needs measured data that are not shipped: {', '.join(one.missing)}")
+    texts = {folder / file: (root / file).read_text(encoding="utf-8") for file in one.files}
+    new = {file: text for file, text in texts.items() if not _says(file, text)}
+    if there := [str(file) for file in new if file.exists() or file.is_symlink()]:
+        raise InputError(f"already there, with other content: {', '.join(there)}; nothing is overwritten")
+    for file, text in new.items():
+        write_text(text, file)
+    return list(texts)
+
+
+def _example(path: Path) -> Example:
+    text = path.read_text(encoding="utf-8")
+    return Example(f"{path.parent.name}/{path.stem}", path, _schema_of(path, text).stem, _summary(text))
+
+
+def _schema_of(path: Path, text: str) -> Path:
+    """The schema that a configuration names in its first line; its name is that of the kind."""
+    return _beside(path, text.partition("\n")[0].removeprefix(_SCHEMA_LINE))
+
+
+def _beside(path: Path, target: str) -> Path:
+    """A file that another one names; links are not followed, as some installers link every file."""
+    return Path(os.path.normpath(path.parent / target))
+
+
+def _summary(text: str) -> str:
+    """The first sentence of the comment at the head of a configuration, without its full stop."""
+    lines = text.splitlines()[1:]
+    count = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    comment = " ".join(line.lstrip("# ") for line in lines[:count])
+    sentence = _SENTENCE.match(comment)
+    return (sentence[0] if sentence else comment).removesuffix(".")
+
+
+def _named(path: Path) -> Iterator[Path | str]:
+    """Files that a configuration names, and those that they name; of data that are not there, the name."""
+    from continuum_grasp.scene.yaml_loader import read_yaml
+
+    for text in _texts(read_yaml(path).value):
+        if text.endswith(".yaml"):
+            file = _beside(path, text)
+            yield file
+            yield from _named(file)
+        elif text.endswith(".csv"):
+            # `identify` is given a folder, and takes what lies in it by its name.
+            data: list[Path | str] = [*sorted(path.parent.glob(text))]
+            yield from data or [text]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts in plain data."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for child in value.values() if isinstance(value, dict) else value:
+            yield from _texts(child)
+
+
+def _says(file: Path, text: str) -> bool:
+    try:
+        return file.read_text(encoding="utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False
