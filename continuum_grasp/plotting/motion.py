@@ -15,6 +15,7 @@ from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
+from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,9 +107,12 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     unique, back = np.unique(indices, return_inverse=True)
     shapes = np.asarray(trajectory.backbone(unique, points=60))
     outlines = bodies.outlines_at(trajectory, unique)
-    forces, scale, box = _forces_and_box(trajectory, unique, [shapes, np.asarray(trajectory.tip)], outlines)
+    zones = scene.bounds.keep_out if isinstance(scene, PlanScene) else {}
+    points = [shapes, np.asarray(trajectory.tip), *bodies.zone_points(zones)]
+    forces, scale, box = _forces_and_box(trajectory, unique, points, outlines)
     film = Film(box, width)
     ax = film.ax
+    bodies.draw_zones(ax, zones)
     bodies.draw_supports(ax, scene.supports)
     bodies.draw_clamp(ax, shapes[0], length)
     finger = film.finger(trajectory, unique, shapes, dot=7)

@@ -23,6 +23,8 @@ from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.search import Search
+from continuum_grasp.plotting.drawing.style import FORBIDDEN
+from continuum_grasp.plotting.motion import motion_frames
 from continuum_grasp.scene.plan import PlanScene
 from tests.marks import few
 
@@ -383,6 +385,14 @@ def test_command(tmp_path):
     failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
     assert isinstance(failed.exception, SolverError)
     assert Plan.load(tmp_path / "no").status is PlanStatus.INFEASIBLE
+
+
+def test_an_animation_shows_what_must_not_be_entered():
+    post = {"type": "disc", "center": (0.1, 0.2), "radius": 0.02}
+    found = plan(small(bounds={"curvature": None, "keep_out": {"post": post}}))
+    frame = next(motion_frames(found, np.array([0]), 320)).reshape(-1, 3)
+    filling = [int(FORBIDDEN["facecolor"][k : k + 2], 16) for k in (1, 3, 5)]
+    assert np.count_nonzero((frame == filling).all(axis=1)) > 100
 
 
 # -- contact -----------------------------------------------------------------------------------------------------------

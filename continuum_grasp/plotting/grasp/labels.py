@@ -28,9 +28,10 @@ _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
 _NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
 """Distances of a label from what it names that are tried [points]: up to half of the drawing, by a line's height."""
 _ASIDE, _DRAWN, _WRITTEN, _TOUCHING, _CROSSED = 9.0, 400.0, 2000.0, 250.0, 60.0
+_ON_BODY, _OVER = 80.0, 0.5
 """What a place costs, as points of distance: pointing away from the wished side, share of it on the drawing and on
-other labels, touching either at all, and a leader over a label. A label on another cannot be read: any distance is
-better.
+other labels, touching either at all, a leader over a label; standing on a body, for labels that would rather not, and
+each point of a leader over the drawing. A label on another cannot be read: any distance is better.
 """
 
 
@@ -44,7 +45,7 @@ class Label(NamedTuple):
     away: Array
     """Direction (2,) in which to look first; zeros where there is none."""
     on_body: bool = False
-    """Whether it may stand on ``bodies``, though not on their outlines."""
+    """Whether it may as well stand on ``bodies``, though not on their outlines; others do where all else is far."""
 
 
 def place_labels(
@@ -53,7 +54,7 @@ def place_labels(
     """Write labels where nothing else is drawn, with a thin line to what they name where that is not near.
 
     The axes have their final limits. ``areas`` and ``bodies`` are filled outlines and ``lines`` lines that are drawn,
-    (points, 2) each, in data coordinates; on bodies some labels may stand.
+    (points, 2) each, in data coordinates; labels may stand on bodies.
     """
     ax.figure.draw_without_rendering()  # type: ignore[union-attr]  # before which axes have no place in pixels
     sheet = _Sheet(ax, areas, lines, bodies)
@@ -92,7 +93,7 @@ class _Sheet:
         if np.any(label.away):
             way = self.points.transform(label.at + label.away) - at
             wanted = math.atan2(way[1], way[0])
-        center = self._best(self.taken if label.on_body else self.taken | self.bodies, at, half, wanted)
+        center = self._best(at, half, wanted, 0.0 if label.on_body else _ON_BODY)
         x, y = self.points.inverted().transform(center)
         text.set_position((float(x), float(y)))
         low, high = self._cells(center - half), self._cells(center + half)
@@ -104,10 +105,10 @@ class _Sheet:
             self.ax.plot(*path, scalex=False, scaley=False, **look)
             self._trace(np.array([at, end]))
 
-    def _best(self, taken: Array, at: Array, half: Array, wanted: float | None) -> Array:
-        """Center of the box that costs least [points]."""
+    def _best(self, at: Array, half: Array, wanted: float | None, on_body: float) -> Array:
+        """Center of the box that costs least [points]; on a body it costs ``on_body`` more."""
         # summed-area tables: the share of a box costs four look-ups, however large it is
-        full, words = _sums(taken), _sums(self.texts)
+        full, words, bodies = _sums(self.taken), _sums(self.texts), _sums(self.bodies)
         best, least = at, math.inf
         for turn in _TURNS:
             way = np.array([math.cos(turn), math.sin(turn)])
@@ -123,16 +124,17 @@ class _Sheet:
                     break
                 drawn, written = self._share(full, low, high), self._share(words, low, high)
                 cost += _DRAWN * drawn + _WRITTEN * written + (_TOUCHING if drawn + written > 0 else 0.0)
-                cost += _CROSSED * self._crossed(at, np.clip(at, low, high))
+                cost += on_body if self._share(bodies, low, high) > 0 else 0.0
+                cost += self._crossed(at, np.clip(at, low, high))
                 if cost < least:
                     best, least = center, cost
         return best
 
     def _crossed(self, start: Array, end: Array) -> float:
-        """Texts that a line to the label would cross, counted in cells up to a few."""
+        """Cost of what a line to the label would cross: texts, counted in cells up to a few, and the drawing."""
         count = max(2, int(np.hypot(*(end - start)) / _CELL))
-        cells = self._cells(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
-        return float(min(4, self.texts[cells[:, 0], cells[:, 1]].sum()))
+        x, y = self._cells(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)).T
+        return float(_CROSSED * min(4, self.texts[x, y].sum()) + _OVER * _CELL * self.taken[x, y].sum())
 
     def _share(self, sums: Array, low: Array, high: Array) -> float:
         a, b = self._cells(low), self._cells(high) + 1

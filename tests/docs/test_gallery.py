@@ -1,0 +1,44 @@
+"""The gallery shows every shipped example, from what its script stored."""
+
+from __future__ import annotations
+
+import pytest
+from docs.gallery import FILMS, MOST_BYTES, PAGE, PICTURES, page, read_record, shown
+from PIL import Image
+
+from continuum_grasp.examples import Example
+
+RECORD = read_record()
+MOST_BYTES_OF_FILMS = {"mission.gif": 1_200_000}
+"""Others have half of that."""
+
+
+def test_every_example_is_there_and_nothing_else():
+    names = {one.name for one in shown()}
+    assert names == set(RECORD["scenes"]), "run: python docs/gallery.py"
+    assert set(RECORD["times"].get("seconds", names)) == names, "run: python docs/gallery.py --times"
+    assert set(FILMS) <= names
+    drawn = {PICTURES / scene["picture"] for scene in RECORD["scenes"].values()}
+    assert set((PICTURES / "gallery").iterdir()) <= drawn
+
+
+@pytest.mark.parametrize("one", shown(), ids=lambda one: one.name)
+def test_a_picture_is_wide_enough_and_loads_fast(one: Example):
+    path = PICTURES / RECORD["scenes"][one.name]["picture"]
+    with Image.open(path) as picture:
+        assert 480 <= picture.width <= 640
+        assert getattr(picture, "n_frames", 1) > 1 or one.name not in FILMS
+    most = MOST_BYTES_OF_FILMS.get(path.name, 600_000) if one.name in FILMS else MOST_BYTES
+    assert path.stat().st_size <= most
+
+
+def test_the_page_is_that_of_the_record():
+    assert PAGE.read_text(encoding="utf-8") == page(RECORD), "run: python docs/gallery.py --page"
+
+
+def test_what_has_no_grasp_says_why():
+    for name in ("grasp/heavy_bottle", "grasp/slippery_bottle"):
+        status, _, reason = RECORD["scenes"][name]["status"].partition(": ")
+        assert status == "infeasible"
+        assert reason
+        assert reason in PAGE.read_text(encoding="utf-8")
