@@ -1,13 +1,49 @@
-"""Tables of control.md, penalties and drifts: ``python docs/tuning.py`` in the root of the repository, a minute."""
+"""Figures of accuracy.md and control.md that no benchmark prints: ``python docs/figures.py`` in the root, a minute."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.result import ControlRun
 
 SEEDS = (0, 1)
+MOMENT, RISE = 0.05, 0.2
+"""Tip moment [N m] of accuracy.md, "Inputs that vary", and how long it takes to rise [s]."""
+
+
+def rising(family: str, elements: int) -> cg.Scene:
+    """The paper's rod with 10 g, straight and at rest, while its tip moment rises."""
+    changes = {
+        "initial": {"pose": "straight"},
+        "actuation": {"tip_moment": {"times": [0.0, RISE], "values": [0.0, MOMENT]}},
+        "fidelity": {"family": family, "elements": elements, "bending_range": 4.0},
+    }
+    return cg.load("configs/simulate/nitinol_release_010g.yaml", changes)
+
+
+def rows_at(t: NDArray[np.float64], rates: bool) -> NDArray[np.float64]:
+    """The moment at instants (T, 1), or with its first and second derivative (T, 3)."""
+    z = np.clip(t / RISE, 0.0, 1.0)
+    value = z**3 * (10.0 - 15.0 * z + 6.0 * z**2)
+    rate, acceleration = 30.0 * (z * (1.0 - z)) ** 2 / RISE, 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z) / RISE**2
+    return MOMENT * np.stack([value, rate, acceleration] if rates else [value], axis=1)
+
+
+def moving_moments() -> None:
+    """What the rates of a moment that moves are worth, held for steps of 1 ms at its value in their middle."""
+    fine = cg.simulate(rising("clothoid", 8)).tip
+    print("model, u: r.m.s. of the tip over a second, against eight clothoids")
+    t = 1e-3 * np.arange(len(fine))
+    for family, rates in (("matched_clothoid", False), ("matched_clothoid", True), ("clothoid", False)):
+        core = cg.compile(cg.FingerModel(rising(family, 2), input_rates=rates))
+        x = [np.zeros(core.model.nx)]
+        for u in rows_at(t[:-1] + 5e-4, rates):
+            x.append(core.rollout(x[-1], 1, 1e-3, u=u)[-1])
+        tip = core.batch("tip", np.array(x)[:, : core.model.n], rows_at(t, rates), None)
+        error = 1e3 * np.sqrt(np.mean(np.sum((tip - fine) ** 2, axis=1)))
+        print(f"2 {family}, {'with' if rates else 'without'} rates: {error:.2f} mm", flush=True)
 
 
 def run(name: str, *changes: str) -> ControlRun:
@@ -54,5 +90,6 @@ def drifts() -> None:
 
 
 if __name__ == "__main__":
+    moving_moments()
     penalties()
     drifts()
