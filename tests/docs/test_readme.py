@@ -1,0 +1,58 @@
+"""The commands and the Python of README.md, as they are written there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = [block.strip().splitlines() for block in re.findall(r"^```\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)]
+PYTHON = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+
+
+def words(line):
+    """What follows ``continuum-grasp``; ``start.py``, which ``.ci/run`` tries, gives its arguments to that."""
+    found = shlex.split(line, comments=True)
+    return found[found.index("start.py") + 1 if "start.py" in found else 1 :]
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A folder like a clone, in which results lie apart from those of the project."""
+    for name in ("configs", "schema"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    return tmp_path
+
+
+def run(place, *arguments):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    return subprocess.run([sys.executable, *arguments], cwd=place, env=environment, capture_output=True, text=True)
+
+
+def test_the_page_has_two_blocks_of_commands():
+    assert [len(block) for block in COMMANDS] == [2, 9]
+
+
+@pytest.mark.parametrize("block", [COMMANDS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in COMMANDS[1:])])
+def test_commands_run(block, checkout):
+    for line in block:
+        done = run(checkout, "-m", "continuum_grasp", *words(line))
+        expected = re.search(r"exit status (\d)", line)
+        assert done.returncode == (int(expected[1]) if expected else 0), f"{line}\n{done.stdout}{done.stderr}"
+    assert (checkout / "runs/grasp/mug/grasp.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_the_python_runs(checkout):
+    (checkout / "example.py").write_text("\n".join(PYTHON), encoding="utf-8")
+    done = run(checkout, "example.py")
+    assert done.returncode == 0, done.stderr
+    assert "('mass', " in done.stdout
+    assert "forward_dynamics:(x[4]" in done.stdout
