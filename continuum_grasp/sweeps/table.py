@@ -66,6 +66,11 @@ class SweepTable(Result):
     kind: ClassVar[str] = "sweep"
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("row", "scenes that have a row", "index"),)
 
+    on_request: ClassVar[tuple[Picture, ...]] = (
+        Picture("map", "sweeps.maps:draw_map"),
+        Picture("pareto", "sweeps.maps:draw_front"),
+    )
+
     folder: Path
     total: int
     keys: tuple[str, ...]
