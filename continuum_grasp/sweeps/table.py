@@ -187,7 +187,6 @@ class SweepTable(Result):
             "varied": ", ".join(self.keys),
             "status": ", ".join(f"{count} {name}" for name, count in self.counts.items()) or "none",
             "without a grasp": ", ".join(f"{count} {name}" for name, count in self.failures.items()) or "none",
-            "folder": str(self.folder),
         }
 
     def declared(self) -> list[Stored]:
