@@ -141,8 +141,11 @@ class AccuracyReport(Result):
             raise InputError(f"expected one of {', '.join(known)}, got {dimension!r}", key="dimension")
         table = self.tables[0] if dimension is None else known[dimension]
         frame: pandas.DataFrame = package("pandas").DataFrame(list(table.rows), columns=list(table.columns))
-        names = {name: name.partition(" [")[2].rstrip("]") or "1" for name in table.columns}
-        frame.attrs = {"units": names, "descriptions": dict.fromkeys(table.columns, table.note)}
+        units = {
+            name: "" if isinstance(value, str) else name.partition(" [")[2].rstrip("]") or "1"
+            for name, value in zip(table.columns, table.rows[0], strict=True)
+        }
+        frame.attrs = {"units": units, "descriptions": dict.fromkeys(table.columns, table.note)}
         return frame
 
     def to_xarray(self) -> xarray.Dataset:

@@ -75,14 +75,7 @@ def sweep(
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():
         output.warn([f"no scene has a grasp; the first row says: {table['message'][0]}"])
-    output.pairs(
-        {
-            "scenes": f"{len(table)} of {table.total}",
-            "status": ", ".join(f"{count} {name}" for name, count in table.counts.items()) or "none",
-            "without a grasp": ", ".join(f"{count} {name}" for name, count in table.failures.items()) or "none",
-            **saved_in(table.folder, files),
-        }
-    )
+    output.pairs({**table.pairs(), **saved_in(table.folder, files)})
     output.statistics(statistics)
     output.result(
         folder=table.folder,

@@ -306,7 +306,7 @@ class GraspResult(Result):
         """Tensions, contact forces and margins; where there is no grasp, why."""
         if not self.solved:
             reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
-            return {"message": self.message, **reasons, **({"advice": self.advice} if self.advice else {})}
+            return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
         rows = {"sum of tensions": f"{self.tension:.2f} N"}
         if self.contacts:
             forces = ", ".join(f"{c.name} {c.normal_force:.2f} N" for c in self.contacts)

@@ -37,6 +37,8 @@ class Result(Summarized):
         Written by `save`, beside ``result.npz`` and ``meta.json``.
     pictures : tuple of Picture
         Drawn by `plot`, the first where none is named, and written by `save_pictures`.
+    on_request : tuple of Picture
+        Drawn by `plot` alone, since they need options.
     pages : tuple of File
         Texts with pictures in them, written by `save_pictures`.
 
@@ -64,6 +66,7 @@ class Result(Summarized):
     dimensions: ClassVar[tuple[Dimension, ...]] = ()
     texts: ClassVar[tuple[File, ...]] = ()
     pictures: ClassVar[tuple[Picture, ...]] = ()
+    on_request: ClassVar[tuple[Picture, ...]] = ()
     pages: ClassVar[tuple[File, ...]] = ()
 
     scene: Any
@@ -183,7 +186,7 @@ class Result(Summarized):
         InputError
             There is no such picture, it takes no such option, or it has panels and ``ax`` is given.
         """
-        drawable = {one.name: one for one in self.drawable()}
+        drawable = {one.name: one for one in (*self.drawable(), *self.on_request)}
         known = ", ".join(drawable) or "none: there is nothing to draw"
         if not drawable or (picture is not None and picture not in drawable):
             raise InputError(f"no such picture of this result: {picture!r}; there are {known}", key="picture")
@@ -201,11 +204,14 @@ class Result(Summarized):
 
     def _drawn(self, picture: Picture, options: Mapping[str, Any]) -> Any:
         maker = maker_of(picture.maker)
-        taken = [name for name, one in inspect.signature(maker).parameters.items() if one.kind is one.KEYWORD_ONLY]
-        for name in options.keys() - set(taken):
-            known = ", ".join(option for option in taken if option != "ax") or "none"
-            raise InputError(f"no such option of {picture.name}; it takes {known}", key=name)
-        drawn = maker(self, **{**picture.options, **options})
+        given = {**picture.options, **options}
+        taken = {name: one for name, one in inspect.signature(maker).parameters.items() if one.kind is one.KEYWORD_ONLY}
+        needed = [name for name, one in taken.items() if one.default is one.empty and name not in given]
+        known = ", ".join(name for name in taken if name != "ax") or "none"
+        for name in (*(name for name in given if name not in taken), *needed):
+            wrong = "this picture needs it" if name in needed else "no such option"
+            raise InputError(f"{wrong}; {picture.name} takes {known}", key=name)
+        drawn = maker(self, **given)
         return drawn[0].figure if picture.panels else drawn
 
     def save_pictures(self, folder: str | os.PathLike[str]) -> list[Path]:

@@ -66,6 +66,11 @@ class SweepTable(Result):
     kind: ClassVar[str] = "sweep"
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("row", "scenes that have a row", "index"),)
 
+    on_request: ClassVar[tuple[Picture, ...]] = (
+        Picture("map", "sweeps.maps:draw_map"),
+        Picture("pareto", "sweeps.maps:draw_front"),
+    )
+
     folder: Path
     total: int
     keys: tuple[str, ...]
@@ -182,7 +187,6 @@ class SweepTable(Result):
             "varied": ", ".join(self.keys),
             "status": ", ".join(f"{count} {name}" for name, count in self.counts.items()) or "none",
             "without a grasp": ", ".join(f"{count} {name}" for name, count in self.failures.items()) or "none",
-            "folder": str(self.folder),
         }
 
     def declared(self) -> list[Stored]:

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import continuum_grasp
 from continuum_grasp.cli import app
 from continuum_grasp.errors import NumericalError, SolverError
+from continuum_grasp.simulation.trajectory import Trajectory
 
 ROOT = Path(__file__).parents[2]
 RELEASE = str(ROOT / "configs/simulate/nitinol_release_020g.yaml")
@@ -180,6 +181,8 @@ class FakeTrajectory(SimpleNamespace):
         super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
         self.time_error, self.length = 2e-5, 0.5
+
+    pairs = Trajectory.pairs
 
     def save(self, folder):
         Path(folder).mkdir(parents=True)

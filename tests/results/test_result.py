@@ -41,7 +41,9 @@ RESULTS = (
     Trajectory,
     TrialsResult,
 )
-FILES = [(result, one) for result in RESULTS for one in (*result.texts, *result.pages, *result.pictures)]
+FILES = [
+    (result, one) for result in RESULTS for one in (*result.texts, *result.pages, *result.pictures, *result.on_request)
+]
 
 
 def a_text(result: Result) -> str:
@@ -105,7 +107,8 @@ def test_what_makes_a_file_takes_the_result_and_axes(result: type[Result], one: 
     if isinstance(one, File):
         signature.bind(object())
         return
-    signature.bind(object(), **({} if one.panels else {"ax": object()}))
+    options = {"x": "a", "y": "b", "color": "c"} if one in result.on_request else {}
+    signature.bind(object(), **options, **({} if one.panels else {"ax": object()}))
     assert hasattr(result, one.needs) or not one.needs
     assert re.fullmatch("[a-z_]+", one.name)
 
@@ -234,7 +237,7 @@ def test_pictures_are_drawn_where_and_as_asked_for(several: list[Result]) -> Non
     [
         (("path",), "'path'; there are snapshots, tip_path, coordinates, energy$"),
         (("contact_forces",), "there are snapshots, tip_path, coordinates, energy$"),  # there is no object
-        ((), "color: no such option of snapshots; it takes times"),
+        ((), "color: no such option; snapshots takes times"),
     ],
 )
 def test_pictures_that_there_are_not(motion: Trajectory, given: tuple[str, ...], said: str) -> None:

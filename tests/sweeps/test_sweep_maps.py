@@ -11,7 +11,9 @@ import pytest
 from PIL import Image
 
 from continuum_grasp import sweep, sweep_table
+from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.sweep import plot_front, plot_map
+from continuum_grasp.sweeps import SweepTable
 from continuum_grasp.sweeps.maps import front_of, map_of, pareto
 from tests.sweep_cases import MUG, STUCK, held
 
@@ -112,6 +114,18 @@ def test_pictures_are_drawn(tmp_path):
         ],
         pareto=[{"x": "tension_max", "y": "friction_margin", "y_best": "greatest"}],
     )
+    assert table.plot().get_xlabel() == "object.mass [kg]"
+    drawn = table.plot("pareto", x="tension_max", y="object.mass", y_best="greatest")
+    assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("greatest tension [N]", "object.mass [kg]")
+    with pytest.raises(InputError, match="color: this picture needs it; map takes x, y, color, reduce"):
+        table.plot("map", x="object.mass", y="seconds")
+    frame = table.to_pandas()
+    assert frame["object.mass"].to_list() == table["object.mass"].tolist()
+    assert (frame.index.name, frame.attrs["units"]["object.mass"]) == ("row", "kg")
+    assert SweepTable.read(table.save(tmp_path / "other")).arrays["status"].tolist() == table["status"].tolist()
+    with pytest.raises(InputError, match="stored in this folder already"):
+        table.save(tmp_path)
+    assert len(repr(table)) < 1000
     files = table.save_pictures()
     assert [file.name for file in files] == [
         "map_1_tension_max.png",
