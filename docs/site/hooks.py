@@ -32,6 +32,7 @@ MACHINE = re.compile(r"^- cpu: .*\n(?:- .*\n)*", re.MULTILINE)
 """What a benchmark ran on, which is folded away."""
 FENCE = re.compile(r"^ {0,3}(`{3,}|~{3,}).*?^ {0,3}\1`*\s*$", re.MULTILINE | re.DOTALL)
 TAG = re.compile(r"<(?:img|a|video|source)\b[^>]*>")
+CODE = re.compile(r"(?<!</span>)(?<!<pre>)<code>([\w./]+)(?:\([^<]*\))?</code>(?!</a>)")
 MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 BOLD = re.compile(r'<mi mathvariant="bold">([A-Za-z])</mi>')
 """A bold letter, for which browsers want the character of Unicode."""
@@ -175,7 +176,7 @@ def addressed(tag: str, page: Any, files: Files) -> str:
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
-    """Turn formulas into MathML, and compare the page with how a repository browser shows it."""
+    """Link code, turn formulas into MathML, and compare the page with how a repository browser shows it."""
     path = page.file.src_uri
     if page.file.generated_by is None and path.endswith(".md"):
         shown = pages.structure(pages.PARSER.render((ROOT / path).read_text(encoding="utf-8")))
@@ -183,7 +184,22 @@ def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
         wrong = {name: (shown[name], built[name]) for name in shown | built if shown[name] != built[name]}
         if wrong:
             log.warning("%s: blocks by CommonMark and on the site differ: %s", path, wrong)
+    html = html if path.startswith(reference.FOLDER) else linked(html, page, files)
     return MATH.sub(mathml, html)
+
+
+def linked(html: str, page: Any, files: Files) -> str:
+    """Code that names a public name (``cg.simulate``) or a file of the site leads there."""
+    entries = {name.path: f"{reference.FOLDER}{name.package}.md" for name in reference.public()}
+
+    def link(match: re.Match[str]) -> str:
+        name = re.sub(r"^cg\.", "continuum_grasp.", match[1])
+        file = files.get_file_from_path(entries.get(name, name))
+        if file is None or file is page.file or (name not in entries and "/" not in name):
+            return match[0]
+        return f'<a href="{file.url_relative_to(page.file)}{"#" + name if name in entries else ""}">{match[0]}</a>'
+
+    return CODE.sub(link, html)
 
 
 def mathml(match: re.Match[str]) -> str:
