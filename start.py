@@ -40,6 +40,7 @@ def main(arguments):
     if not set_up([tool[0]] if tool else []):
         return 2
     sys.stdout.flush()
+    os.environ.setdefault("NO_MKDOCS_2_WARNING", "1")  # pyproject.toml asks for the versions that go together
     if tool is None:
         return run([PYTHON, "-m", "continuum_grasp", *arguments])
     return run([PYTHON, "-m", *tool[1], *arguments[1:]], cwd=ROOT)

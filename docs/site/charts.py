@@ -1,4 +1,4 @@
-"""Charts of benchmark tables, drawn as SVG into their pages at build time; they follow the page's colors."""
+"""Charts of benchmark tables, drawn into their pages at build time; styles of the site draw them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ CHARTED = ("median [ns]", "median [us]", "median [ms]", "mode 1", "total", "mean
 """Columns that tell most of a table: the first of these that it has is drawn."""
 MOST = 30
 """Rows; a longer chart is not read."""
-LABELS, PLOT, ROW = 330, 330, 22
-"""Widths of labels and plot, height of a row, in pixels of the drawing."""
 
 
 def with_charts(text: str, data: Path) -> str:
@@ -38,32 +36,17 @@ def chart(table: dict[str, Any]) -> str | None:
     values = [value for _, value in rows]
     logarithmic = max(values) > 10 * min(values)
     low = 10 ** math.floor(math.log10(min(values))) if logarithmic else 0.0
-    high = 10 ** math.ceil(math.log10(max(values)) - 1e-9) if logarithmic else 1.05 * max(values)
-
-    def place(value: float) -> float:
+    high = 10 ** math.ceil(math.log10(max(values)) - 1e-9) if logarithmic else max(values)
+    parts = ['<figure class="chart">']
+    for name, value in rows:
         share = math.log(value / low) / math.log(high / low) if logarithmic else value / high
-        return LABELS + PLOT * share
-
-    title = table["columns"][column]
-    height = ROW * len(rows) + 30
-    parts = [
-        f'<figure class="chart"><svg viewBox="0 0 {LABELS + PLOT + 80} {height}" role="img" '
-        f'aria-label="{html.escape(title)} of each row of the table below">'
-    ]
-    for tick in ticks(low, high, logarithmic):
-        x = place(tick)
-        parts.append(f'<line class="tick" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{height - 26}"/>')
-        parts.append(f'<text class="unit" x="{x:.1f}" y="{height - 12}" text-anchor="middle">{tick:g}</text>')
-    for k, (name, value) in enumerate(rows):
-        y, x = ROW * (k + 0.5), place(value)
-        parts.append(f'<text x="{LABELS - 8}" y="{y + 4:.1f}" text-anchor="end">{html.escape(name)}</text>')
-        if logarithmic:
-            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5"/>')
-        else:
-            parts.append(f'<rect x="{LABELS}" y="{y - 6:.1f}" width="{x - LABELS:.1f}" height="12"/>')
-        parts.append(f'<text class="unit" x="{x + 9:.1f}" y="{y + 4:.1f}">{value:.3g}</text>')
-    scale = ", logarithmic axis" if logarithmic else ""
-    parts.append(f"</svg><figcaption>{html.escape(title)}{scale}</figcaption></figure>")
+        mark = f'<i style="{"left" if logarithmic else "width"}: {100 * share:.2f}%"></i>'
+        parts.append(
+            f'<div><span>{html.escape(name)}</span><span class="{"dot" if logarithmic else "bar"}">{mark}</span>'
+            f"<span>{readable(value)}</span></div>"
+        )
+    axis = f", logarithmic from {readable(low)} to {readable(high)}" if logarithmic else ""
+    parts.append(f"<figcaption>{html.escape(table['columns'][column])}{axis}</figcaption></figure>")
     return "".join(parts) + "\n"
 
 
@@ -72,14 +55,9 @@ def label(row: list[Any], column: int) -> str:
     words = [str(row[0])]
     if column > 1 and isinstance(row[1], int):
         words.append(str(row[1]))
-    text = ", ".join(words)
-    return text if len(text) <= 46 else text[:45] + "…"
+    return ", ".join(words)
 
 
-def ticks(low: float, high: float, logarithmic: bool) -> list[float]:
-    """Places of an axis that are marked."""
-    if logarithmic:
-        return [low * 10**k for k in range(round(math.log10(high / low)) + 1)]
-    step = 10 ** math.floor(math.log10(high / 2))
-    step = next(step * k for k in (1, 2, 5, 10) if high / (step * k) <= 6)
-    return [k * step for k in range(int(high / step) + 1)]
+def readable(value: float) -> str:
+    """Three digits, without exponents for what people count."""
+    return f"{value:,.0f}" if 1000 <= value < 1e9 else f"{value:.3g}"

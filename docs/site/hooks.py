@@ -7,6 +7,7 @@ highlighted code, notebooks with the outputs that they were saved with, folders 
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import posixpath
@@ -25,14 +26,16 @@ from mkdocs.structure.files import File, Files, InclusionLevel
 ROOT = pages.ROOT
 RESULTS = "benchmarks/results/"
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".json": "json", ".c": "c", ".h": "c", ".sh": "bash", ".txt": "text"}
-"""Files that are shown as code; CITATION.cff and the like are named in ``NAMED``."""
+"""Files that are shown as code, by suffix, or by name in ``NAMED``; others are copied."""
 NAMED = {"CMakeLists.txt": "cmake", "CITATION.cff": "yaml", "LICENSE": "text", "run": "bash"}
 MACHINE = re.compile(r"^- cpu: .*\n(?:- .*\n)*", re.MULTILINE)
 """What a benchmark ran on, which is folded away."""
-FIGURES = (".png", ".gif", ".svg", ".jpg", ".mp4", ".webm")
 FENCE = re.compile(r"^ {0,3}(`{3,}|~{3,}).*?^ {0,3}\1`*\s*$", re.MULTILINE | re.DOTALL)
 TAG = re.compile(r"<(?:img|a|video|source)\b[^>]*>")
+CODE = re.compile(r"(?<!</span>)(?<!<pre>)<code>([\w./]+)(?:\([^<]*\))?</code>(?!</a>)")
 MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+BOLD = re.compile(r'<mi mathvariant="bold">([A-Za-z])</mi>')
+"""A bold letter, for which browsers want the character of Unicode."""
 OUTSIDE = re.compile(
     r"<(?:script|img|iframe|video|source)\b[^>]*\bsrc=[\"']?(?:https?:)?//[^>]*"
     r"|<link\b[^>]*\bhref=[\"']?(?:https?:)?//[^>]*|@import[^;]*//[^;]*",
@@ -46,7 +49,7 @@ class Source(File):
 
     def __init__(self, path: str, config: Any, content: str | bytes | None = None, linked: bool = False) -> None:
         inclusion = InclusionLevel.NOT_IN_NAV if linked else InclusionLevel.INCLUDED
-        self.is_page = path.endswith(".md") or not path.endswith((*FIGURES, ".js", ".css", ".csv"))
+        self.is_page = path.endswith(".md") or isinstance(content, str)
         super().__init__(
             path, str(ROOT), config.site_dir, False, dest_uri=destination(path, self.is_page), inclusion=inclusion
         )
@@ -134,16 +137,12 @@ def sources(path: str, config: Any, linked: bool) -> dict[str, Source]:
     if language is not None:
         text = f"# {name}\n\n`{path}`\n\n{notebook_pages.fenced(file.read_text(encoding='utf-8'), language)}\n"
         return {path: Source(path, config, text, linked)}
-    if file.suffix not in (".md", ".csv", *FIGURES):
-        log.warning("%s is linked to, but docs/site/hooks.py does not know how to show it", path)
     return {path: Source(path, config, None, linked)}
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
     """Give benchmarks their title and charts, and HTML in Markdown the addresses that it has on the site."""
     path = page.file.src_uri
-    if path.startswith((reference.FOLDER, RESULTS)):
-        page.meta["search"] = {"boost": 0.3}  # what explains comes before what lists
     if path.startswith(RESULTS) and path.endswith(".md"):
         data = (ROOT / path).with_suffix(".json")
         markdown = re.sub(
@@ -177,7 +176,7 @@ def addressed(tag: str, page: Any, files: Files) -> str:
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
-    """Turn formulas into MathML, and compare the page with how a repository browser shows it."""
+    """Link code, turn formulas into MathML, and compare the page with how a repository browser shows it."""
     path = page.file.src_uri
     if page.file.generated_by is None and path.endswith(".md"):
         shown = pages.structure(pages.PARSER.render((ROOT / path).read_text(encoding="utf-8")))
@@ -185,18 +184,45 @@ def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
         wrong = {name: (shown[name], built[name]) for name in shown | built if shown[name] != built[name]}
         if wrong:
             log.warning("%s: blocks by CommonMark and on the site differ: %s", path, wrong)
+    html = html if path.startswith(reference.FOLDER) else linked(html, page, files)
     return MATH.sub(mathml, html)
+
+
+def linked(html: str, page: Any, files: Files) -> str:
+    """Code that names a public name (``cg.simulate``) or a file of the site leads there."""
+    entries = {name.path: f"{reference.FOLDER}{name.package}.md" for name in reference.public()}
+
+    def link(match: re.Match[str]) -> str:
+        name = re.sub(r"^cg\.", "continuum_grasp.", match[1])
+        file = files.get_file_from_path(entries.get(name, name))
+        if file is None or file is page.file or (name not in entries and "/" not in name):
+            return match[0]
+        return f'<a href="{file.url_relative_to(page.file)}{"#" + name if name in entries else ""}">{match[0]}</a>'
+
+    return CODE.sub(link, html)
 
 
 def mathml(match: re.Match[str]) -> str:
     """A formula that browsers draw without a script."""
     display = "block" if match[1] == "div" else "inline"
     source = match[2].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
-    return str(latex2mathml.converter.convert(source.strip(), display=display))
+    formula = str(latex2mathml.converter.convert(source.strip(), display=display))
+    return BOLD.sub(
+        lambda letter: f"<mi>{chr(ord(letter[1]) + (0x1D3BF if letter[1].isupper() else 0x1D3B9))}</mi>", formula
+    )
 
 
 def on_post_build(config: Any) -> None:
-    """Verify that the site shows without a network."""
+    """Rank what the search finds, and verify that the site shows without a network."""
+    index = Path(config.site_dir) / "search/search_index.json"
+    found = json.loads(index.read_text(encoding="utf-8"))
+    names = {name.path for name in reference.public()}
+    for entry in found["docs"]:
+        page, _, anchor = entry["location"].partition("#")
+        if page.startswith((reference.FOLDER.removeprefix("docs/"), RESULTS)):
+            # A title counts a thousandfold: what explains comes first, then public names, then their attributes.
+            entry["boost"] = 0.02 if anchor in names else 0.001
+    index.write_text(json.dumps(found, separators=(",", ":")), encoding="utf-8")
     for file in Path(config.site_dir).rglob("*"):
         if file.suffix in (".html", ".css"):
             for found in OUTSIDE.findall(file.read_text(encoding="utf-8")):

@@ -62,5 +62,6 @@ def anchors(text: str) -> set[str]:
 
 
 def structure(html: str) -> Counter[str]:
-    """How many of each block a page of HTML has."""
+    """How many of each block a page of HTML has, but for empty rows, which a table without any is given."""
+    html = re.sub(r"<tr>\s*(<td[^>]*></td>\s*)+</tr>", "", html)
     return Counter(re.findall(r"<(h[1-6]|li|pre|table|tr|blockquote|img)\b", html))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -25,6 +26,7 @@ class Name:
     summary: str
 
 
+@cache
 def public() -> list[Name]:
     """All public names, those of the top level first."""
     packages = [
@@ -65,9 +67,26 @@ def pages() -> dict[str, str]:
     found = {f"{FOLDER}index.md": index(names, packages)}
     for package in packages:
         about = inspect.getdoc(import_module(package)) or ""
-        blocks = [f"::: {name.path}" for name in sorted(names, key=in_order) if name.package == package]
+        blocks = [entry(name) for name in sorted(names, key=in_order) if name.package == package]
         found[f"{FOLDER}{package}.md"] = f"# {package}\n\n{about}\n\n" + "\n\n".join(blocks) + "\n"
     return found
+
+
+def entry(name: Name) -> str:
+    """Directive for a public name. Values of a scene have a constructor of their fields, which are listed anyway."""
+    value = value_of(name.path)
+    fields = getattr(value, "model_fields", None)
+    if fields is None:
+        return f"::: {name.path}"
+    # What all of them inherit stands with those that users build first.
+    inherited = "true" if name.path.count(".") == 1 else f"[{', '.join(fields)}]"
+    return f"::: {name.path}\n    options:\n      merge_init_into_class: false\n      inherited_members: {inherited}"
+
+
+def value_of(path: str) -> Any:
+    """What a public path names."""
+    package, _, name = path.rpartition(".")
+    return getattr(import_module(package), name)
 
 
 def index(names: list[Name], packages: list[str]) -> str:

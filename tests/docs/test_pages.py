@@ -69,11 +69,11 @@ def test_notebooks_are_shown_with_what_they_printed():
 
 def test_a_chart_is_to_scale():
     table = {"title": "t", "columns": ["", "median [ns]"], "rows": [["a", 20.0], ["b", 40.0], ["c", 50.0]]}
-    widths = [float(width) for width in re.findall(r'<rect [^>]*width="([\d.]+)"', chart(table))]
-    assert widths == pytest.approx([0.4 * widths[2], 0.8 * widths[2], widths[2]], abs=0.1)
+    widths = [float(width) for width in re.findall(r"width: ([\d.]+)%", chart(table))]
+    assert widths == pytest.approx([0.4 * widths[2], 0.8 * widths[2], widths[2]], abs=0.01)
     table["rows"] = [["a", 1.0], ["b", 10.0], ["c", 1000.0]]
-    places = [float(place) for place in re.findall(r'<circle cx="([\d.]+)"', chart(table))]
-    assert places[2] - places[0] == pytest.approx(3 * (places[1] - places[0]), abs=0.2)
+    places = [float(place) for place in re.findall(r"left: ([\d.]+)%", chart(table))]
+    assert places[2] - places[0] == pytest.approx(3 * (places[1] - places[0]), abs=0.02)
 
 
 def read(page: str) -> str:
