@@ -56,26 +56,26 @@ class Kind:
 
 
 KINDS = {
-    "simulate": Kind("Motions", "A finger moves in time: [accuracy.md](accuracy.md).", "snapshots.png"),
+    "simulate": Kind("Motions", "A finger moves in time, alone or [in contact](contact.md).", "snapshots.png"),
     "grasp": Kind(
         "Grasps",
-        "Fingers hold an object, or the answer is why they cannot: [grasps.md](grasps.md).",
+        "[Fingers hold an object](grasps.md), or the answer is why they cannot.",
         "grasp.png",
         3.2,
     ),
-    "mpc": Kind("Control", "A controller against a plant that differs from its model: [mpc.md](mpc.md).", "path.png"),
-    "mission": Kind(
-        "Missions", "Grasp, lift, hold, release under control: [missions.md](missions.md).", "timeline.png"
+    "mpc": Kind(
+        "Control", "[A controller](control.md) against [a plant that differs from its model](mpc.md).", "path.png"
     ),
-    "plan": Kind("Plans", "A whole motion in least time or with least effort: [plans.md](plans.md).", "path.png"),
+    "mission": Kind("Missions", "[Grasp, lift, hold and release](missions.md) under control.", "timeline.png"),
+    "plan": Kind("Plans", "[A whole motion](plans.md) in least time or with least effort.", "path.png"),
     "identify": Kind(
         "Identification",
-        "Parameters from measurements: [real_rods.md](real_rods.md). The measurements are published by others and not "
+        "[Parameters from measurements](real_rods.md). The measurements are published by others and not "
         f"shipped; each configuration names their source, and `{DATA}` stands for the folder that has them. Those of "
         "`nitinol_releases` are simulated by this page's script, on a rod that is 8 % softer than assumed.",
         "predictions.png",
     ),
-    "sweep": Kind("Sweeps", "One scene many times: [sweeps.md](sweeps.md).", "map_*.png"),
+    "sweep": Kind("Sweeps", "[One scene many times](sweeps.md).", "map_*.png"),
 }
 TELLING = {"mpc/saturation": "inputs.png", "mpc/pulse": "tracking.png", "mpc/steady_tip": "tracking.png"}
 """Pictures that show what an example is for better than the main one of its kind."""
@@ -290,7 +290,7 @@ def page(record: dict[str, Any]) -> str:
         "# Gallery",
         "Every configuration that is shipped, run by its command. A picture is the main one that the command draws, a "
         "moving one comes with `--animate gif`; all are in the run folder. "
-        "`continuum-grasp new FOLDER --example NAME` copies one with all that it needs.",
+        "`continuum-grasp new DIR --example grasp/mug` copies one with all that it needs.",
         _times_text(record["times"]),
     ]
     for kind, part in KINDS.items():
@@ -323,7 +323,7 @@ def _pictures(mine: list[Example], scenes: dict[str, Any]) -> str:
     cells = []
     for one in mine:
         place = f"pictures/{scenes[one.name]['picture']}"
-        cells.append(f"[![{_cell(one.summary)}]({place})]({place})<br>{one.path.stem}")
+        cells.append(f"[![{_cell(one.summary)}]({place})]({place})<br>{one.path.stem.replace('_', ' ')}")
     cells += [" "] * (-len(cells) % COLUMNS)
     lines = [" | ".join(cells[k : k + COLUMNS]) for k in range(0, len(cells), COLUMNS)]
     # the head of a table would set its row apart
