@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-PAGES = ("first_finger", "simulate", "recipes")
+PAGES = ("first_finger", "simulate")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -66,13 +67,49 @@ def test_pages_have_their_pictures(page):
         assert (ROOT / "docs/pictures" / name).is_file()
 
 
+PLACES = {
+    "Scene": "",
+    "Finger": "finger.",
+    "Rod": "finger.rod.",
+    "Damping": "finger.damping.",
+    "PointMass": "finger.masses.",
+    "Tendons": "finger.tendons.",
+    "BasePose": "finger.base.",
+    "PiecewiseCurvature": "finger.rest_curvature.",
+    "Actuation": "actuation.",
+    "Initial": "initial.",
+    "ForceLoad": "loads.",
+    "MomentLoad": "loads.",
+    "Timing": "time.",
+    "Fidelity": "fidelity.",
+    "ContactLaw": "contact_law.",
+    "Table": "table.",
+}
+"""Where classes of a scene for simulation stand in it; keys of the others stand on the page by themselves."""
+NESTED = {"finger.rod", "finger.damping", "finger.masses", "finger.tendons", "finger.base", "contact_law", "table"}
+"""Keys that the page has with those below them."""
+
+
+def test_the_page_of_simulate_has_every_key():
+    schema = json_schema("simulate")
+    classes = {"Scene": schema, **schema["$defs"]}
+    assert PLACES.keys() <= classes.keys()
+    page = page_text("simulate")
+    for name, described in classes.items():
+        if name.endswith("Changes"):  # what may stand beside ``extends``
+            continue
+        for key in described["properties"].keys() - {"extends"}:
+            path = PLACES.get(name, "") + key
+            assert f"`{path}`" in page or (path in NESTED and f"`{path}." in page), f"simulate.md lacks {path}"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_of_a_page_runs(page, tmp_path):
     done = run(page, tmp_path)
     assert len(done.quoted) == sum(block.kind == "text" for block in blocks(page_text(page))) > 0
-    for one in done.quoted:
-        assert not missing(one.lines, one.output), f"{page}.md, line {one.line}, of\n{one.output}"
+    wrong = [(f"{page}.md:{one.line}", missing(one.lines, one.output), one.output) for one in done.quoted]
+    assert [] == [one for one in wrong if one[1]]
     for name, source in pictures(page_text(page)).items():
         assert (done.folder / source).is_file(), name
 
