@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from decimal import Decimal
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
@@ -16,14 +17,19 @@ from pydantic import BaseModel
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import KINDS, load, model_of
+from continuum_grasp.scene.load import KINDS, load, load_placed, model_of
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.schema import json_schema
-from continuum_grasp.scene.shape import alternatives
+from continuum_grasp.scene.shape import Shape, alternatives
 from continuum_grasp.scene.units import QUANTITIES, Unit, advice_on, pattern, to_si, units_of
 from continuum_grasp.sweeps.plan import plan_of
+from tests.marks import few
+from tests.scene.test_configs import FOLDER_OF
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+KINDS_OF_SCENES = [sorted(CONFIGS.glob(f"{folder}/*.yaml")) for folder in sorted({*FOLDER_OF.values()} - {"sweep"})]
+SHIPPED = [path for row in zip_longest(*KINDS_OF_SCENES) for path in row if path is not None]
+"""One of each kind first."""
 BASE = {"m": 1.0, "kg": 1.0, "g": 1e-3, "s": 1.0, "N": 1.0, "Pa": 1.0, "rad": 1.0, "Hz": 2.0 * math.pi, "1": 1.0}
 BASE |= {"deg": math.pi / 180.0, "gf": 9.80665e-3, "in": 0.0254, "%": 0.01}
 PREFIXES = {"": 1.0, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -164,6 +170,26 @@ def test_a_file_with_units_is_the_scene_in_si(file):
     scene = load(file(HEAD + REST))
     assert scene == load(file(PLAIN + PLAIN_REST))
     assert scene.model_dump_json() == load("scene.yaml").model_dump_json()  # what results store
+
+
+def written(value: Any, shape: Shape, path: tuple[str | int, ...], data: Any) -> Any:
+    """Plain data with the unit behind every number whose unit is in the table."""
+    if isinstance(value, dict):
+        return {key: written(one, shape, (*path, key), data) for key, one in value.items()}
+    if isinstance(value, list):
+        return [written(one, shape, (*path, k), data) for k, one in enumerate(value)]
+    unit = shape.unit(path, data) if isinstance(value, float) else None
+    if unit == "1":
+        return f"{Decimal(repr(value)).scaleb(2):f} %"
+    return f"{value!r} {unit}" if unit in QUANTITIES else value
+
+
+@pytest.mark.parametrize("path", few(SHIPPED, 14), ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_every_number_of_the_shipped_configurations_takes_its_unit(path):
+    scene, document = load_placed(path)
+    data = written(document.value, Shape(type(scene)), (), document.value)
+    assert data != document.value
+    assert type(scene).model_validate(data) == scene
 
 
 def test_set_and_python_take_units(file):
