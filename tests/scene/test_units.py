@@ -242,6 +242,37 @@ def test_a_wrong_unit_is_refused_at_its_key(file, change, words):
     assert words in str(caught.value)
 
 
+OTHERS = [
+    (
+        "mpc/tip_steps.yaml",
+        "reference.tip.values[0]=[0, 18 kg]",
+        "reference.tip.values[0][1]: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '18 kg'",
+    ),
+    (
+        "mpc/tip_steps.yaml",
+        "reference.tip={center: [0, 1 cm], radius: 3 s, frequency: 1 Hz}",
+        "reference.tip.radius: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '3 s'",
+    ),
+    (
+        "grasp/mug.yaml",
+        "disturbances.wrenches=[[1 N, 0, 3 N]]",
+        "disturbances.wrenches[0][2]: wrong type: expected a moment [N m] such as 0.025 or 25 N mm, got text '3 N'",
+    ),
+    (
+        "plan/past_a_post.yaml",
+        "goal.bending={value: [30 deg, 1 N]}",
+        "goal.bending.value[1]: wrong type: expected an angle [rad] such as 0.523599 or 30 deg, got text '1 N'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("path", "change", "message"), OTHERS)
+def test_of_a_choice_only_what_is_meant_is_reported(path, change, message):
+    with pytest.raises(InputError) as caught:
+        load(CONFIGS / path, [change])
+    assert str(caught.value) == f"--set {change}: {message}"
+
+
 def test_a_wrong_unit_in_a_file_is_named_with_its_line(file):
     with pytest.raises(InputError) as caught:
         load(file(PLAIN.replace("-0.03]", "30 g]")))
