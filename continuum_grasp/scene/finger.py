@@ -191,9 +191,8 @@ class BasePose(Value):
 
     def _check(self) -> None:
         turn = 2 * math.pi * (1 + 1e-9)
-        doubt_outside(
-            "base.angle", self.angle, -turn, turn, "rad is beyond a full turn; is it in degrees? (expected: rad)"
-        )
+        why = f"rad is beyond a full turn; is it in degrees? (expected: rad, or {self.angle:g} deg)"
+        doubt_outside("base.angle", self.angle, -turn, turn, why)
 
 
 class Finger(Value):

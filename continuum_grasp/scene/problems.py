@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -27,8 +28,10 @@ _KINDS = {
     "list_type": "a list",
     "dict_type": "a mapping",
     "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
     "none_required": "nothing",
 }
+_STRANGE = {"extra_forbidden", "missing"}
 _LIMITS = {
     "greater_than": ("gt", "greater than"),
     "greater_than_equal": ("ge", "at least"),
@@ -80,8 +83,14 @@ def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[P
     value could have been meant for are reported.
     """
     shape = Shape(model)
-    located = [_locate(e, data, shape) for e in error.errors(include_url=False)]
+    located = [_locate(e, data, shape) for e in error.errors(include_url=False) if not _is_echo(e)]
     return _choose_branches(located, shape, data)
+
+
+def _is_echo(error: Any) -> bool:
+    """Whether pydantic calls a list too short only since it does not count the entries that are wrong."""
+    given = error["input"]
+    return error["type"] == "too_short" and isinstance(given, list | tuple) and len(given) >= error["ctx"]["min_length"]
 
 
 def _locate(error: Any, data: Any, shape: Shape) -> _Located:
@@ -122,7 +131,11 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[P
             wanted = " or ".join(dict.fromkeys(_kind(item, shape, data) for item in here if item.path == union))
             problems.append(_wrong_type(union, wanted, here[0].error["input"], shape.unit(union, data)))
         else:
-            located += [item for item in here if dict(item.branches)[union] not in unfit]
+            # Of several mappings, the one whose keys are the most alike was meant.
+            strange = Counter(dict(item.branches)[union] for item in here if item.error["type"] in _STRANGE)
+            fewest = min(strange[label] for label in labels - unfit)
+            meant = {label for label in labels - unfit if strange[label] == fewest}
+            located += [item for item in here if dict(item.branches)[union] in meant]
     return problems + [_problem(item, shape, data) for item in located]
 
 

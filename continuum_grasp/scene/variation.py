@@ -132,7 +132,7 @@ class _Resolver:
         for k, value in enumerate(given):
             path, new = self._change((*where, k) if listed else where, key, value)
             tried = changed(self.base, [(path, new)], self.file)
-            found.append(tried.get(path))
+            found.append(self.shape.in_si(path, tried.get(path), tried.value))
             try:
                 GraspScene.model_validate(tried.value)
             except ValidationError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from decimal import Decimal
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
@@ -16,14 +17,19 @@ from pydantic import BaseModel
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import KINDS, load, model_of
+from continuum_grasp.scene.load import KINDS, load, load_placed, model_of
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.schema import json_schema
-from continuum_grasp.scene.shape import alternatives
+from continuum_grasp.scene.shape import Shape, alternatives
 from continuum_grasp.scene.units import QUANTITIES, Unit, advice_on, pattern, to_si, units_of
 from continuum_grasp.sweeps.plan import plan_of
+from tests.marks import few
+from tests.scene.test_configs import FOLDER_OF
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+KINDS_OF_SCENES = [sorted(CONFIGS.glob(f"{folder}/*.yaml")) for folder in sorted({*FOLDER_OF.values()} - {"sweep"})]
+SHIPPED = [path for row in zip_longest(*KINDS_OF_SCENES) for path in row if path is not None]
+"""One of each kind first."""
 BASE = {"m": 1.0, "kg": 1.0, "g": 1e-3, "s": 1.0, "N": 1.0, "Pa": 1.0, "rad": 1.0, "Hz": 2.0 * math.pi, "1": 1.0}
 BASE |= {"deg": math.pi / 180.0, "gf": 9.80665e-3, "in": 0.0254, "%": 0.01}
 PREFIXES = {"": 1.0, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -166,6 +172,26 @@ def test_a_file_with_units_is_the_scene_in_si(file):
     assert scene.model_dump_json() == load("scene.yaml").model_dump_json()  # what results store
 
 
+def written(value: Any, shape: Shape, path: tuple[str | int, ...], data: Any) -> Any:
+    """Plain data with the unit behind every number whose unit is in the table."""
+    if isinstance(value, dict):
+        return {key: written(one, shape, (*path, key), data) for key, one in value.items()}
+    if isinstance(value, list):
+        return [written(one, shape, (*path, k), data) for k, one in enumerate(value)]
+    unit = shape.unit(path, data) if isinstance(value, float) else None
+    if unit == "1":
+        return f"{Decimal(repr(value)).scaleb(2):f} %"
+    return f"{value!r} {unit}" if unit in QUANTITIES else value
+
+
+@pytest.mark.parametrize("path", few(SHIPPED, 14), ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_every_number_of_the_shipped_configurations_takes_its_unit(path):
+    scene, document = load_placed(path)
+    data = written(document.value, Shape(type(scene)), (), document.value)
+    assert data != document.value
+    assert type(scene).model_validate(data) == scene
+
+
 def test_set_and_python_take_units(file):
     by_file, file = load(file(PLAIN)), file(PLAIN)
     changes = ["finger.rod.length=700 mm", "finger.base.angle=90 deg", "finger.base.position=[1 cm, 0]"]
@@ -214,6 +240,37 @@ def test_a_wrong_unit_is_refused_at_its_key(file, change, words):
     with pytest.raises(InputError) as caught:
         load(file(PLAIN), [change])
     assert words in str(caught.value)
+
+
+OTHERS = [
+    (
+        "mpc/tip_steps.yaml",
+        "reference.tip.values[0]=[0, 18 kg]",
+        "reference.tip.values[0][1]: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '18 kg'",
+    ),
+    (
+        "mpc/tip_steps.yaml",
+        "reference.tip={center: [0, 1 cm], radius: 3 s, frequency: 1 Hz}",
+        "reference.tip.radius: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '3 s'",
+    ),
+    (
+        "grasp/mug.yaml",
+        "disturbances.wrenches=[[1 N, 0, 3 N]]",
+        "disturbances.wrenches[0][2]: wrong type: expected a moment [N m] such as 0.025 or 25 N mm, got text '3 N'",
+    ),
+    (
+        "plan/past_a_post.yaml",
+        "goal.bending={value: [30 deg, 1 N]}",
+        "goal.bending.value[1]: wrong type: expected an angle [rad] such as 0.523599 or 30 deg, got text '1 N'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("path", "change", "message"), OTHERS)
+def test_of_a_choice_only_what_is_meant_is_reported(path, change, message):
+    with pytest.raises(InputError) as caught:
+        load(CONFIGS / path, [change])
+    assert str(caught.value) == f"--set {change}: {message}"
 
 
 def test_a_wrong_unit_in_a_file_is_named_with_its_line(file):

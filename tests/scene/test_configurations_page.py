@@ -1,0 +1,132 @@
+"""docs/configurations.md: its tables are those of the code, its scenes load, its errors are what one gets."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import warnings
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from continuum_grasp.cli import app
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.assembly import kind_of
+from continuum_grasp.scene.load import KINDS, load
+from continuum_grasp.scene.units import QUANTITIES, units_of
+from continuum_grasp.scene.yaml_loader import parse_yaml
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "configurations.md").read_text(encoding="utf-8")
+HANGING = ROOT / "configs" / "simulate" / "hanging.yaml"
+
+
+def table(heading: str) -> list[list[str]]:
+    """Cells of the rows of the first table under a heading."""
+    section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    lines = [line for line in section.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
+
+
+def blocks(language: str) -> list[str]:
+    """Code blocks of a language."""
+    return re.findall(rf"\n```{language}\n(.*?)\n```\n", PAGE, re.DOTALL)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder of scenes beside the shipped fingers."""
+    shutil.copytree(ROOT / "configs" / "fingers", tmp_path / "fingers")
+    (tmp_path / "simulate").mkdir()
+    monkeypatch.chdir(tmp_path / "simulate")
+    return tmp_path / "simulate"
+
+
+def test_units_are_those_of_the_code():
+    rows = [
+        [quantity.words, si, ", ".join(unit for unit in units_of(si) if unit != si), quantity.example]
+        for si, quantity in QUANTITIES.items()
+    ]
+    assert table("Units") == rows
+
+
+def test_every_kind_is_in_the_table():
+    rows = table("Kinds")
+    assert [re.findall(r"\w+", row[3])[0] for row in rows] == list(KINDS)
+    for row, kind in zip(rows, KINDS, strict=True):
+        keys = [re.findall(r"`(\w+)`", each)[0] for each in row[1].split(", ")]
+        assert kind_of(dict.fromkeys(keys)) == kind
+
+
+def test_scenes_load(folder):
+    whole, bare, changed, wrong = blocks("yaml")
+    Path("scene.yaml").write_text(whole, encoding="utf-8")
+    assert load("scene.yaml") == load(HANGING)
+    for finger, length in ((bare, 0.6), (changed, 0.5)):
+        Path("scene.yaml").write_text(f"schema_version: 1\ngravity: [0, 0]\n{finger}\n", encoding="utf-8")
+        assert load("scene.yaml").finger.rod.length == length
+    Path("scene.yaml").write_text(wrong, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load("scene.yaml")
+    assert f"\nerror: {caught.value}\n" in PAGE
+
+
+def test_python_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    (code,) = blocks("python")
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert names["scene"].finger.masses[0].mass == 0.05
+    assert names["rod"].youngs_modulus == 60e9
+
+
+def test_commands_are_there(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    commands = re.findall(r"^    continuum-grasp (.*)$", PAGE, re.MULTILINE)
+    assert len(commands) == 4
+    for command in commands:
+        verb, *rest = shlex.split(command, comments=True)
+        # Computing is what other tests do: here, that the change is one.
+        done = CliRunner().invoke(app, [verb if verb == "schema" else "validate", *rest])
+        assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("row", table("When something is wrong"), ids=lambda row: row[0])
+def test_errors_are_what_one_gets(row):
+    change, message = (cell.strip("`") for cell in row)
+    with pytest.raises(InputError) as caught:
+        load(HANGING, [change])
+    assert str(caught.value) == f"--set {change}: {message}"
+
+
+def test_the_warning_is_what_one_gets():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        load(HANGING, ["finger.base.angle=-90"])
+    assert f"`{caught[0].message}`" in PAGE.replace("\n", " ")
+
+
+READ = {
+    "60e9": 60e9,
+    "1e-3": 1e-3,
+    ".5": 0.5,
+    "0o17": 15,
+    "0x1F": 31,
+    "010": 10,
+    "true": True,
+    "false": False,
+    "null": None,
+    "~": None,
+    '"60e9"': "60e9",
+}
+
+
+def test_yaml_is_read_as_the_page_says():
+    written = [word for row in table("YAML") for word in re.findall(r"`([^`]+)`", row[0])]
+    assert set(READ) < set(written)
+    for word in written:
+        got = parse_yaml(f"key: {word}").value["key"]
+        assert got == READ.get(word, word)
+        assert type(got) is type(READ.get(word, word))
