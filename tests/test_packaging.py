@@ -51,3 +51,10 @@ def test_tests_read_only_what_is_packed():
     }
     assert len(named) > 20
     assert [path for path in named if not is_included(path) or not (ROOT / path).exists()] == []
+
+
+def test_version_is_the_same_everywhere():
+    version = re.search(r'__version__ = "(.+)"', (ROOT / "continuum_grasp/__init__.py").read_text(encoding="utf-8"))[1]
+    cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)[1]
+    newest = re.search(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[1]
+    assert cited == newest == version

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 TEXT = {".py", ".c", ".h", ".md", ".yaml", ".json", ".ipynb", ".txt", ".in", ".mjs", ".cpp", ".cu", ".sh", ".cmake"}
 PLACES = ("continuum_grasp", "docs", "configs", "schema", "notebooks", "examples", "tests", "benchmarks")
-PAGES = ("README.md", "CONTRIBUTING.md")
+PAGES = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
 OWN = {Path(__file__).resolve()}
 """This table itself."""
 

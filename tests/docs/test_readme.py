@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "README.md").read_text(encoding="utf-8")
-COMMANDS = [block.strip().splitlines() for block in re.findall(r"^```\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)]
+COMMANDS = [block.strip().splitlines() for block in re.findall(r"^```sh\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)]
 PYTHON = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 
 
@@ -44,7 +44,7 @@ def test_the_page_has_two_blocks_of_commands():
 def test_commands_run(block, checkout):
     for line in block:
         done = run(checkout, "-m", "continuum_grasp", *words(line))
-        expected = re.search(r"exit status (\d)", line)
+        expected = re.search(r"# status (\d)$", line)
         assert done.returncode == (int(expected[1]) if expected else 0), f"{line}\n{done.stdout}{done.stderr}"
     assert (checkout / "runs/grasp/mug/grasp.png").stat().st_size > 10_000
 
