@@ -19,6 +19,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.record import begin_run, created_now, machine, versions
+from continuum_grasp.summary import Summarized
 
 RESULT = "result.npz"
 META = "meta.json"
@@ -40,7 +41,7 @@ _BROKEN = (
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Summarized):
     """A run as read from its folder.
 
     Attributes
@@ -56,6 +57,14 @@ class Run:
     folder: Path
     arrays: dict[str, NDArray[Any]]
     meta: dict[str, Any]
+
+    def headline(self) -> str:
+        """Kind, status and folder."""
+        return f"of {self.meta.get('kind')}, {self.meta.get('status')}, in {self.folder}"
+
+    def pairs(self) -> dict[str, str]:
+        """Size of each array."""
+        return {name: f"{array.shape} {array.dtype}" for name, array in self.arrays.items()}
 
 
 def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> Path:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import gc
 import inspect
 import json
 import re
 import sys
+import weakref
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -84,6 +86,8 @@ def test_a_folder_holds_what_is_declared(tmp_path: Path) -> None:
         "labels": [],
     }
     assert run.arrays["labels"].dtype.kind == "U"  # also where there are none
+    assert repr(run).splitlines()[0] == f"Run of case, finished, in {tmp_path / 'run'}"
+    assert "  force   (1,) float64" in repr(run)
     assert (run.meta["kind"], run.meta["status"], run.meta["warnings"]) == ("case", "finished", ["a warning"])
     assert read_run(tmp_path / "run" / "inner").arrays["labels"].tolist() == ["a", "bc"]
 
@@ -214,6 +218,9 @@ def test_nothing_is_written_to_see_a_picture(
             assert png.startswith(b"\x89PNG")
             assert 200 < size["width"] < 1500
     assert list(tmp_path.iterdir()) == []
+    figure = weakref.ref(several[0].plot().figure)
+    gc.collect()
+    assert figure() is None  # nothing else holds it
 
 
 def test_pictures_are_drawn_where_and_as_asked_for(several: list[Result]) -> None:
