@@ -1,8 +1,8 @@
-"""Gallery of all shipped examples: ``python docs/gallery.py`` in the root of the repository.
+"""Gallery of all shipped examples: ``python -m docs.gallery`` in the root of the repository.
 
 It runs every example that is new or has changed by its command, one at a time, stores its status in ``gallery.json``
 and its picture in ``pictures/gallery``, and writes ``gallery.md``; an interrupted run resumes. ``--again NAME`` repeats
-some, ``--times`` measures how long all of them take on this machine (ten minutes on two cores), ``--page`` writes the
+some, ``--times`` measures how long all of them take on this machine, ``--page`` writes the
 page alone. Measured data of the examples of ``identify`` are taken from the folder that ``CONTINUUM_GRASP_DATA`` names.
 """
 
@@ -303,7 +303,7 @@ def page(record: dict[str, Any]) -> str:
             "\n".join(["| scene | what, and how | status | first run | again |", "|---|---|---|---|---|", *rows])
         )
     parts.append(
-        "Written by `python docs/gallery.py`; times by `python docs/gallery.py --times`, one command at a time."
+        "Written by `python -m docs.gallery`; times by `python -m docs.gallery --times`, one command at a time."
     )
     return "\n\n".join(parts) + "\n"
 

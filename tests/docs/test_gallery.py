@@ -15,8 +15,8 @@ MOST_BYTES_OF_FILMS = {"mission.gif": 1_200_000}
 
 def test_every_example_is_there_and_nothing_else():
     names = {one.name for one in shown()}
-    assert names == set(RECORD["scenes"]), "run: python docs/gallery.py"
-    assert set(RECORD["times"].get("seconds", names)) == names, "run: python docs/gallery.py --times"
+    assert names == set(RECORD["scenes"]), "run: python -m docs.gallery"
+    assert set(RECORD["times"].get("seconds", names)) == names, "run: python -m docs.gallery --times"
     assert set(FILMS) <= names
     drawn = {PICTURES / scene["picture"] for scene in RECORD["scenes"].values()}
     assert set((PICTURES / "gallery").iterdir()) <= drawn
@@ -33,7 +33,7 @@ def test_a_picture_is_wide_enough_and_loads_fast(one: Example):
 
 
 def test_the_page_is_that_of_the_record():
-    assert PAGE.read_text(encoding="utf-8") == page(RECORD), "run: python docs/gallery.py --page"
+    assert PAGE.read_text(encoding="utf-8") == page(RECORD), "run: python -m docs.gallery --page"
 
 
 def test_what_has_no_grasp_says_why():
