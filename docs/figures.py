@@ -1,4 +1,4 @@
-"""Figures of accuracy.md and control.md that no benchmark prints: ``python docs/figures.py`` in the root, a minute."""
+"""Figures of accuracy.md, contact.md and control.md that no benchmark prints: ``python docs/figures.py``, a minute."""
 
 from __future__ import annotations
 
@@ -51,6 +51,25 @@ def run(name: str, *changes: str) -> ControlRun:
     return cg.run_closed_loop(cg.load(f"configs/mpc/{name}.yaml", changes))
 
 
+def contacts() -> None:
+    """Instructions of the forward dynamics of two clothoids with two contacts, by law and shape of the object."""
+    law = {"stiffness": 5e3, "friction": 0.5, "dissipation": 1.0}
+    shapes = {
+        "disc": {"shape": "circle", "diameter": 0.08},
+        "box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.01},
+        "ellipse": {"shape": "ellipse", "width": 0.08, "height": 0.06},
+    }
+    for name, law_of, shape in (
+        ("disc, slip_speed", {**law, "slip_speed": 0.01}, shapes["disc"]),
+        *((f"{name}, presliding", {**law, "presliding": 1e-4}, shape) for name, shape in shapes.items()),
+    ):
+        body = {**shape, "mass": 0.3, "position": [0.15, 0.095]}
+        changes = {"fidelity": {"family": "clothoid", "elements": 2}, "contact_law": law_of, "object": body}
+        scene = cg.load("configs/simulate/swing_against_disc.yaml", changes)
+        free, touching = (model(scene).forward_dynamics.n_instructions() for model in (cg.FingerModel, cg.System))
+        print(f"{name}: {touching} instructions, without contact {free}", flush=True)
+
+
 def penalties() -> None:
     """How much the tensions of ``keep_out`` change beside the wall, and how near to it the tip comes."""
     wall = "controller.bounds.keep_out.wall.penalty"
@@ -91,5 +110,6 @@ def drifts() -> None:
 
 if __name__ == "__main__":
     moving_moments()
+    contacts()
     penalties()
     drifts()
