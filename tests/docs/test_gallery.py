@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from docs.gallery import FILMS, MOST_BYTES, PAGE, PICTURES, page, read_record, shown
 from PIL import Image
 
 from continuum_grasp.examples import Example
+from docs.gallery import FILMS, MOST_BYTES, PAGE, PICTURES, page, read_record, shown
 
 RECORD = read_record()
 MOST_BYTES_OF_FILMS = {"mission.gif": 1_200_000}
