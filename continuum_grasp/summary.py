@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
 from typing import Any
 
 _LINE = 96
@@ -39,6 +38,8 @@ class Summarized:
         return table(*self._summary())
 
     def _repr_html_(self) -> str:
+        from html import escape
+
         head, rows = self._summary()
         cells = "".join(
             f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(text)}</td></tr>'

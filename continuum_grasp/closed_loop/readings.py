@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -31,7 +31,7 @@ class Bound:
 
     name: str
     unit: str
-    excess: Array
+    excess: Array = field(repr=False)
     scale: float
 
 

@@ -66,10 +66,10 @@ class Constraint:
     name: str
     key: str
     unit: str
-    values: Array
-    lower: Array
-    upper: Array
-    multipliers: Array
+    values: Array = field(repr=False)
+    lower: Array = field(repr=False)
+    upper: Array = field(repr=False)
+    multipliers: Array = field(repr=False)
 
     @property
     def excess(self) -> float:

@@ -57,9 +57,10 @@ def to_pandas(result: Any, dimension: str | None = None) -> pandas.DataFrame:
     """See `Result.to_pandas`."""
     arrays = _arrays(result)
     known = list(dict.fromkeys(name for one, _ in arrays for name in one.dimensions))
-    if not known or (dimension is not None and dimension not in known):
-        expected = f"expected one of {', '.join(known)}" if known else "this result has no arrays"
-        raise InputError(f"{expected}, got {dimension!r}", key="dimension")
+    if not known:
+        raise InputError("this result has no arrays to make a table of")
+    if dimension is not None and dimension not in known:
+        raise InputError(f"expected one of {', '.join(known)}, got {dimension!r}", key="dimension")
     rows = known[0] if dimension is None else dimension
     columns: dict[str, Array] = {}
     units, descriptions, count = {}, {}, 0

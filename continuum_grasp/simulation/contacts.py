@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import casadi as ca
 import numpy as np
@@ -26,12 +26,12 @@ class ContactForces:
     """
 
     names: tuple[str, ...]
-    gap: Array
-    normal_force: Array
-    friction: Array
-    lift: Array
-    force: Array
-    point: Array
+    gap: Array = field(repr=False)
+    normal_force: Array = field(repr=False)
+    friction: Array = field(repr=False)
+    lift: Array = field(repr=False)
+    force: Array = field(repr=False)
+    point: Array = field(repr=False)
 
     @staticmethod
     def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:

@@ -35,6 +35,7 @@ from continuum_grasp.scene import (
     Tendons,
     VectorSamples,
 )
+from tests.declared import assert_declared
 
 FINGER = Finger(
     rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012),
@@ -344,6 +345,7 @@ def test_the_tip_follows_its_setpoints():
 
 def test_a_run_repeats_with_its_seed():
     one, same = run(), run_closed_loop(make(estimator=ESTIMATOR))
+    assert_declared(one)
     for name in ("x", "u", "y", "estimate", "std", "plan_tip", "tracked"):
         assert np.array_equal(getattr(one, name), getattr(same, name)), name
     other = run_closed_loop(make(estimator=ESTIMATOR, plant=make().plant.model_copy(update={"seed": 5})))

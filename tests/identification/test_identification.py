@@ -15,6 +15,7 @@ from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Fidelity
+from tests.declared import assert_declared
 from tests.identification_cases import (
     DENSITY,
     LENGTH,
@@ -105,6 +106,9 @@ def test_holdout_is_predicted_and_not_fitted():
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-4)
     (error,) = fit.holdout_errors
     assert (error.count, error.rms) == (4, pytest.approx(0.01, rel=1e-2))
+    assert_declared(fit)
+    assert fit.to_pandas().loc["bending_stiffness", ["unit", "values"]].to_list() == ["N m2", fit.values[0]]
+    assert fit.to_pandas("measurement")["fitted"].sum() == fit.fitted.sum()
 
 
 def test_known_deviations_weight_unlike_data():

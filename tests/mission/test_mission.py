@@ -25,6 +25,7 @@ from continuum_grasp.mission.verdict import Verdict, judge
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
+from tests.declared import assert_declared
 
 MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
@@ -249,6 +250,8 @@ def test_outcomes_are_counted_and_written(tmp_path):
     outcomes.append(Outcome(drawn[3], None, 'not finite,\n"lost"'))
     run = TrialsResult(load(MUG), tuple(outcomes))
     found = run.summary
+    assert_declared(run)
+    assert run.to_pandas()["held"].to_list() == [True, False, True, False]
     assert (found.plants, found.held, found.succeeded, found.fallbacks, found.failed) == (4, 2, 2, 3, (1, 3))
     assert (found.force_error_median, found.force_error_worst, found.sunk_worst) == pytest.approx((0.0, 0.5, 0.05))
     with open(run.save(tmp_path / "new") / "trials.csv", encoding="utf-8") as file:
@@ -287,6 +290,10 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
     assert [phase["name"] for phase in stored.meta["phases"]] == [span.name for span in held.spans]
     assert stored.arrays["force_estimate"] == pytest.approx(held.force_estimate)
     assert stored.arrays["pulls"].shape == (6, 3)
+    assert_declared(held, stored.arrays)
+    assert repr(held).startswith('MissionRun "mug, from approach to release": held and released')
+    gaps = held.to_xarray()["contact_gap"].sel(contact="finger.tip")
+    assert gaps.values == pytest.approx(held.contacts.gap[:, held.contacts.names.index("finger.tip")])
     assert read_run(tmp_path / "grasp").meta["status"] == "optimal"
     assert (tmp_path / "report.txt").read_text() == report
     for word in ("held and released", "mN m about z", "pull 6", "fallbacks"):

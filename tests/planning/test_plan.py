@@ -26,6 +26,7 @@ from continuum_grasp.planning.search import Search
 from continuum_grasp.plotting.drawing.style import FORBIDDEN
 from continuum_grasp.plotting.motion import motion_frames
 from continuum_grasp.scene.plan import PlanScene
+from tests.declared import assert_declared
 from tests.marks import few
 
 HAND = cg.Finger.model_validate(
@@ -357,6 +358,7 @@ def test_plans_are_the_same_every_time():
 
 def test_pictures_and_values_at_instants(tmp_path):
     found = plan(tendons(intervals=10))
+    assert_declared(found)
     assert {path.name for path in found.save_pictures(tmp_path)} == {"path.png", "inputs.png", "coordinates.png"}
     middle = 0.5 * (found.t[3] + found.t[4])
     assert found.inputs_at([middle, 99.0]) == pytest.approx(found.u[[3, -1]])

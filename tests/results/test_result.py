@@ -28,6 +28,7 @@ from continuum_grasp.results import Dimension, File, Picture, Result, Stored, re
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 from continuum_grasp.sweeps import SweepTable
+from tests.declared import assert_declared
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RESULTS = (
@@ -136,18 +137,6 @@ def test_declared_arrays_have_a_name_dimensions_and_a_meaning(result: type[Resul
         assert one.meaning
 
 
-def shapes_fit(result: Result, arrays: dict[str, np.ndarray]) -> None:
-    """Assert that exactly the declared arrays are there, with their shapes: one dimension is one number."""
-    sizes = {one.name: len(one.labels) for one in result.dimensions if isinstance(one.labels, tuple) and one.labels}
-    sizes.pop("pose", None)  # of which an array may have the first three
-    declared = {one.name: one for one in result.declared()}
-    assert set(arrays) <= set(declared)
-    for name, array in arrays.items():
-        assert len(declared[name].dimensions) == array.ndim, name
-        for dimension, size in zip(declared[name].dimensions, array.shape, strict=True):
-            assert sizes.setdefault(dimension, size) == size, (name, dimension)
-
-
 def test_saved_results_have_the_declared_shapes(tmp_path: Path) -> None:
     import continuum_grasp as cg
 
@@ -161,7 +150,7 @@ def test_saved_results_have_the_declared_shapes(tmp_path: Path) -> None:
     for result in results:
         arrays = type(result).read(result.save(tmp_path / type(result).__name__)).arrays
         assert set(arrays) == {one.name for one in result.declared()}
-        shapes_fit(result, arrays)
+        assert_declared(result, arrays)
 
 
 # -- what users see -----------------------------------------------------------------------------------------------

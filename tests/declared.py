@@ -1,0 +1,36 @@
+"""Whether a result is what its class declares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.results import Result
+from continuum_grasp.results.declared import attribute
+
+
+def assert_declared(result: Result, arrays: Mapping[str, Any] | None = None) -> None:
+    """Assert that arrays are declared, that a dimension is one number, with as many labels, and that ``repr`` is short.
+
+    The arrays are those that the result stores where none are given.
+    """
+    sizes: dict[str, int] = {}
+    declared = {one.name: one for one in result.declared()}
+    found = result.stored_arrays() if arrays is None else arrays
+    assert found
+    assert set(found) <= set(declared)
+    for name, array in found.items():
+        shape = np.shape(array)
+        assert len(declared[name].dimensions) == len(shape), name
+        for dimension, size in zip(declared[name].dimensions, shape, strict=True):
+            assert sizes.setdefault(dimension, size) == size, (name, dimension)
+    for one in result.dimensions:
+        if not one.labels or one.name not in sizes:
+            continue
+        labels = one.labels if isinstance(one.labels, tuple) else attribute(result, one.labels)
+        # of the pose of an object that stays in the plane there are the first three
+        assert len(labels) == sizes[one.name] or (one.name == "pose" and sizes["pose"] == 3), one.name
+    assert len(repr(result)) < 1000
+    assert "no summary" not in repr(result)
