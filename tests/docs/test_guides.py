@@ -14,7 +14,7 @@ from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-PAGES = ("first_finger", "simulate")
+PAGES = ("first_finger", "simulate", "recipes")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -109,7 +109,7 @@ def test_every_command_of_a_page_runs(page, tmp_path):
     done = run(page, tmp_path)
     assert len(done.quoted) == sum(block.kind == "text" for block in blocks(page_text(page))) > 0
     wrong = [(f"{page}.md:{one.line}", missing(one.lines, one.output), one.output) for one in done.quoted]
-    assert [] == [one for one in wrong if one[1]]
+    assert [one for one in wrong if one[1]] == []
     for name, source in pictures(page_text(page)).items():
         assert (done.folder / source).is_file(), name
 
