@@ -148,7 +148,7 @@ class Run:
 def run(page: str, folder: Path) -> Run:
     """Run a guide in a folder, which is given the shipped configurations unless the guide takes an example itself."""
     text = page_text(page)
-    if "continuum-grasp new" not in text:
+    if not any(block.kind == "sh" and "continuum-grasp new" in block.text for block in blocks(text)):
         for name in ("configs", "schema"):
             shutil.copytree(ROOT / name, folder / name)
     found = Run(folder)
