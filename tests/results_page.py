@@ -8,8 +8,8 @@ from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.identification.fit import Fit
+from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.mission.trials import TrialsResult
 from continuum_grasp.planning import Plan
 from continuum_grasp.results import Dimension, Result, Stored
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory

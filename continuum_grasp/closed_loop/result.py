@@ -74,7 +74,7 @@ class ControlRun(MotionResult):
         Dimension("input", "tendon tensions or tip moment", "u_names"),
         Dimension("force_component", "forces and moments on the plant"),
         Dimension("measured", "what is measured", "y_names"),
-        Dimension("model_state", "states of the controller's model"),
+        Dimension("model_state", "states of the controller's model, the first of what is estimated", "estimated_names"),
         Dimension("parameter", "parameters of the controller's model", "p_names"),
         Dimension("estimated", "what is estimated: states, then disturbances", "estimated_names"),
         Dimension("setpoint", "what follows setpoints, and inputs that cost no effort", "r_names"),

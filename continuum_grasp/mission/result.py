@@ -41,7 +41,7 @@ class MissionRun(MotionResult):
             replace(one, labels=f"run.{one.labels}") if isinstance(one.labels, str) and one.labels else one
             for one in ControlRun.dimensions
         ),
-        Dimension("pull", "pulls, in order"),
+        Dimension("pull", "pulls, in order", "pull_names"),
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
     )
     texts: ClassVar[tuple[File, ...]] = (File("report.txt", "mission.result:MissionRun.report"),)
@@ -107,6 +107,11 @@ class MissionRun(MotionResult):
     def pulls(self) -> dict[str, Array]:
         """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the center of mass [N m]."""
         return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.assignment.pulls)}
+
+    @property
+    def pull_names(self) -> list[str]:
+        """Names of the phases that pull."""
+        return list(self.pulls)
 
     @cached_property
     def contacts(self) -> ContactForces:

@@ -18,8 +18,8 @@ from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GRAY, GREEN, INK,
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.mission.outcomes import Outcome
     from continuum_grasp.mission.result import MissionRun
-    from continuum_grasp.mission.trials import Outcome
 
 Array = NDArray[Any]
 

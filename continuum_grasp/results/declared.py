@@ -71,7 +71,7 @@ class Dimension:
     meaning : str
     labels : str or tuple of str
         An attribute of the result with one number or ``"name [unit]"`` per place, dots lead into attributes; or these
-        names themselves, of which an array may have the first few. Empty: places are counted.
+        names themselves. An array may have the first few of them. Empty: places are counted.
     unit : str
         Of labels that are numbers.
     """

@@ -41,8 +41,8 @@ class Modes(Result):
         Stored("shapes", "(mode, place, xy)", "1", "displacements of the backbone, each of greatest length one"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        Dimension("mode", "modes, from the lowest frequency"),
-        Dimension("place", "places along the finger, evenly spaced from base to tip"),
+        Dimension("mode", "modes, from the lowest frequency", "numbers"),
+        Dimension("place", "places along the finger, evenly spaced from base to tip", "places", "m"),
         XY,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (Picture("modes", "plotting.motion:plot_modes", panels=True),)
@@ -70,6 +70,16 @@ class Modes(Result):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of the equilibrium."""
         return self.equilibrium.warnings
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """Numbers of the modes (m,), from one."""
+        return np.arange(1, len(self.frequencies_hz) + 1)
+
+    @property
+    def places(self) -> Array:
+        """Positions along the finger (points,) [m] of ``backbone`` and ``shapes``."""
+        return np.linspace(0.0, self.equilibrium.model.finger.rod.length, len(self.backbone))
 
     def pairs(self) -> dict[str, str]:
         """The lowest frequencies and their damping ratios."""

@@ -18,9 +18,9 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError, Solv
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
 from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.mission.trials import Outcome, TrialsResult
 from continuum_grasp.mission.verdict import Verdict, judge
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load

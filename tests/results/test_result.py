@@ -21,8 +21,8 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult, Status
 from continuum_grasp.identification.fit import Fit
+from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.mission.trials import TrialsResult
 from continuum_grasp.planning import Plan
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, read_run
 from continuum_grasp.results.declared import maker_of

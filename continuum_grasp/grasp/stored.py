@@ -1,0 +1,48 @@
+"""The arrays of a grasp."""
+
+from __future__ import annotations
+
+from continuum_grasp.results.declared import POSE, XY, Dimension, Stored
+
+STORED = (
+    Stored("contact_names", "(contact,)", "text", "name of each contact"),
+    Stored("contact_positions", "(contact, xy)", "m", "where it is on the object's surface, world"),
+    Stored("contact_normals", "(contact, xy)", "1", "outward normal of the object there, world"),
+    Stored(
+        "contact_forces",
+        "(contact, part)",
+        "N",
+        "normal force, friction along the surface, friction out of the plane",
+    ),
+    Stored("contact_stations", "(contact,)", "m", "position along the finger; NaN for supports"),
+    Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
+    Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
+    Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
+    Stored("{finger}.q", "({finger} coordinate,)", "", "bends of the elements [rad] (arc) or nodal curvatures [1/m]"),
+    Stored("{finger}.lengths", "({finger} element,)", "m", "lengths of the elements"),
+    Stored(
+        "{finger}.curvature_shapes",
+        "({finger} element, {finger} spread, {finger} shape)",
+        "",
+        "curvature at places spread evenly along each element, per coordinate",
+    ),
+    Stored("{finger}.tip_curvature", "()", "1/m", "curvature at the tip"),
+    Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
+    Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
+    Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
+)
+"""Where there is no grasp: of the point that comes closest, or none of them."""
+DIMENSIONS = (
+    Dimension("contact", "contacts of the object", "contact_names"),
+    XY,
+    POSE,
+    Dimension("part", "parts of a contact force", ("normal", "friction", "lift")),
+    Dimension("tendon", "tendons: on the finger's left (-X side), on its right", ("left", "right")),
+    Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
+    Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
+    Dimension("{finger} coordinate", "bending coordinates"),
+    Dimension("{finger} shape", "the same, and the tip's curvature where the balance of moments sets it"),
+    Dimension("{finger} element", "elements, from the base"),
+    Dimension("{finger} spread", "places spread evenly along an element"),
+    Dimension("{finger} place", "places along the finger"),
+)

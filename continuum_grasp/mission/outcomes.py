@@ -1,0 +1,198 @@
+"""How a mission went on many plants."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from io import StringIO
+from typing import Any, ClassVar
+
+import numpy as np
+
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.verdict import Verdict
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.result import Result
+from continuum_grasp.scene.mission import MissionScene
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One plant, and how the mission went on it; ``error`` says why there is no verdict."""
+
+    variation: Variation
+    verdict: Verdict | None
+    error: str = ""
+
+    @property
+    def succeeded(self) -> bool:
+        """Held from lift to lowering, and let go."""
+        return self.verdict is not None and self.verdict.succeeded
+
+    @property
+    def text(self) -> str:
+        """The plant and what became of the object, in one line."""
+        v = self.variation
+        shares = {"stiffness": v.stiffness, "damping": v.damping, "mass": v.mass, "friction": v.friction}
+        plant = ", ".join(f"{name} {value:.3f}" for name, value in shares.items() if value is not None)
+        x, y = (1e3 * value for value in v.shift)
+        found = self.error.partition("\n")[0]
+        if self.verdict is not None:
+            found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
+        return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {found}"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Many plants in numbers; of those that have a verdict, whose attributes they are of."""
+
+    plants: int
+    """All of them."""
+    held: int
+    """Those on which the object was never dropped."""
+    succeeded: int
+    """Those that also let it go in the end."""
+    force_error_median: float
+    force_error_worst: float
+    estimate_error_worst: float
+    sunk_worst: float
+    moved_worst: float
+    slip_margin_least: float
+    fallbacks: int
+    """On all plants together."""
+    failed: tuple[int, ...]
+    """Those that did not succeed, by number."""
+
+    def pairs(self) -> dict[str, str]:
+        """Values with their units, by name."""
+        return {
+            "held": f"{self.held} of {self.plants} plants",
+            "held and released": f"{self.succeeded} of {self.plants}",
+            "held force": f"{100 * self.force_error_median:.1f} % off its setpoint (median of plants), "
+            f"{100 * self.force_error_worst:.1f} % at worst",
+            "its estimate": f"{100 * self.estimate_error_worst:.1f} % off at worst",
+            "sunk": f"{1e3 * self.sunk_worst:.3g} mm at worst",
+            "moved": f"{1e3 * self.moved_worst:.3g} mm at worst",
+            "slip margin": f"{self.slip_margin_least:.2f} of the friction cone at least",
+            "fallbacks": f"{self.fallbacks}",
+        }
+
+
+@dataclass(frozen=True)
+class TrialsResult(Result, Sequence[Outcome]):
+    """One mission on many plants: a sequence of `Outcome`.
+
+    Attributes
+    ----------
+    scene : MissionScene
+    outcomes : tuple of Outcome
+        In the order of ``variations``.
+    status : {"finished", "interrupted"}
+    """
+
+    kind: ClassVar[str] = "mpc"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("stiffness", "(plant,)", "1", "bending stiffness per that of the controller's finger"),
+        Stored("damping", "(plant,)", "1", "damping per that of the controller's finger"),
+        Stored("mass", "(plant,)", "1", "mass of the object per that of the mission"),
+        Stored("friction", "(plant,)", "1", "friction of the object per that of the mission"),
+        Stored("shift_x", "(plant,)", "m", "how far the object stands from where it should, world x"),
+        Stored("shift_y", "(plant,)", "m", "the same, world y"),
+        Stored("succeeded", "(plant,)", "1", "whether the object was held and let go"),
+        Stored("held", "(plant,)", "1", "whether the object was never dropped"),
+        Stored("released", "(plant,)", "1", "whether nothing of the finger touched it in the end"),
+        Stored("sunk", "(plant,)", "m", "greatest height that it lost between lift and lowering"),
+        Stored("moved", "(plant,)", "m", "greatest distance that it moved in the plane while it was held"),
+        Stored("force_error", "(plant,)", "1", "greatest error of the held contact force, per setpoint"),
+        Stored("force_mean_error", "(plant,)", "1", "error of its mean, per setpoint"),
+        Stored("force_estimate_error", "(plant,)", "1", "error of the mean of its estimate, per setpoint"),
+        Stored("slip_margin", "(plant,)", "1", "least share of the friction cone that was left while nothing pulled"),
+        Stored("pulled_margin", "(plant,)", "1", "the same while something pulled"),
+        Stored("fallbacks", "(plant,)", "1", "commands that were not of a new plan"),
+        Stored("error", "(plant,)", "text", "why there is no verdict"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("plant", "plants, in the order of the draws"),)
+    texts: ClassVar[tuple[File, ...]] = (File("trials.csv", "mission.outcomes:trials_csv"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("trials", "plotting.mission:plot_trials", panels=True),)
+
+    scene: MissionScene
+    outcomes: tuple[Outcome, ...]
+    status: str = "finished"
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.outcomes[index]
+
+    @property
+    def outcome(self) -> str:
+        """How many plants succeeded."""
+        return f"{sum(one.succeeded for one in self.outcomes)} of {len(self)} plants held and released the object"
+
+    def stored_arrays(self) -> dict[str, Any]:
+        """Of every plant what differs and the verdict; NaN, and false, where there is none."""
+        rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
+        columns = {one.name: [row.get(one.name) for row in rows] for one in self.stored}
+        flags = ("succeeded", "held", "released")
+        return {
+            name: np.array(values, dtype=str if name == "error" else bool if name in flags else float)
+            for name, values in columns.items()
+        }
+
+    @cached_property
+    def summary(self) -> Summary:
+        """All plants in numbers; of those that have a verdict."""
+        judged = [one.verdict for one in self.outcomes if one.verdict is not None]
+
+        def column(name: str) -> np.ndarray:
+            values = np.abs(np.array([getattr(verdict, name) for verdict in judged], dtype=float))
+            values = values[~np.isnan(values)]  # a mission that was dropped early has no hold
+            return values if values.size else np.array([np.nan])
+
+        return Summary(
+            plants=len(self),
+            held=sum(verdict.held for verdict in judged),
+            succeeded=sum(one.succeeded for one in self.outcomes),
+            force_error_median=float(np.median(column("force_error"))),
+            force_error_worst=float(column("force_error").max()),
+            estimate_error_worst=float(column("force_estimate_error").max()),
+            sunk_worst=float(column("sunk").max()),
+            moved_worst=float(column("moved").max()),
+            slip_margin_least=float(column("slip_margin").min()),
+            fallbacks=sum(verdict.fallbacks for verdict in judged),
+            failed=tuple(k for k, one in enumerate(self.outcomes) if not one.succeeded),
+        )
+
+    def pairs(self) -> dict[str, str]:
+        """The summary."""
+        return self.summary.pairs()
+
+    def details(self) -> dict[str, Any]:
+        """The summary, and the seed of the draws."""
+        return {"seed": self.scene.trials.seed, "summary": asdict(self.summary)}
+
+
+def _row(outcome: Outcome) -> dict[str, Any]:
+    """Plant and verdict by name."""
+    own = asdict(outcome.variation)
+    x, y = own.pop("shift")
+    judged = asdict(outcome.verdict) if outcome.verdict is not None else {}
+    return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
+
+
+def trials_csv(result: TrialsResult) -> str:
+    """All plants as CSV, one line each."""
+    rows = [
+        {name: f"{value:.9g}" if isinstance(value, float) else value for name, value in _row(one).items()}
+        for one in result
+    ]
+    text = StringIO()
+    writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
