@@ -123,6 +123,15 @@ def test_identify_recovers_the_simulated_finger():
         assert high - low < 0.2 * TRUTH[name]
 
 
+def test_the_page_names_the_true_values():
+    page = " ".join(page_text("first_finger").split())
+    said = re.search(r"E I = (\S+) N m², damping (\S+) N m² s and a clamp that is turned by (\S+) rad", page)
+    assert said is not None
+    assert [float(value) for value in said.groups()] == list(TRUTH.values())
+    for file in FOLDER.glob("own_finger*.csv"):  # so that no reader takes them for measured
+        assert file.read_text(encoding="utf-8").startswith("# Simulated, not measured")
+
+
 @pytest.mark.slow
 def test_sample_measurements_are_those_of_their_script(tmp_path):
     files = sorted(FOLDER.glob("own_finger*.csv"))
