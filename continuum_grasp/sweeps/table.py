@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import replacing
 from continuum_grasp.results.result import maker_of
@@ -63,6 +64,7 @@ class SweepTable:
     def __len__(self) -> int:
         return len(self.columns["index"])
 
+    @check_arguments
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A column.
 
@@ -126,6 +128,7 @@ class SweepTable:
         return files
 
 
+@check_arguments
 def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any] | None = None) -> SweepTable:
     """Read the table of a sweep, also while it grows.
 
