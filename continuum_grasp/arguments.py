@@ -1,13 +1,24 @@
-"""Arguments of public functions that are no arrays, checked: the value itself, or an `InputError` that names it."""
+"""Arguments of public functions, checked: the value itself, or an `InputError` that names the argument."""
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Iterable
+from collections import abc
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
 from numbers import Integral, Real
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
@@ -16,13 +27,13 @@ def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
     # Not by ``in``: what compares to an array, as some foreign types do, has no truth.
     if isinstance(value, str | int) and any(value is one or value == one for one in known):
         return value
-    raise InputError(f"expected one of {', '.join(map(str, known))}, got {value!r:.60}", key=key)
+    raise InputError(f"expected one of {', '.join(map(str, known))}, got {shown(value)}", key=key)
 
 
 def whole(key: str, value: Any, least: int = 1) -> int:
-    """A whole number, 1 or more where no other least one is given."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise InputError(f"expected a whole number, {least} or more, got {value!r:.60}", key=key)
+    """A whole number that C can hold, 1 or more where no other least one is given."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or not least <= int(value) < 2**31:
+        raise InputError(f"expected a whole number, {least} or more, got {shown(value)}", key=key)
     return int(value)
 
 
@@ -30,7 +41,7 @@ def positive(key: str, value: Any) -> float:
     """A finite number above zero."""
     number = _double(value)
     if not 0.0 < number < math.inf:
-        raise InputError(f"expected a finite number above 0, got {value!r:.60}", key=key)
+        raise InputError(f"expected a finite number above 0, got {shown(value)}", key=key)
     return number
 
 
@@ -38,19 +49,15 @@ def within(key: str, value: Any, least: float, most: float) -> float:
     """A number of a range, ends included."""
     number = _double(value)
     if not least <= number <= most:
-        raise InputError(f"expected a number from {least:g} to {most:g}, got {value!r:.60}", key=key)
+        raise InputError(f"expected a number from {least:g} to {most:g}, got {shown(value)}", key=key)
     return number
 
 
 def instance(key: str, value: Any, *kinds: type) -> Any:
     """An object of one of some classes."""
     if not isinstance(value, kinds):
-        raise InputError(f"expected {_words(kinds)}, got {value!r:.60}", key=key)
+        raise InputError(f"expected {' or '.join(map(_words, kinds))}, got {shown(value)}", key=key)
     return value
-
-
-def _words(kinds: tuple[type, ...]) -> str:
-    return " or ".join(f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}" for kind in kinds)
 
 
 def _double(value: Any) -> float:
@@ -59,3 +66,125 @@ def _double(value: Any) -> float:
         return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # a whole number beyond the doubles
         return math.inf if value > 0 else -math.inf
+
+
+def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """A contiguous array of doubles; InputError for what is no array of real numbers."""
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise InputError("expected real numbers, got complex ones", key=name)
+        # numpy would read texts and dates as numbers.
+        if array.dtype.kind in "OUSMm" and not all(isinstance(v, Real) for v in array.ravel().tolist()):
+            raise TypeError
+        return np.ascontiguousarray(array, dtype=float)
+    except InputError:
+        raise
+    except Exception as error:  # whatever the conversion of something foreign raises
+        raise InputError(f"expected an array of numbers, got {shown(value)}", key=name) from error
+
+
+def check_arguments(function: Function) -> Function:
+    """Check the arguments of every call against the annotations of a function; the first that does not fit is named.
+
+    Classes, numbers, words, sequences, mappings, functions and their unions are checked. Arrays are left to whoever
+    computes with them, and names that are there for type checkers alone are not looked up.
+    """
+    signature = inspect.signature(function)
+    kinds: dict[str, Any] = {}
+
+    @wraps(function)
+    def call(*arguments: Any, **named: Any) -> Any:
+        if not kinds:
+            kinds.update(_annotations(function))
+        try:
+            given = signature.bind(*arguments, **named).arguments
+        except TypeError:
+            return function(*arguments, **named)  # raises it in the words of Python
+        for name, value in given.items():
+            kind = kinds.get(name, Any)
+            if not _fits(value, kind):
+                raise InputError(f"expected {_words(kind)}, got {shown(value)}", key=name)
+        return function(*arguments, **named)
+
+    call.checks_arguments = True  # type: ignore[attr-defined]
+    return cast(Function, call)
+
+
+def shown(value: Any, width: int = 60) -> str:
+    """Return the beginning of a value for a message; its type where that cannot be printed."""
+    try:
+        return f"{value!r:.{width}}"
+    except Exception:  # integers of over 4300 digits, and whatever a foreign __repr__ raises
+        return f"a {type(value).__name__}"
+
+
+def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
+    """What the parameters of a function may be; Any where a name is not there when it runs."""
+    found = {}
+    for name, parameter in inspect.signature(function).parameters.items():
+        plain = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
+        if plain and parameter.annotation is not parameter.empty:
+            try:
+                found[name] = eval(parameter.annotation, function.__globals__)
+            except NameError:
+                found[name] = Any
+    return found
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Whether a value is of a kind, as far as that can be seen without computing."""
+    if kind is Any or isinstance(kind, TypeVar) or kind is ArrayLike:
+        return True
+    if kind is None or kind is type(None):
+        return value is None
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if kind in (int, float):
+        real = isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+        return real and not (isinstance(value, float) and math.isnan(value))
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return any(_fits(value, one) for one in inner)
+    if origin is Literal:
+        return isinstance(value, str | int) and value in inner
+    if origin is np.ndarray:
+        return True
+    if origin is abc.Callable:
+        return callable(value)
+    if origin in (abc.Sequence, abc.Iterable):
+        if isinstance(value, str | bytes | Mapping) or not isinstance(value, abc.Iterable):
+            return False
+        # What can be read once only is read by the function.
+        return isinstance(value, abc.Iterator) or all(_fits(one, inner[0]) for one in value)
+    kind = origin or kind
+    # A protocol that is not made for it cannot be looked for in a value.
+    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
+        return True
+    return isinstance(value, kind) if isinstance(kind, type) else True
+
+
+def _words(kind: Any) -> str:
+    """A kind in words: ``a Scene or a path``."""
+    names: dict[Any, str] = {bool: "True or False", int: "a whole number", float: "a number", str: "a text"}
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        path = any(get_origin(one) is PathLike or one is Path for one in inner)
+        words = ["a path" if path and one is str else _words(one) for one in inner]
+        return " or ".join(dict.fromkeys(words))
+    if origin is Literal:
+        return f"one of {', '.join(map(str, inner))}"
+    if kind is None or kind is type(None):
+        return "None"
+    if origin in (abc.Sequence, abc.Iterable):
+        plural = {str: "names", int: "whole numbers", float: "numbers"}
+        return f"a list of {plural.get(inner[0]) or _words(inner[0])}"
+    if origin is abc.Callable:
+        return "a function"
+    kind = origin or kind
+    if kind in (PathLike, Path):
+        return "a path"
+    if kind is abc.Mapping:
+        return "a mapping"
+    name = getattr(kind, "__name__", str(kind))
+    return names.get(kind) or f"{'an' if name[0] in 'AEIO' else 'a'} {name}"

@@ -9,6 +9,7 @@ from os import PathLike
 from numpy.typing import ArrayLike
 
 from continuum_grasp import simulation
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.loads import Load
@@ -16,6 +17,7 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 
 
+@check_arguments
 def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], None] | None = None) -> Trajectory:
     """Simulate the motion of a finger, and of the object that it touches.
 
@@ -60,6 +62,7 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     return replace(trajectory, statistics={**trajectory.statistics, "fidelity": note}) if note else trajectory
 
 
+@check_arguments
 def equilibrium(
     scene: Scene | str | PathLike[str],
     *,
@@ -114,6 +117,7 @@ def equilibrium(
     return simulation.equilibrium(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
 
 
+@check_arguments
 def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Find the natural frequencies and mode shapes of a finger about its equilibrium.
 

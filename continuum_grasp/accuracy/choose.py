@@ -17,6 +17,7 @@ import numpy as np
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.cache import private_folder
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene.load import scene_of
@@ -76,6 +77,7 @@ class Chosen(Summarized):
 
 
 @interrupt.listening()
+@check_arguments
 def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
     """Find the cheapest family, elements and terms with which a scene meets a tolerance.
 

@@ -26,6 +26,7 @@ from continuum_grasp.accuracy.motion import (
     rms,
 )
 from continuum_grasp.accuracy.truth import Truth, find_truth
+from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
 from continuum_grasp.results.declared import File, Picture
@@ -319,6 +320,7 @@ class ReportRows:
 
 
 @interrupt.listening()
+@check_arguments
 def accuracy_report(
     scene: Scene | str | PathLike[str],
     *,
@@ -363,6 +365,8 @@ def accuracy_report(
     >>> sorted({row[0] for row in report.choices.rows})
     ['arc', 'clothoid', 'matched_clothoid']
     """
+    if not [whole("counts", count) for count in counts]:
+        raise InputError("expected numbers of elements, got none", key="counts")
     given = scene_of(scene)
     if given.initial.q is not None:
         raise InputError("initial.q is in coordinates of one model: give a pose", key="initial.q")

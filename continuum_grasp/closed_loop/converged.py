@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.command import Estimate, Plan
@@ -64,6 +65,7 @@ class Converged(Remade):
     estimated_names: tuple[str, ...] = ()
     _last: tuple[Array, Array] | None
 
+    @check_arguments
     def __init__(self, scene: ControlScene) -> None:
         if scene.estimator is not None:
             raise InputError("NMPC to convergence is given the state: leave the estimator out", key="estimator")

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
@@ -57,6 +58,7 @@ class Plant:
         State now.
     """
 
+    @check_arguments
     def __init__(
         self,
         scene: ControlScene,

@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from time import perf_counter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
@@ -32,6 +33,7 @@ _CHECKED = 50
 """Periods that are integrated again with steps half as long [1]; their cost does not grow with the run."""
 
 
+@runtime_checkable
 class Controls(Protocol):
     """A controller, as a closed loop sees it: problem, model, and time from one command to the next [s]."""
 
@@ -63,6 +65,7 @@ class _Step(NamedTuple):
 
 
 @interrupt.listening()
+@check_arguments
 def run_closed_loop(
     scene: ControlScene | str | PathLike[str],
     *,

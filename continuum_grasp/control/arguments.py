@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import shown
 from continuum_grasp.core.call import finite
 from continuum_grasp.errors import InputError
 
@@ -45,13 +46,3 @@ def _double(value: Any) -> float:
         return float(value)
     except OverflowError:
         return math.copysign(math.inf, 1 if value > 0 else -1)
-
-
-def shown(value: Any, width: int = 60) -> str:
-    """Return the beginning of a value for a message; its type if it cannot be printed (integers of over 4300
-    digits).
-    """
-    try:
-        return f"{value!r:.{width}}"
-    except ValueError:
-        return f"a {type(value).__name__}"

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import numbers, shown, vector
+from continuum_grasp.arguments import check_arguments, positive, shown
+from continuum_grasp.control.arguments import numbers, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled import Compiled, Field, controller_fields, controller_source, delay_periods
 from continuum_grasp.control.estimation.model import estimation_of
@@ -107,6 +108,7 @@ class Controller(Remade, Summarized):
     ('SOLVED', (2,))
     """
 
+    @check_arguments
     def __init__(
         self,
         scene: ControlScene | str | PathLike[str],
@@ -134,9 +136,8 @@ class Controller(Remade, Summarized):
         self.sensor_names = () if estimation is None else estimation.sensor_names
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
         wanted = self.scene.controller.deadline or self.period if deadline is None else deadline
-        if not wanted > 0.0:
-            raise InputError(f"expected a time above 0 [s], got {wanted!r:.60}", key="deadline")
-        self._deadline_ns = 1e9 * float(wanted)
+        # With an infinite deadline no command is late.
+        self._deadline_ns = 1e9 * (wanted if wanted == math.inf else positive("deadline", wanted))
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
         self._fields = {field.member: field for field in fields}
         source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
@@ -333,6 +334,7 @@ class Controller(Remade, Summarized):
         """Return all that the next command depends on."""
         return self._c.save(self._step, int(self._late))
 
+    @check_arguments
     def restore(self, saved: bytes) -> None:
         """Continue from a saved state, which must be of the same problem, version and precision."""
         self._step, late = self._c.restore(saved)
@@ -348,6 +350,7 @@ class Controller(Remade, Summarized):
 
     # -- setpoints ---------------------------------------------------------------------------------------------------
 
+    @check_arguments
     def setpoints(self, functions: Mapping[str, Function] | None = None) -> Setpoints:
         """Collect setpoints over time: those of the scene, or functions of time in their place.
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import positive
+from continuum_grasp.arguments import check_arguments, positive
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Status, spread
 from continuum_grasp.errors import InputError
@@ -55,6 +55,7 @@ class PeriodicRun:
         return {"period": self.period, **counts, **spreads, "status": self.status}
 
 
+@check_arguments
 def run_periodic(
     controller: Controller,
     read: Callable[[], ArrayLike | None],

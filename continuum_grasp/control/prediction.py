@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
@@ -28,6 +29,7 @@ _PRESSED = 10.0
 the damping of a contact, which sets the fastest rate, grows with it."""
 
 
+@runtime_checkable
 class ModelScene(Protocol):
     """The part of a scene that a model is built from: that of a controller or of a plan.
 
@@ -77,6 +79,7 @@ class Prediction(Remade):
         If the family needs a continuous tip moment, and the drive has no lag.
     """
 
+    @check_arguments
     def __init__(self, scene: ModelScene) -> None:
         self.scene = scene
         finger, fidelity = scene.finger, scene.fidelity

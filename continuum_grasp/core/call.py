@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from numbers import Real
 from threading import Lock
 from typing import Any
 
@@ -13,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import real_array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
 from continuum_grasp.model.functions import MATRICES
@@ -128,22 +128,6 @@ class Caller:
             return [buffer.copy() for buffer in self._outputs]
 
 
-def real_array(name: str, value: ArrayLike) -> Array:
-    """A contiguous array of doubles; InputError for what is no array of real numbers."""
-    try:
-        array = np.asarray(value)
-        if np.iscomplexobj(array):
-            raise InputError(f"{name}: expected real numbers, got complex ones")
-        # numpy would read texts and dates as numbers.
-        if array.dtype.kind in "OUSMm" and not all(isinstance(v, Real) for v in array.ravel().tolist()):
-            raise TypeError
-        return np.ascontiguousarray(array, dtype=float)
-    except InputError:
-        raise
-    except Exception as error:  # whatever the conversion of something foreign raises
-        raise InputError(f"{name}: expected an array of numbers, got {value!r:.60}") from error
-
-
 def pointer(array: Array) -> Any:
     return ctypes.cast(array.ctypes.data, DOUBLES)
 
@@ -212,10 +196,8 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
     )
 
 
-def functions_of(given: Any) -> tuple[str, ...]:
-    """Names of the functions of a model or system; InputError for anything else."""
-    if not isinstance(given, FingerModel | System):
-        raise InputError(f"expected a FingerModel, got {type(given).__name__} {given!r:.60}")
+def functions_of(given: FingerModel | System) -> tuple[str, ...]:
+    """Names of the functions of a model or system."""
     return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS
 
 

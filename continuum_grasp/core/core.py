@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import positive, whole
+from continuum_grasp.arguments import check_arguments, positive, real_array, whole
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import (
     Caller,
@@ -20,7 +20,6 @@ from continuum_grasp.core.call import (
     finite,
     functions_of,
     pointers,
-    real_array,
     section_check,
     shaped,
 )
@@ -42,6 +41,7 @@ _WARNED: set[str] = set()
 """What has been reported of missing or failing compilers."""
 
 
+@check_arguments
 def compile(model: FingerModel | System, functions: Sequence[str] | None = None, *, precision: str = "double") -> Core:
     """Compile a model for this machine.
 
@@ -113,6 +113,7 @@ class Core(Remade, Summarized):
         few digits for them.
     """
 
+    @check_arguments
     def __init__(self, model: FingerModel | System, *, compiled: bool = True, precision: str = "double") -> None:
         self._names = functions_of(model)
         self.model: Any = model
@@ -147,7 +148,7 @@ class Core(Remade, Summarized):
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name.startswith("_"):  # copy and pickle ask for private names before there are any functions
             raise AttributeError(name)
-        if name not in self._names:
+        if not isinstance(name, str) or name not in self._names:
             raise AttributeError(f"a core has no {name!r}; its functions are {', '.join(self._names)}")
         return self._caller(name)
 
@@ -163,7 +164,7 @@ class Core(Remade, Summarized):
 
     def _caller(self, name: str) -> Caller:
         """Caller of a function that may not be compiled yet."""
-        if name not in self._names:
+        if not isinstance(name, str) or name not in self._names:
             raise InputError(f"unknown function {name!r}: expected one of {', '.join(self._names)}")
         if name not in self._callers:
             function = getattr(self.model, name)
@@ -234,7 +235,7 @@ class Core(Remade, Summarized):
         InputError
             If the method is unknown, or needs double precision.
         """
-        if method not in SIMULATION_METHODS:
+        if not isinstance(method, str) or method not in SIMULATION_METHODS:
             raise InputError(f"unknown method {method!r}: expected one of {', '.join(SIMULATION_METHODS)}")
         if self.precision == "float" and INTEGRATORS[method].double_only:
             raise InputError(f"method: the iterations of {method} need double precision")

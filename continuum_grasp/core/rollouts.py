@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import real_array
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import finite, pointer, pointers, real_array
+from continuum_grasp.core.call import finite, pointer, pointers
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError

@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp import __version__, interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
@@ -25,6 +26,7 @@ STEP = "rk4_step"
 
 
 @interrupt.listening()
+@check_arguments
 def export_casadi(
     given: Given,
     folder: str | os.PathLike[str],

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__, interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
@@ -49,6 +50,7 @@ class Package:
 
 
 @interrupt.listening()
+@check_arguments
 def export_c(
     given: Given,
     folder: str | os.PathLike[str],

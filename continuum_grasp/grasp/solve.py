@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
@@ -22,6 +23,7 @@ from continuum_grasp.scene.load import scene_of
 
 
 @interrupt.listening()
+@check_arguments
 def optimize_grasp(
     scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True, fine: bool = False
 ) -> GraspResult:

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.least_squares import least_squares
@@ -48,6 +49,7 @@ class DampedSine:
         return self.decay_rate / float(np.hypot(2.0 * np.pi * self.frequency, self.decay_rate))
 
 
+@check_arguments
 def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> DampedSine:
     """Fit one damped sine with offset and drift to a signal.
 

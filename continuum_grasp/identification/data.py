@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import positive, real_array
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.simulate import Scene
 
@@ -68,7 +69,7 @@ class Poses:
                 message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
                 raise InputError(message, key=f"{self.name}.measured[{k}].quantity")
             column(f"{self.name}.measured[{k}].values", reading.values, self.rows)
-            positive(f"{self.name}.measured[{k}].sigma", reading.sigma)
+            _check_deviation(f"{self.name}.measured[{k}].sigma", reading.sigma)
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
 
     @property
@@ -116,7 +117,7 @@ class TipPath:
         for key, values in (("x", self.x), ("y", self.y)):
             if values is not None:
                 column(f"{self.name}.{key}", values, t.size)
-        positive(f"{self.name}.sigma", self.sigma)
+        _check_deviation(f"{self.name}.sigma", self.sigma)
 
 
 @dataclass(frozen=True)
@@ -165,10 +166,7 @@ Data = Poses | TipPath | Frequencies
 
 def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     """A row of finite numbers, of which there must be ``count``; anything else is an `InputError`."""
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"expected numbers, got {values!r:.60}", key=key) from None
+    array = real_array(key, values)
     if array.ndim != 1 or (count is not None and array.size != count):
         wanted = "a row of numbers" if count is None else f"{count} numbers"
         raise InputError(f"expected {wanted}, got an array of shape {array.shape}", key=key)
@@ -178,14 +176,13 @@ def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     return array
 
 
-def positive(key: str, value: float | None) -> None:
-    """Refuse what is given and not a positive number."""
-    if value is not None and not 0.0 < value < np.inf:
-        raise InputError(f"expected a positive number, got {value}", key=key)
-
-
 def _check_rows(name: str, conditions: Mapping[str, ArrayLike], fitted: ArrayLike | None, rows: int) -> None:
     for key, values in conditions.items():
         column(f"{name}.conditions.{key}", values, rows)
     if fitted is not None and np.shape(fitted) != (rows,):
         raise InputError(f"expected {rows} truth values, got shape {np.shape(fitted)}", key=f"{name}.fitted")
+
+
+def _check_deviation(key: str, value: float | None) -> None:
+    if value is not None:
+        positive(key, value)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
@@ -35,6 +36,7 @@ _MOST = 12
 
 
 @interrupt.listening()
+@check_arguments
 def identify(
     scene: Scene | str | PathLike[str],
     data: Measurements,

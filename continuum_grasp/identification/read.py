@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
@@ -33,6 +34,7 @@ from continuum_grasp.scene.simulate import Scene
 Array = NDArray[np.float64]
 
 
+@check_arguments
 def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     r"""Measurements of all sets that a configuration describes.
 
@@ -211,6 +213,7 @@ VARIABLE = "CONTINUUM_GRASP_DATA"
 """Environment variable with the path of the folder."""
 
 
+@check_arguments
 def data_folder() -> Path | None:
     """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` beside a checkout; None: there is none.
 

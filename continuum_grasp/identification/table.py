@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.scene.units import factor_to_si
@@ -106,6 +107,7 @@ class Table:
         return value
 
 
+@check_arguments
 def read_table(path: str | Path) -> Table:
     r"""Read a CSV file: UTF-8, commas, one line of headings; empty lines and lines that begin with # are skipped.
 

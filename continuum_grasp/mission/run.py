@@ -9,6 +9,7 @@ from os import PathLike
 import numpy as np
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
@@ -25,6 +26,7 @@ Progress = Callable[[float], None]
 
 
 @interrupt.listening()
+@check_arguments
 def run_mission(
     scene: MissionScene | str | PathLike[str],
     *,

@@ -8,6 +8,7 @@ from os import PathLike
 import numpy as np
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
@@ -40,6 +41,7 @@ def variations(trials: Trials) -> list[Variation]:
 
 
 @interrupt.listening()
+@check_arguments
 def run_trials(
     scene: MissionScene | str | PathLike[str],
     *,

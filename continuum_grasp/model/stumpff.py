@@ -11,6 +11,7 @@ import math
 
 import casadi as ca
 
+from continuum_grasp.arguments import check_arguments, positive, whole, within
 from continuum_grasp.model.planar import Rotation, Scalar
 
 ROUNDING = 1.5e-16
@@ -40,6 +41,7 @@ def _series(x: Scalar, k: int, degree: int) -> Scalar:
     return ca.polyval(ca.DM([(-1.0) ** n / math.factorial(2 * n + k) for n in range(degree, -1, -1)]), x)
 
 
+@check_arguments
 def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: int = 7) -> list[Scalar]:
     """Write the Stumpff functions c_0 ... c_top of an angle as polynomials, exact to rounding and smooth at zero.
 
@@ -66,6 +68,7 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
     >>> [float(each) for each in c[:3]]
     [1.0, 1.0, 0.5]
     """
+    positive("angle_range", angle_range), within("accuracy", accuracy, 1e-300, 1.0), whole("top", top)
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)
     for k in (top, top - 1):

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
@@ -107,6 +108,7 @@ class System(Functions):
     DM(0.008)
     """
 
+    @check_arguments
     def __init__(
         self,
         given: Scene | Finger,

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, Start, Status
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
@@ -137,6 +138,7 @@ class Solver(ABC):
         return self._built[key]
 
 
+@check_arguments
 def new_solver(settings: Settings) -> Solver:
     """Make the solver that settings name.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.fine import checked
@@ -28,6 +29,7 @@ Array = NDArray[np.float64]
 
 
 @interrupt.listening()
+@check_arguments
 def plan(
     scene: PlanScene | str | os.PathLike[str],
     *,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import choice, instance, within
+from continuum_grasp.arguments import check_arguments, choice, real_array, within
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
@@ -101,12 +101,13 @@ class Elastica:
 
     def _local(self, s: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         """Lengths per L in one row, and the shape in which they came."""
-        at = np.asarray(s, dtype=float) / self._problem.length
+        at = real_array("s", s) / self._problem.length
         if not np.all((at >= -1e-12) & (at <= 1.0 + 1e-12)):
             raise InputError(f"s: expected lengths between 0 and {self._problem.length} m")
         return at.ravel(), at.shape
 
 
+@check_arguments
 def solve_elastica(
     scene: Scene,
     *,
@@ -175,7 +176,6 @@ def solve_elastica(
     >>> bool(abs(rod.tip).max() < 1e-10)
     True
     """
-    instance("scene", scene, Scene)
     tolerance = within("tolerance", tolerance, 1e-13, 1e-2)
     choice("side", side, (1, -1))
     problem = read_problem(scene, extra_loads)
@@ -247,9 +247,9 @@ def _guessed(equations: RodEquations, guess: Guess) -> Array:
     problem = equations.problem
     if callable(guess):
         places = np.linspace(0.0, 1.0, 257)
-        angles = np.asarray(guess(places * problem.length), dtype=float)
+        angles = real_array("guess", guess(places * problem.length))
     else:
-        angles = np.asarray(guess, dtype=float)
+        angles = real_array("guess", guess)
         places = np.linspace(0.0, 1.0, max(angles.size, 2))
     if angles.shape != places.shape or not np.all(np.isfinite(angles)):
         raise InputError(f"guess: expected finite angles at two or more places, got an array of shape {angles.shape}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.scene.finger import Finger
@@ -12,6 +13,7 @@ from continuum_grasp.scene.finger import Finger
 Array = NDArray[np.float64]
 
 
+@check_arguments
 def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Array:
     """Undamped natural frequencies of a finger's rod about an equilibrium.
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.structure import tip_moment_jumps
 from continuum_grasp.scene.families import default_family
@@ -17,6 +18,7 @@ from continuum_grasp.simulation.statics import equilibrium_under
 Array = NDArray[np.float64]
 
 
+@check_arguments
 def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     """State of a scene at time zero; an object is at rest, and contacts have no friction yet.
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.core import Core
 from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
@@ -94,6 +95,7 @@ class Modes(Result):
         }
 
 
+@check_arguments
 def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     found = equilibrium(scene) if about is None else about
@@ -112,7 +114,7 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
     pulsations[~moving] = 0.0
     coordinates = np.ascontiguousarray(right.real)
-    s = np.linspace(0.0, model.finger.rod.length, points)[:, None]
+    s = np.linspace(0.0, model.finger.rod.length, whole("points", points, 2))[:, None]
     jacobians = np.asarray(core.batch("jacobian", q, u, s, p))
     shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
     shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]

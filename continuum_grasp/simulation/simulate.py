@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
@@ -55,6 +56,7 @@ _MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000}
 
 
 @interrupt.listening()
+@check_arguments
 def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
     """Simulate a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""
     if scene.time is None:

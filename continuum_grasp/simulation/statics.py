@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import choice
+from continuum_grasp.arguments import check_arguments, choice, real_array
 from continuum_grasp.core import Core
-from continuum_grasp.core.call import real_array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import Load
@@ -176,6 +175,7 @@ class Search:
         return margin, direction, bool(found.real.max() <= 1e-9 * np.abs(found).max())
 
 
+@check_arguments
 def equilibrium(
     scene: Scene,
     *,
@@ -197,6 +197,7 @@ def equilibrium(
     return replace(equilibrium_under(model, u, w, guess=guess, stable=stable, side=side), scene=scene)
 
 
+@check_arguments
 def equilibrium_under(
     model: FingerModel,
     u: ArrayLike,
@@ -233,13 +234,14 @@ def equilibrium_under(
     [1.0]
     """
     choice("side", side, (1, -1))
-    search = Search(model, np.asarray(u, dtype=float), np.asarray(w, dtype=float), np.array(model.p_nominal))
+    search = Search(model, real_array("u", u), real_array("w", w), np.array(model.p_nominal))
     start = search.rest() if guess is None else real_array("guess", guess)
     if start.shape != (model.n,) or not np.all(np.isfinite(start)):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
     return search.find(start, stable, side)
 
 
+@check_arguments
 def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -> list[Equilibrium]:
     """Equilibria while gravity, input and loads grow together.
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import choice
+from continuum_grasp.arguments import check_arguments, choice, shown
+from continuum_grasp.errors import InputError
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.sweeps.table import WORDS, SweepTable
 
@@ -55,6 +56,7 @@ class Front:
     """Which way is better."""
 
 
+@check_arguments
 def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median") -> Map:
     """Work out a map of a quantity: over the grid where both keys belong to it, else point by point.
 
@@ -89,11 +91,12 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
     (2, 2)
     """
     choice("reduce", reduce, _REDUCE)
+    solved = _solved(table)
     labels = _label(table, x), _label(table, y), _label(table, color)
-    shown = np.where(table.solved, _numbers(table[color]), np.nan)
-    kinds = np.where(table.solved, "", table.kinds)
+    colors = np.where(solved, _numbers(table[color]), np.nan)
+    kinds = np.where(solved, "", table.kinds)
     if not {x, y} <= set(table.grid_keys):
-        return Map(table[x], table[y], shown, kinds, labels)
+        return Map(table[x], table[y], colors, kinds, labels)
     xs, column = _places(table[x])
     ys, row = _places(table[y])
     color_at = np.full((len(ys), len(xs)), np.nan)
@@ -104,7 +107,7 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
     starts = np.flatnonzero(np.diff(cells, prepend=-1))
     for rows in np.split(order, starts[1:]) if len(order) else ():
         place = row[rows[0]], column[rows[0]]
-        there = shown[rows][np.isfinite(shown[rows])]
+        there = colors[rows][np.isfinite(colors[rows])]
         if len(there):
             color_at[place] = _REDUCE[reduce](there)
         else:
@@ -113,6 +116,7 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
     return Map(xs, ys, color_at, kind_at.astype(str), labels)
 
 
+@check_arguments
 def front_of(
     table: SweepTable, x: str, y: str, x_best: str = "least", y_best: str = "least", color: str | None = None
 ) -> Front:
@@ -153,7 +157,7 @@ def front_of(
     """
     for key, word in (("x_best", x_best), ("y_best", y_best)):
         choice(key, word, ("least", "greatest"))
-    solved = table.solved
+    solved = _solved(table)
     xs, ys = _numbers(table[x])[solved], _numbers(table[y])[solved]
     shades = None if color is None else _numbers(table[color])[solved]
     good = np.isfinite(xs) & np.isfinite(ys)
@@ -161,6 +165,13 @@ def front_of(
     best = pareto(xs, ys, x_best == "greatest", y_best == "greatest")
     labels = _label(table, x), _label(table, y), "" if color is None else _label(table, color)
     return Front(xs, ys, None if shades is None else shades[good], best, labels, f"{x_best} x and {y_best} y are best")
+
+
+def _solved(table: SweepTable) -> NDArray[np.bool_]:
+    """Which rows have a grasp; the first that is asked of a table."""
+    if not hasattr(table, "grid_keys"):
+        raise InputError(f"expected a SweepTable, got {shown(table)}", key="table")
+    return table.solved
 
 
 def pareto(

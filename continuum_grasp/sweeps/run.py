@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import interrupt
-from continuum_grasp.arguments import choice
+from continuum_grasp.arguments import check_arguments, choice
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
@@ -83,6 +83,7 @@ def _clock(seconds: float) -> str:
 
 
 @interrupt.listening()
+@check_arguments
 def sweep(
     config: Sweep | str | os.PathLike[str] | Mapping[str, Any],
     *,

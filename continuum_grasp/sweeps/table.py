@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
@@ -86,6 +87,7 @@ class SweepTable(Result):
     def __len__(self) -> int:
         return len(self.columns["index"])
 
+    @check_arguments
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A column.
 
@@ -206,6 +208,7 @@ class SweepTable(Result):
         return dict(self.columns)
 
 
+@check_arguments
 def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any] | None = None) -> SweepTable:
     """Read the table of a sweep, also while it grows.
 

@@ -7,6 +7,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, delay_periods, estimator_fields, estimator_source
 from continuum_grasp.control.estimation.model import estimation_of
@@ -123,6 +124,7 @@ class Estimator(Remade, Summarized):
     True
     """
 
+    @check_arguments
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
         self.scene = scene_of(scene, ControlScene)
         self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change

@@ -9,7 +9,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.arguments import numbers, shown
+from continuum_grasp.arguments import real_array, shown
+from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
@@ -32,7 +33,7 @@ class Setpoints:
 
     def rows(self, times: ArrayLike) -> Array:
         """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
-        instants = np.atleast_1d(np.asarray(times, dtype=float))
+        instants = np.atleast_1d(real_array("times", times))
         return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
 
 

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.prediction import Prediction
@@ -124,6 +125,7 @@ class Stages:
         return len(self.c_names)
 
 
+@check_arguments
 def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stages:
     """Transcribe the problem of a scene into functions of a stage.
 

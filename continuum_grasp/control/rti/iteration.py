@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.precision import precision_of
@@ -127,6 +128,7 @@ class RealTimeIteration:
     True
     """
 
+    @check_arguments
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
         self.stages = stages
         self.precision = precision_of(precision)
@@ -167,6 +169,7 @@ class RealTimeIteration:
         """States (N + 1, nx) and inputs (N, nu) of the plan: views, which the next iteration overwrites."""
         return self._x, self._u
 
+    @check_arguments
     def reset(self, x0: ArrayLike, u0: ArrayLike | None = None, *, rollout: bool = False) -> None:
         """Start a plan that stays at a state x0 (nx), or with ``rollout`` that the input u0 (nu) drives from there.
 

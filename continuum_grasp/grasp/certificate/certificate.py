@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.grasp.certificate.check import (
     EQUILIBRIUM,
     GAP,
@@ -132,6 +133,7 @@ class Certificate(Summarized):
         raise KeyError(name)
 
 
+@check_arguments
 def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     """Verify a grasp from its stored numbers.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import instance
 from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1, epsilon_linf, min_weight
 from continuum_grasp.grasp.quality.mag_like import MagLike, mag_like
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
@@ -27,6 +28,10 @@ class Quality:
 
     scene: GraspScene = field(repr=False)
     arrays: Mapping[str, Any] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        instance("scene", self.scene, GraspScene)
+        instance("arrays", self.arrays, Mapping)
 
     @property
     def torque_scale(self) -> float:
