@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections import abc
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
@@ -11,7 +12,7 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,7 @@ def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
     """One of some words or numbers."""
     known = tuple(allowed)
     # Not by ``in``: what compares to an array, as some foreign types do, has no truth.
-    if isinstance(value, str | int) and any(value is one or value == one for one in known):
+    if isinstance(value, str | Integral) and any(value is one or value == one for one in known):
         return value
     raise InputError(f"expected one of {', '.join(map(str, known))}, got {shown(value)}", key=key)
 
@@ -134,7 +135,7 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 def _fits(value: Any, kind: Any) -> bool:
     """Whether a value is of a kind, as far as that can be seen without computing."""
-    if kind is Any or isinstance(kind, TypeVar) or kind is ArrayLike:
+    if kind is Any or isinstance(kind, TypeVar):
         return True
     if kind is None or kind is type(None):
         return value is None
@@ -144,8 +145,11 @@ def _fits(value: Any, kind: Any) -> bool:
         real = isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
         return real and not (isinstance(value, float) and math.isnan(value))
     origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _fits(value, inner[0])
     if origin in (Union, UnionType):
-        return any(_fits(value, one) for one in inner)
+        # A union with ArrayLike is flat: it has all that numpy converts.
+        return set(get_args(ArrayLike)) <= set(inner) or any(_fits(value, one) for one in inner)
     if origin is Literal:
         return isinstance(value, str | int) and value in inner
     if origin is np.ndarray:
@@ -166,6 +170,8 @@ def _fits(value: Any, kind: Any) -> bool:
 
 def _words(kind: Any) -> str:
     """A kind in words: ``a Scene or a path``."""
+    if get_origin(kind) is Annotated:
+        return _words(get_args(kind)[0])
     names: dict[Any, str] = {bool: "True or False", int: "a whole number", float: "a number", str: "a text"}
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
@@ -178,7 +184,7 @@ def _words(kind: Any) -> str:
         return "None"
     if origin in (abc.Sequence, abc.Iterable):
         plural = {str: "names", int: "whole numbers", float: "numbers"}
-        return f"a list of {plural.get(inner[0]) or _words(inner[0])}"
+        return "a list of " + (plural.get(inner[0]) or re.sub(r"\ban? ", "", _words(inner[0])))
     if origin is abc.Callable:
         return "a function"
     kind = origin or kind

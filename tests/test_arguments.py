@@ -116,6 +116,10 @@ def test_every_public_function_checks_its_arguments():
         (lambda: cg.modes(SCENE, points="x"), "points: expected a whole number, got 'x'"),
         (lambda: cg.equilibrium(SCENE, side=2), "side: expected one of 1, -1, got 2"),
         (lambda: cg.equilibrium(SCENE, stable=None), "stable: expected True or False, got None"),
+        (
+            lambda: cg.equilibrium(SCENE, extra_loads=[3]),
+            "extra_loads: expected a list of ForceLoad or MomentLoad, got [3]",
+        ),
         (lambda: cg.equilibrium(5), "scene: expected a Scene or a path, got 5"),
         (lambda: cg.accuracy_report(SCENE, counts=[1.5]), "counts: expected a list of whole numbers, got [1.5]"),
         (lambda: cg.accuracy_report(SCENE, progress=3), "progress: expected a function or None, got 3"),
@@ -126,6 +130,13 @@ def test_the_argument_and_what_was_expected_are_named(call, message):
     with pytest.raises(InputError) as caught:
         call()
     assert str(caught.value) == message
+
+
+def test_what_fits_is_taken():
+    load = cg.ForceLoad(at=0.1, force=(0.0, 0.01))
+    bent = cg.equilibrium(SCENE, extra_loads=[load], guess=np.array([0.1]), stable=np.bool_(True), side=np.int64(-1))
+    assert bent.stable
+    np.testing.assert_allclose(bent.q, cg.equilibrium(SCENE.changed({"loads": [load]})).q, atol=1e-9)
 
 
 def test_wrong_signatures_are_still_those_of_python():

@@ -166,7 +166,7 @@ Data = Poses | TipPath | Frequencies
 
 def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     """A row of finite numbers, of which there must be ``count``; anything else is an `InputError`."""
-    array = real_array(key, values)
+    array = real_array(key, values).reshape(np.shape(values))
     if array.ndim != 1 or (count is not None and array.size != count):
         wanted = "a row of numbers" if count is None else f"{count} numbers"
         raise InputError(f"expected {wanted}, got an array of shape {array.shape}", key=key)

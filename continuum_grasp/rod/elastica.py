@@ -101,7 +101,7 @@ class Elastica:
 
     def _local(self, s: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         """Lengths per L in one row, and the shape in which they came."""
-        at = real_array("s", s) / self._problem.length
+        at = real_array("s", s).reshape(np.shape(s)) / self._problem.length
         if not np.all((at >= -1e-12) & (at <= 1.0 + 1e-12)):
             raise InputError(f"s: expected lengths between 0 and {self._problem.length} m")
         return at.ravel(), at.shape

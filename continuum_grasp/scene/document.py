@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 from continuum_grasp.errors import InputError
 
@@ -142,14 +142,21 @@ def _printable(key: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Scene values, mappings and sequences as the dict and list that a file would have, without unset defaults."""
+    """Scene values, mappings and sequences as the dict and list that a file would have, without unset defaults.
+
+    A default that is the only choice stays: where several classes may stand, it says which one this is.
+    """
     if hasattr(value, "model_fields_set"):
         fields = type(value).model_fields.items()
-        given = value.model_fields_set
+        given = value.model_fields_set | {name for name, field in fields if _is_tag(field.annotation)}
         return {field.alias or name: plain(getattr(value, name)) for name, field in fields if name in given}
     if isinstance(value, Mapping):
         return {key: plain(child) for key, child in value.items()}
     return [plain(child) for child in value] if isinstance(value, list | tuple) else value
+
+
+def _is_tag(kind: Any) -> bool:
+    return get_origin(kind) is Literal and len(get_args(kind)) == 1
 
 
 def _child(value: Any, part: str | int) -> Any:
