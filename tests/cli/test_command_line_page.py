@@ -27,7 +27,7 @@ def check(lines):
     """Run commands, and compare their exit status with the one that is written beside them."""
     for line in lines:
         done = CliRunner().invoke(app, shlex.split(line, comments=True))
-        stated = re.search(r"# exit status (\d)$", line)
+        stated = re.search(r"# status (\d)$", line)
         assert done.exit_code == (int(stated[1]) if stated else 0), f"{line}\n{done.output}"
         if "--json" in line and not stated:
             json.loads(done.stdout)
