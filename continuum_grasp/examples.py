@@ -15,6 +15,8 @@ from typing import Any
 
 from continuum_grasp.errors import InputError
 
+__all__ = ["Example", "copy_example", "example", "examples", "shipped_folder"]
+
 _SCHEMA_LINE = "# yaml-language-server: $schema="
 _SENTENCE = re.compile(r".*?[.?!](?=\s|$)")
 
