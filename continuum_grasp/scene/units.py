@@ -77,13 +77,8 @@ def units_of(si: str) -> dict[str, Fraction]:
 def to_si(text: str, si: str) -> float | None:
     """Return the value of a text such as ``12 mm`` in an SI unit, the double that is nearest to it.
 
-    None where it is not a number and a unit of that quantity, or no double can hold it.
-
-    Examples
-    --------
-    >>> from continuum_grasp.scene.units import to_si
-    >>> to_si("12 mm", "m"), to_si("-90 deg", "rad"), to_si("12 kg", "m")
-    (0.012, -1.5707963267948966, None)
+    ``to_si("-90 deg", "rad")`` is -pi/2. None where the text is not a number and a unit of that quantity, or no double
+    can hold it.
     """
     unit = _unit_in(text, si, _NUMBER) if len(text) <= _LONGEST else None
     number = re.match(_NUMBER, text)
