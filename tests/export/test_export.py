@@ -471,7 +471,7 @@ def test_a_parameter_of_zero_needs_its_range(tmp_path):
 
 
 def test_something_else_is_refused(tmp_path):
-    with pytest.raises(InputError, match="given: expected a FingerModel or a Scene or .* or a path, got 17"):
+    with pytest.raises(InputError, match=r"given: expected a FingerModel or a Scene or .* or a path, got 17"):
         export_c(17, tmp_path)
 
 
