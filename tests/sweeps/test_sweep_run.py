@@ -265,7 +265,7 @@ def test_an_executor_that_is_spent_stops_the_sweep(tmp_path):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"keep": "some"}, "keep: expected all, failed or none"),
+        ({"keep": "some"}, "keep: expected one of all, failed, none"),
         ({"workers": 0}, "workers: expected a number of workers"),
         ({"scheduler": "tcp://127.0.0.1:1", "executor": ThreadPoolExecutor(1)}, "not both"),
         ({"folder": __file__}, "expected a folder, got a file"),
