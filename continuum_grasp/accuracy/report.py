@@ -202,6 +202,7 @@ class AccuracyReport(Result):
         """All tables as JSON."""
         return json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False)
 
+    @check_arguments
     def save(self, folder: str | PathLike[str]) -> Path:
         """Write the texts into a run folder, each whole or not at all, and return the folder."""
         target = begin_run(folder, self.kind)

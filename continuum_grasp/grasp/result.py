@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
@@ -333,6 +334,7 @@ class GraspResult(Result):
             found.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
         return tuple(found)
 
+    @check_arguments
     def contact(self, name: str) -> Contact:
         """The contact of a name.
 
@@ -367,6 +369,7 @@ class GraspResult(Result):
             "advice": self.advice,
         }
 
+    @check_arguments
     def save(self, folder: str | PathLike[str], *, quality: bool = True) -> Path:
         """Write ``result.npz``, ``meta.json`` and ``result.yaml`` into a run folder, as `Result.save` does.
 

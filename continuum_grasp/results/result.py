@@ -9,6 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
@@ -129,6 +130,7 @@ class Result(Summarized):
         """Results that are saved in folders below this one's, by the folder's name."""
         return {}
 
+    @check_arguments
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write ``result.npz``, ``meta.json`` and the texts into a run folder, each whole or not at all.
 
@@ -214,6 +216,7 @@ class Result(Summarized):
         drawn = maker(self, **given)
         return drawn[0].figure if picture.panels else drawn
 
+    @check_arguments
     def save_pictures(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Draw all pictures into a folder, which is made where missing; files of the same names are replaced.
 

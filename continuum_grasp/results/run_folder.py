@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
@@ -160,6 +161,7 @@ def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -
     return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
 
 
+@check_arguments
 def read_run(folder: str | os.PathLike[str]) -> Run:
     """Read a run that `write_run` wrote.
 

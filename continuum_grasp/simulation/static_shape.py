@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
@@ -109,6 +110,7 @@ class Equilibrium(Result):
         """World position of the tip [m]."""
         return np.array(self.model.tip(self.q, self.u, self.p)).ravel()
 
+    @check_arguments
     def backbone(self, points: int = 50) -> Array:
         """World positions (points, 2) along the backbone [m]."""
         s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]

@@ -133,6 +133,7 @@ class SweepTable(Result):
         """The maps and Pareto pictures that the configuration asks for."""
         return _pictures(self.requested)
 
+    @check_arguments
     def save_pictures(self, folder: str | os.PathLike[str] | None = None) -> list[Path]:
         """Draw the pictures that the configuration asks for.
 
@@ -152,6 +153,7 @@ class SweepTable(Result):
         """
         return super().save_pictures(self.folder if folder is None else folder)
 
+    @check_arguments
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the table as arrays into another folder than the sweep's own, which has it as it grows.
 
