@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control import periodic
+from continuum_grasp.control import Controller, periodic
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 
@@ -26,7 +26,7 @@ class Clock:
         self.now += time + 1e-5
 
 
-class Steps:
+class Steps(Controller):
     """A controller of 10 ms whose steps take as long as they are set to."""
 
     period = 0.01

@@ -535,9 +535,9 @@ def builds(monkeypatch, tmp_path):
     made: list[Path] = []
     build = Compiler.build
 
-    def counted(self, source, library):
+    def counted(self, source, library, what):
         made.append(library)
-        return build(self, source, library)
+        return build(self, source, library, what)
 
     monkeypatch.setattr(Compiler, "build", counted)
     return made

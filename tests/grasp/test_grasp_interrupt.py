@@ -131,7 +131,7 @@ def test_ctrl_c_from_outside():
 
 @pytest.mark.parametrize("given", [5, None, 2.5, b"mug.yaml", ["mug.yaml"], {"finger": 1}, object()])
 def test_wrong_types_are_refused_by_name(given):
-    with pytest.raises(InputError, match="expected a GraspScene or the path of its file"):
+    with pytest.raises(InputError, match="scene: expected a GraspScene or a path"):
         optimize_grasp(given)
 
 

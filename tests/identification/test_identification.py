@@ -237,8 +237,8 @@ def test_a_mode_that_does_not_ring_is_an_error():
     ("names", "words"),
     [
         ([], "expected the names"),
-        ("bending_stiffness", "expected a list of names"),
-        ([3], "expected a name or an Estimate"),
+        ("bending_stiffness", "parameters: expected a list of Estimate or text"),
+        ([3], "parameters: expected a list of Estimate or text"),
         (["youngs_modulus"], "second_moment"),
         (["bending_stiffnes"], "did you mean bending_stiffness"),
         (["gravity"], "2 entries"),
@@ -261,7 +261,7 @@ def test_wrong_parameters_are_named(names, words):
         (lambda: Poses([Reading("x", [0.1, 0.2])], {"load_1_y": [0.1]}), "2 numbers"),
         (lambda: Frequencies([0], [1.0]), "whole numbers from 1"),
         (lambda: Frequencies([1], [-1.0]), "above 0 Hz"),
-        (lambda: Poses([Reading("x", [0.1], sigma=0.0)]), "positive"),
+        (lambda: Poses([Reading("x", [0.1], sigma=0.0)]), "above 0"),
     ],
 )
 def test_wrong_data_are_named(make, words):
@@ -276,7 +276,7 @@ def test_wrong_data_are_named(make, words):
         (Poses([Reading("x", [0.3])], {"bending_stiffness": [0.1]}), "is to be estimated, and given"),
         (Poses([Reading("x", [0.3], at=2.0 * LENGTH)]), "not on the finger"),
         ([], "expected measurements"),
-        (3, "expected Poses"),
+        (3, "data: expected a path or a Poses"),
         ("tip_drop.csv", "give arrays for a scene"),
         (Poses([Reading("x", [0.3])], fitted=[False]), "no row is to be fitted"),
     ],
