@@ -155,6 +155,7 @@ def test_plants_are_drawn_within_their_ranges():
     assert len({one.seed for one in drawn}) == 400
 
 
+@pytest.mark.slow
 def test_a_variation_is_that_of_the_equations(assignment, runner):
     """A mug in the air, which falls with its weight and goes with what pushes it, tells its mass."""
     model = mission_plant_model(assignment)

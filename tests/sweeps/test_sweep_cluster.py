@@ -49,6 +49,7 @@ def cluster(folder, workers):
             process.wait()
 
 
+@pytest.mark.slow
 def test_a_worker_is_killed_half_way(tmp_path, monkeypatch):
     monkeypatch.setenv(LOG, str(tmp_path / "log"))
     killed = []
