@@ -166,15 +166,15 @@ class Result(Summarized):
         """The pictures that there are of this result, the main one first."""
         return [one for one in self.pictures if not one.needs or _is_there(getattr(self, one.needs))]
 
-    def plot(self, picture: str | None = None, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, ax: Any = None, *, picture: str | None = None, **options: Any) -> Any:
         """Draw a picture; nothing is written, and a notebook shows what is returned.
 
         Parameters
         ----------
-        picture : str, optional
-            Its name, of `drawable`; the main one where not given.
         ax : matplotlib.axes.Axes, optional
             Where to draw; axes in a new figure, unknown to pyplot, where not given.
+        picture : str, optional
+            Its name, of `drawable`; the main one where not given.
         **options
             What else the function that draws it takes, as ``times`` of `continuum_grasp.plotting.plot_snapshots`.
 
@@ -200,7 +200,8 @@ class Result(Summarized):
                     key="ax",
                 )
             if not hasattr(ax, "get_xlim"):
-                raise InputError(f"expected matplotlib axes, got {type(ax).__name__}", key="ax")
+                named = f"; write picture={ax!r}" if isinstance(ax, str) else ""
+                raise InputError(f"expected matplotlib axes, got {type(ax).__name__}{named}", key="ax")
             options["ax"] = ax
         return self._drawn(chosen, options)
 

@@ -349,7 +349,7 @@ sys.path.insert(0, sys.argv[1])
 import test_plotting as given
 from pathlib import Path
 given.Motion().save_pictures(Path(sys.argv[2]))
-given.Motion().plot("energy")
+given.Motion().plot(picture="energy")
 given.plotting.plot_modes(given.some_modes())
 given.Motion().animate(Path(sys.argv[2]) / "a.gif", fps=5, width=160)
 assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global figures"

@@ -201,7 +201,7 @@ def test_nothing_is_written_to_see_a_picture(
     monkeypatch.chdir(tmp_path)
     for result in several:
         for picture in result.drawable():
-            drawn = result.plot(picture.name)
+            drawn = result.plot(picture=picture.name)
             assert isinstance(drawn, Figure if picture.panels else Axes)
             png, size = drawn._repr_png_()  # type: ignore[union-attr]
             assert png.startswith(b"\x89PNG")
@@ -220,9 +220,9 @@ def test_pictures_are_drawn_where_and_as_asked_for(several: list[Result]) -> Non
             ax = Figure().add_subplot()
             if picture.panels:
                 with pytest.raises(InputError, match=f"{picture.name} has panels"):
-                    result.plot(picture.name, ax=ax)
+                    result.plot(ax, picture=picture.name)
             else:
-                assert result.plot(picture.name, ax=ax) is ax
+                assert result.plot(ax, picture=picture.name) is ax
                 assert ax.has_data()
     motion = several[0]
     assert len(motion.plot(times=[0.0, 0.05]).collections[0].get_segments()) == 2
@@ -231,16 +231,18 @@ def test_pictures_are_drawn_where_and_as_asked_for(several: list[Result]) -> Non
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("path",), "'path'; there are snapshots, tip_path, coordinates, energy$"),
-        (("contact_forces",), "there are snapshots, tip_path, coordinates, energy$"),  # there is no object
-        ((), "color: no such option; snapshots takes times"),
+        ("path", "'path'; there are snapshots, tip_path, coordinates, energy$"),
+        ("contact_forces", "there are snapshots, tip_path, coordinates, energy$"),  # there is no object
+        (None, "color: no such option; snapshots takes times"),
     ],
 )
-def test_pictures_that_there_are_not(motion: Trajectory, given: tuple[str, ...], said: str) -> None:
+def test_pictures_that_there_are_not(motion: Trajectory, given: str | None, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        motion.plot(*given, **({} if given else {"color": "red"}))
+        motion.plot(picture=given, **({} if given else {"color": "red"}))
     with pytest.raises(InputError, match="ax: expected matplotlib axes, got list"):
         motion.plot(ax=[])
+    with pytest.raises(InputError, match="got str; write picture='energy'"):
+        motion.plot("energy")
     with pytest.raises(InputError, match="there is nothing to draw"):
         Case(np.zeros(1)).plot()
 
@@ -275,7 +277,7 @@ def test_a_notebook_shows_a_picture_once(inline: bool) -> None:
     cells = [f"{first}import continuum_grasp as cg\nmotion = cg.simulate({scene})", "motion.plot()"]
     cells += ["motion", "cg.modes(motion.scene).plot()"]
     if inline:
-        cells += ["fig, ax = plt.subplots()\nmotion.plot('energy', ax=ax);", "plt.get_fignums()"]
+        cells += ["fig, ax = plt.subplots()\nmotion.plot(ax, picture='energy');", "plt.get_fignums()"]
     found = notebook.new_notebook(cells=[notebook.new_code_cell(cell) for cell in cells])
     client.NotebookClient(found, kernel_name="python3").execute()
     shown = ["".join(str(one.get("data", {})) for one in cell.outputs) for cell in found.cells]

@@ -115,10 +115,10 @@ def test_pictures_are_drawn(tmp_path):
         pareto=[{"x": "tension_max", "y": "friction_margin", "y_best": "greatest"}],
     )
     assert table.plot().get_xlabel() == "object.mass [kg]"
-    drawn = table.plot("pareto", x="tension_max", y="object.mass", y_best="greatest")
+    drawn = table.plot(picture="pareto", x="tension_max", y="object.mass", y_best="greatest")
     assert (drawn.get_xlabel(), drawn.get_ylabel()) == ("greatest tension [N]", "object.mass [kg]")
     with pytest.raises(InputError, match="color: this picture needs it; map takes x, y, color, reduce"):
-        table.plot("map", x="object.mass", y="seconds")
+        table.plot(picture="map", x="object.mass", y="seconds")
     frame = table.to_pandas()
     assert frame["object.mass"].to_list() == table["object.mass"].tolist()
     assert (frame.index.name, frame.attrs["units"]["object.mass"]) == ("row", "kg")
