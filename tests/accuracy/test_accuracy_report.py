@@ -97,6 +97,7 @@ def test_it_is_saved_whole(report, tmp_path):
     assert all(f"## {table.title}" in text for table in report.tables)
 
 
+@pytest.mark.slow
 def test_a_scene_at_rest_has_no_motion():
     report = cg.accuracy_report(rod_scene(NITINOL, None, None, fidelity={"bending_range": None}), counts=(1, 2))
     assert report.reference is None

@@ -11,7 +11,6 @@ from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
-from tests.marks import few
 
 
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
@@ -19,8 +18,9 @@ def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
     return make_scene(family, gravity, contacts=contacts, **changes)
 
 
-@pytest.mark.parametrize("family", few(["matched_clothoid", "arc"], 1))
-@pytest.mark.parametrize("friction", few([0.5, 1.5], 1))
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["matched_clothoid", "arc"])
+@pytest.mark.parametrize("friction", [0.5, 1.5])
 def test_no_mass_at_all_is_no_repair(family, friction):
     result = optimize_grasp(middle_only(friction, family=family), raise_on_failure=False)
     assert not result.solved

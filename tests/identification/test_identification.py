@@ -151,6 +151,7 @@ def test_one_wrong_reading_is_named_and_does_not_pull_a_robust_fit():
     assert any("y at tip, row 2" in warning for warning in robust.warnings)
 
 
+@pytest.mark.slow
 def test_intervals_from_poses_cover_the_truth_at_their_rate():
     """120 noisy copies of exact poses; the bounds are 3.3 binomial standard deviations."""
     scene, repeats = loaded_scene(), 120

@@ -133,6 +133,7 @@ def test_supports_bear_the_weight_that_statics_gives_them(support, expected):
     assert sum(forces.values()) == pytest.approx(0.1 * G * sum(expected.values()), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_box_tips_over_the_end_of_an_edge():
     """Its center of mass is beside the edge: it turns, where over the edge it would rest."""
     shape = {"shape": "box", "width": 0.06, "height": 0.02}
