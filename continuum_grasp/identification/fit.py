@@ -16,7 +16,7 @@ from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.identification.unknowns import DEADBAND
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
-from continuum_grasp.scene.finger import Finger, PointMass, Rod
+from continuum_grasp.scene.finger import PointMass, Rod
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -232,46 +232,33 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
         If no value of a scene is behind the parameter, or the scene does not take this one.
     """
     finger = scene.finger
-    changes: dict[str, Any]
+    changes: Mapping[str, Any]
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
-        changes = {"rod": _rod(finger.rod, target, value)}
+        changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
     elif target in ("material_damping", "per_arc_damping"):
-        key = target.removesuffix("_damping")
-        changes = {"damping": finger.damping.model_copy(update={key: value})}
+        changes = {f"damping.{target.removesuffix('_damping')}": value}
     elif target == "rest_curvature":
-        changes = {"rest_curvature": value}
+        changes = {target: value}
     elif target == "base_angle":
-        changes = {"base": finger.base.model_copy(update={"angle": value})}
+        changes = {"base.angle": value}
     elif target in ("tendon_offset", "tendon_friction") and finger.tendons is not None:
-        changes = {"tendons": finger.tendons.model_copy(update={target.removeprefix("tendon_"): value})}
-    elif target == "tip_mass" or target.startswith("mass_"):
-        changes = {"masses": _masses(finger, target, value)}
+        changes = {f"tendons.{target.removeprefix('tendon_')}": value}
+    elif target == "tip_mass":
+        others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
+        changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
+    elif target.startswith("mass_"):
+        changes = {f"masses[{target.removeprefix('mass_')}].mass": value}
     else:
         raise InputError(f"no value of a scene is behind {target}")
-    # only what was set: validation computes the rest anew
-    parts = {name: getattr(finger, name) for name in finger.model_fields_set | changes.keys()}
-    return scene.model_copy(update={"finger": Finger(**{**parts, **changes})})
+    return scene.changed({f"finger.{key}": new for key, new in changes.items()})
 
 
-def _rod(rod: Rod, target: str, value: float) -> Rod:
-    """The rod in its own terms: by section, or by linear density and bending stiffness."""
-    given = {name: getattr(rod, name) for name in rod.model_fields_set}
-    if target == "rotary_inertia":
-        return Rod(**{**given, "rotary_inertia": value})
-    if rod.youngs_modulus is None or rod.density is None:
-        return Rod(**{**given, target: value})
+def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
+    """What changes of the rod in its own terms: section and material, or linear density and bending stiffness."""
+    if target == "rotary_inertia" or rod.youngs_modulus is None or rod.density is None:
+        return {target: value}
     # of a rod that is given by its section, the section stays and the material changes
     if target == "bending_stiffness":
-        return Rod(**{**given, "youngs_modulus": value * rod.youngs_modulus / rod.stiffness})
-    unchanged = {"rotary_inertia": rod.inertia_per_length}  # in the model it stays while the linear density changes
-    return Rod(**{**given, **unchanged, "density": value * rod.density / rod.mass_per_length})
-
-
-def _masses(finger: Finger, target: str, value: float) -> tuple[PointMass, ...]:
-    length, masses = finger.rod.length, list(finger.masses)
-    if target == "tip_mass":
-        others = [mass for mass in masses if not math.isclose(mass.at, length, rel_tol=1e-9)]
-        return (*others, PointMass(at=length, mass=value))
-    k = int(target.removeprefix("mass_"))
-    masses[k] = PointMass(at=masses[k].at, mass=value)
-    return tuple(masses)
+        return {"youngs_modulus": value * rod.youngs_modulus / rod.stiffness}
+    # in the model the rotary inertia stays while the linear density changes
+    return {"rotary_inertia": rod.inertia_per_length, "density": value * rod.density / rod.mass_per_length}

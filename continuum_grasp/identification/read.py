@@ -17,8 +17,6 @@ from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Pose
 from continuum_grasp.identification.rows import split_unit
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.assembly import apply_override, read_overrides
-from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.identify import (
     Column,
     ColumnLike,
@@ -104,11 +102,8 @@ def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
 def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
     """The scene without what is said of the data, changed."""
     plain = scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "loss"})
-    document = Document(plain, {(): Place(key)})
     try:
-        for path, new in read_overrides(changes):
-            apply_override(document, path, new)
-        return Scene(**document.value)
+        return Scene(**plain).changed(changes)
     except InputError as error:
         where = ".".join(part for part in (key, error.key) if part)
         raise InputError(error.message, key=where) from None

@@ -51,7 +51,8 @@ def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
     unit = next(entry.unit for entry in fit.entries if entry.group == group)
     ax = new_axes(ax, 4.8, 4.6)
     numbers = np.concatenate([fit.measured[members], fit.predictions[members]])
-    margin = 0.05 * max(float(np.ptp(numbers)), 1e-12)
+    # Three deviations show how well a single point is met; its own range would be nothing.
+    margin = max(0.05 * float(np.ptp(numbers)), 3.0 * float(fit.sigma[members].max()))
     ends = [float(numbers.min()) - margin, float(numbers.max()) + margin]
     ax.plot(ends, ends, color=GRAY, linewidth=0.9, zorder=1)
     _draw_points(ax, fit, members, fit.measured, fit.predictions, linewidth=0.8)
@@ -59,6 +60,7 @@ def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
     ax.set_ylim(*ends)
     ax.set_box_aspect(1.0)
     ax.locator_params(nbins=5)
+    ax.ticklabel_format(useOffset=False)  # an offset at the axis would lie on the legend
     label(ax, f"measured [{unit}]", f"predicted [{unit}]")
     head(ax, group[:1].upper() + group[1:])
     return ax

@@ -85,7 +85,9 @@ def test_the_rest_of_a_period_may_be_used_and_overrun(clock):
     assert [late for _, late, _ in calls] == [None] * 10
 
 
-@pytest.mark.parametrize("wrong", [{"duration": 0.0}, {"duration": 1.0, "spin": 0.01}, {"duration": 1.0, "spin": -1.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"duration": 0.0}, {"duration": 1e300}, {"duration": 1.0, "spin": 0.01}, {"duration": 1.0, "spin": -1.0}]
+)
 def test_times_are_checked(clock, wrong):
     with pytest.raises(InputError):
         periodic.run_periodic(Steps(clock, []), lambda: None, lambda u: None, **wrong)
