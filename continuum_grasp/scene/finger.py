@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Annotated, Protocol
 
 from pydantic import Field
 
+from continuum_grasp.scene.profile import Channel, Curve, Profile
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -260,3 +262,29 @@ class Finger(Value):
             edges = (0.0, *self.rest_curvature.breaks, self.rod.length)
             return tuple(zip(edges, edges[1:], self.rest_curvature.values, strict=False))
         return ((0.0, self.rod.length, self.rest_curvature),)
+
+    @cached_property
+    def profile(self) -> Profile:
+        """The rod along its length."""
+        rod, pieces = self.rod, self.curvature_pieces
+
+        def uniform(value: float) -> Curve:
+            return Curve.uniform(rod.length, value)
+
+        return Profile(
+            rod.length,
+            uniform(rod.stiffness),
+            uniform(rod.mass_per_length),
+            uniform(rod.inertia_per_length),
+            Curve((0.0, *(end for _, end, _ in pieces)), tuple((value,) for _, _, value in pieces)),
+            uniform(self.thickness_radius),
+            None if rod.diameter is None else uniform(0.5 * rod.diameter),
+        )
+
+    @cached_property
+    def channels(self) -> tuple[Channel, ...]:
+        """The shapes of the moments by which tendons bend the finger; none without tendons."""
+        if self.tendons is None:
+            return ()
+        whole, offset = Curve.uniform(self.rod.length, 1.0), self.tendons.offset
+        return (Channel(whole, self.rod.length, (offset, -offset), self.tendons.time_constant),)
