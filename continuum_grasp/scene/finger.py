@@ -288,3 +288,13 @@ class Finger(Value):
             return ()
         whole, offset = Curve.uniform(self.rod.length, 1.0), self.tendons.offset
         return (Channel(whole, self.rod.length, (offset, -offset), self.tendons.time_constant),)
+
+    @property
+    def tendon_friction(self) -> float:
+        """Capstan friction coefficient of the tendons [1]."""
+        return 0.0 if self.tendons is None else self.tendons.friction
+
+    @property
+    def tendon_list(self) -> tuple[float, ...]:
+        """To be replaced by that of the scene."""
+        return () if self.tendons is None else (self.tendons.offset, -self.tendons.offset)
