@@ -18,7 +18,7 @@ from continuum_grasp.model.quadrature import STRICT, Collocation, graded_colloca
 from continuum_grasp.scene.profile import Curve
 
 _MOST_NODES = 16
-"""Most nodes of an element [1]."""
+"""Most nodes of each smooth part of an element [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
 _FIT = 20
@@ -147,7 +147,7 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
     # Bent all one way, to both sides, and by one end or one moment alone; scaled so that the range is used.
     turns = np.vstack([np.eye(len(peaks)), np.ones(len(peaks)), [(-1.0) ** k for k in range(len(peaks))]])
     cases = []
-    for turn in turns / peaks:
+    for turn in np.vstack([turns, -turns]) / peaks:
         bend = np.abs(turn @ shapes.sides[:-1]).max() * length
         cases.append(turn * (reach / bend))
     fewest = 3 if len(shapes.parts) == 1 else 2
@@ -167,9 +167,8 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
         return np.array(ends), np.array(masses)
 
     wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, 1e-14)
-    most = max(fewest, _MOST_NODES // len(shapes.parts))
-    end, mass = sample(most + _TRIED)
-    for count in range(fewest, most + 1):
+    end, mass = sample(_MOST_NODES + _TRIED)
+    for count in range(fewest, _MOST_NODES + 1):
         ends, masses = sample(count)
         error = max(np.abs(ends - end).max(), np.abs(masses - mass).max() / np.abs(mass).max())
         if error <= wanted:
