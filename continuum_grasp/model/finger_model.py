@@ -112,7 +112,8 @@ class FingerModel(Functions):
 
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant (moment and rate per shape
     that tendons bend); the functions of q then take the moments that u commands. u = tensions, or the tip moment, then
-    the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if any), then the loads.
+    the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if
+    any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
     Axial and shear strains of the rod are not modeled.
 
