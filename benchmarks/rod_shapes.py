@@ -18,7 +18,7 @@ from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.frequencies import mass_matrix
-from continuum_grasp.scene import MomentLoad, Scene
+from continuum_grasp.scene import Scene
 
 Array = NDArray[np.float64]
 
