@@ -106,7 +106,7 @@ class ShapeRod:
         """Moment of tendons and couples at places [1]."""
         problem = self.equations.problem
         found = np.zeros(s.shape)
-        for shape, amplitude in problem.drives:
+        for shape, amplitude, _ in problem.drives:
             found += amplitude * shape(s * problem.length)
         for at, couple in problem.couples:
             found += couple * (s <= at)
