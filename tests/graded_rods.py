@@ -16,7 +16,7 @@ SPIRAL = {
     "youngs_modulus": 12.0 / 0.02**4 / 0.5**3,
     "density": 1.0 / 0.02**2,
     "rotary_inertia": 0.0,
-    "spirob": {"base_thickness": 0.02, "tip_thickness": 0.005, "width": 0.02, "units": 16, "core": 0.5},
+    "spirob": {"base_thickness": 0.02, "tip_thickness": 0.005, "width": 0.02, "units": 24, "core": 0.5},
 }
 """A straightened spiral is a linear taper: cut from a plate, a wedge."""
 

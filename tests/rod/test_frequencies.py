@@ -101,7 +101,7 @@ def test_a_body_at_the_tip_is_that_of_beam_theory():
     pairs = zip(places, places[1:], signs, signs[1:], strict=False)
     roots = [brentq(characteristic, a, z, xtol=1e-13) for a, z, x, y in pairs if x * y < 0.0]
     body = {"mass": mass, "rotary_inertia": inertia, "center_of_mass": [0.0, ahead]}
-    found = exact(rod_scene(UNIT, gravity=FREE, finger={"tip_body": body}), 3)
+    found = exact(rod_scene(UNIT, "clothoid", gravity=FREE, finger={"tip_body": body}), 3)
     assert 2.0 * math.pi * found == pytest.approx(roots[:3], rel=1e-9)
 
 

@@ -54,7 +54,7 @@ def bent(curvature, s):
 @pytest.mark.parametrize("end", [1.0, 0.6])
 def test_a_tendon_alone_bends_by_its_moment_over_the_stiffness(end):
     slope = 0.75 if end == 1.0 else 0.5
-    offset, lean = 0.008, 0.008 * slope
+    offset, lean = 0.006, 0.006 * slope
     tendon = {"offset": [offset, offset * (1.0 - slope * end)], "to": end, "max_tension": 100.0}
     other = {**tendon, "offset": [-one for one in tendon["offset"]]}
     pull = 0.2 / offset * math.sqrt(1.0 + lean**2)  # along the backbone
