@@ -214,10 +214,10 @@ class ArcFamily(Family):
         # 0.4 %.
         mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
         value = 1.0 / (end - start)
-        curves = (mesh.linear_density, mesh.rotary_inertia, mesh.rest)
-        one, parts = Curve.uniform(mesh.ends[-1], 1.0), tuple(mesh.panels(element, *curves))
         densities = mesh.linear_density, mesh.rotary_inertia
-        return Shapes(start, end, one, mesh.rest, parts, ((value, value),), (None,), *densities)
+        one, rest = (Curve.uniform(mesh.ends[-1], at) for at in (1.0, mean(mesh, element, mesh.rest)))
+        parts = tuple(mesh.panels(element, *densities))
+        return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
         # Of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.

@@ -21,6 +21,8 @@ _MOST_NODES = 16
 """Most nodes of each smooth part of an element [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
+_ROUNDING = 1e-13
+"""Relative error of a rule that is rounding [1]: two rules that are exact differ by some 2e-14."""
 _FIT = 20
 """Degree of the polynomials for bending angles within an element [1]; what is below rounding is cut off."""
 
@@ -166,7 +168,7 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
             masses.append(scaled @ kernel @ scaled.T)
         return np.array(ends), np.array(masses)
 
-    wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, 1e-14)
+    wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, _ROUNDING)
     end, mass = sample(_MOST_NODES + _TRIED)
     for count in range(fewest, _MOST_NODES + 1):
         ends, masses = sample(count)
