@@ -21,6 +21,8 @@ _MOST_NODES = 16
 """Most nodes of each smooth part of an element [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
+_ROUNDING = 1e-13
+"""Relative error of a rule that is rounding [1]: two rules that are exact differ by some 2e-14."""
 _FIT = 20
 """Degree of the polynomials for bending angles within an element [1]; what is below rounding is cut off."""
 
@@ -94,7 +96,7 @@ class Shapes:
             # Digits below rounding would only be carried along.
             series[np.abs(series) < 1e-15 * np.abs(series).max(axis=0, initial=1e-300)] = 0.0
             integral = [chebyshev.cheb2poly(chebyshev.chebint(c, lbnd=-1.0) * half) for c in series.T]
-            powers = np.column_stack([np.pad(c, (0, _FIT + 1 - len(c))) for c in integral])
+            powers: Array = np.column_stack([np.pad(c, (0, _FIT + 1 - len(c))) for c in integral]).astype(float)
             powers[0] += total
             total = powers.sum(axis=0)
             found.append(powers[: np.flatnonzero(np.any(powers, axis=1))[-1] + 1])
@@ -159,7 +161,7 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
             masses.append(scaled @ kernel @ scaled.T)
         return np.array(ends), np.array(masses)
 
-    wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, 1e-14)
+    wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, _ROUNDING)
     end, mass = sample(_MOST_NODES + _TRIED)
     for count in range(fewest, _MOST_NODES + 1):
         ends, masses = sample(count)
