@@ -146,15 +146,18 @@ class Readings:
             most = bounds.speed
             found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:
-            fine = self._sections(np.linspace(0.0, self._length, _FINE + 1)[1:], x, u, w)
+            at = np.linspace(0.0, self._length, _FINE + 1)[1:]
+            fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)
             for name, zone in bounds.keep_out.items():
-                points = fine if zone.of == "backbone" else fine[:, -1:]
-                found.append(Bound(name, "m", self._depth(zone, points).max(axis=1), self._length))
+                of = slice(None) if zone.of == "backbone" else slice(-1, None)
+                depth = self._depth(zone, fine[:, of], half[of])
+                found.append(Bound(name, "m", depth.max(axis=1), self._length))
         return found
 
-    def _depth(self, zone: Zone, points: Array) -> Array:
-        """How far the surface at points (K, P, 2) of the backbone is within a zone, its clearance left out [m]."""
-        away = self.plant.scene.finger.thickness_radius
+    def _depth(self, zone: Zone, points: Array, away: Array) -> Array:
+        """How far the surface at points (K, P, 2) of the backbone, half thicknesses away from it (P,) [m], is within a
+        zone, its clearance left out [m].
+        """
         if isinstance(zone, HalfPlaneZone):
             normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
             return np.asarray(away - (points - np.array(zone.point)) @ normal)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Annotated, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 from pydantic import Field
 
@@ -288,3 +288,21 @@ class Finger(Value):
             return ()
         whole, offset = Curve.uniform(self.rod.length, 1.0), self.tendons.offset
         return (Channel(whole, self.rod.length, (offset, -offset), self.tendons.time_constant),)
+
+
+class _Tendon(NamedTuple):
+    min_tension: float
+    max_tension: float
+    friction: float
+    time_constant: float | None
+
+
+def tendon_list(finger: Finger) -> tuple[_Tendon, ...]:
+    """Each tendon of a finger; until ``Finger.tendon_list`` is there."""
+    t = finger.tendons
+    return () if t is None else (_Tendon(t.min_tension, t.max_tension, t.friction, t.time_constant),) * 2
+
+
+def with_tendons(finger: Finger, **changes: float | None) -> Finger:
+    """The same with changes of every tendon; until ``Finger.tendon_list`` is there."""
+    return finger if finger.tendons is None else finger.replaced(tendons=finger.tendons.replaced(**changes))

@@ -70,9 +70,8 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     if model.nx == 2 * n:
         return np.concatenate([q, qd])
     # The lag has reached what the tensions command at time zero: nothing moves because of it.
-    tendons = scene.finger.tendons
-    moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
-    return np.concatenate([q, qd, [moment, 0.0]])
+    moments = [np.dot(c.arms, u[: len(c.arms)]) for c in scene.finger.channels if c.time_constant is not None]
+    return np.concatenate([q, qd, *([moment, 0.0] for moment in moments)])
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

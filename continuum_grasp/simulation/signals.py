@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.finger import tendon_list
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 
@@ -92,7 +93,7 @@ class Signals:
 
     def _actuation(self, scene: Scene) -> list[float | Samples]:
         if scene.actuation is None:
-            return [0.0, 0.0] if self._model.structure.inputs.tendons else [0.0]
+            return [0.0] * (self._model.structure.inputs.count - self._model.structure.inputs.couples)
         if scene.actuation.tensions is not None:
             return list(scene.actuation.tensions)
         return [scene.actuation.tip_moment if scene.actuation.tip_moment is not None else 0.0]
@@ -111,10 +112,9 @@ class Signals:
 
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
-        tendons = self._model.finger.tendons
-        # The lag rounds off what the tensions do; a tenth of it resolves its exponential.
-        lag = 0.0 if tendons is None else tendons.time_constant or 0.0
-        drive = self._values[:2] if step <= 0.1 * lag else []
+        # A lag rounds off what a tension does; a tenth of it resolves its exponential.
+        pulled = zip(self._values, tendon_list(self._model.finger), strict=False)
+        drive = [tension for tension, tendon in pulled if step <= 0.1 * (tendon.time_constant or 0.0)]
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
         shortest = min((gap for value in felt for gap in _changes(value, duration)), default=math.inf)
         if not shortest < step * (1 - 1e-9):

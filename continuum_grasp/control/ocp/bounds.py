@@ -88,10 +88,11 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
             ends = np.cumsum([0.0, *lengths])
             places = [ends[k] + h * (j + 1) / _PER_ELEMENT for k, h in enumerate(lengths) for j in range(_PER_ELEMENT)]
         # Sums of element lengths are rounded, and beyond the tip there is no section.
-        where = model.sections(tuple(min(s, finger.rod.length) for s in places))(model.x, model.u, model.p)[0]
+        places = [min(s, finger.rod.length) for s in places]
+        where = model.sections(tuple(places))(model.x, model.u, model.p)[0]
         # The surface, half a thickness from the backbone, is what must stay outside.
-        away = zone.clearance + finger.thickness_radius
-        gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - away
+        away = zone.clearance + finger.profile.half_thickness(places)
+        gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - ca.DM(away)
         labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
         found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty))
 
