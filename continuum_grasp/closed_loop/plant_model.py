@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -15,14 +16,17 @@ from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
-from continuum_grasp.scene.finger import PointMass, Rod, tendon_list, with_tendons
+from continuum_grasp.scene.finger import PointMass, tendon_list, with_tendons
 from continuum_grasp.scene.loads import Actuation
+from continuum_grasp.scene.profile import Profile
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.value import Value
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
+_Of = TypeVar("_Of", bound=Value)
 
 
 def plant_scene(scene: ControlScene) -> Scene:
@@ -31,17 +35,12 @@ def plant_scene(scene: ControlScene) -> Scene:
     """
     finger, plant = scene.finger, scene.plant
     rod, damping, masses = finger.rod, finger.damping, finger.masses
-    # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
-    # does not depend on its number of elements.
-    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
-    material = damping.material + damping.per_arc * rod.length / len(elements)
-    stiffer = Rod(
-        length=rod.length,
-        diameter=rod.diameter,
-        linear_density=rod.mass_per_length,
-        bending_stiffness=rod.stiffness * plant.stiffness,
-        rotary_inertia=rod.inertia_per_length,
-    )
+    material = damping.material
+    if damping.per_arc > 0.0:
+        # Material damping that takes as much power from the controller's elements, bent by a moment that is the same
+        # everywhere, so that the plant's damping does not depend on its number of elements.
+        bends = _bends(finger.profile, element_lengths(rod.length, scene.contacts, scene.fidelity.elements))
+        material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
     if plant.tip_mass > 0.0:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
     rest = None
@@ -56,7 +55,7 @@ def plant_scene(scene: ControlScene) -> Scene:
         **around,
         name=scene.name,
         finger=finger.replaced(
-            rod=stiffer,
+            rod=_stiffer(rod, plant.stiffness),
             damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
             masses=masses,
         ),
@@ -67,6 +66,35 @@ def plant_scene(scene: ControlScene) -> Scene:
         initial=scene.initial,
         loads=scene.loads,
     )
+
+
+def _bends(profile: Profile, lengths: Sequence[float]) -> Array:
+    """Bend of each element per moment that is the same everywhere [rad/(N m)]."""
+    edges, (nodes, weights) = np.cumsum(lengths), np.polynomial.legendre.leggauss(16)
+    found = np.zeros(len(lengths))
+    for a, b in profile.panels(*edges):
+        within = a + 0.5 * (b - a) * (nodes + 1.0)
+        compliance = 0.5 * (b - a) * float(weights @ (1.0 / profile.bending_stiffness(within)))
+        found[min(int(np.searchsorted(edges, 0.5 * (a + b))), len(found) - 1)] += compliance
+    return found
+
+
+def _stiffer(rod: _Of, factor: float) -> _Of:
+    """The same rod, or part of one, with a multiple of its stiffness, however it is given."""
+
+    def scaled(value: Any) -> Any:
+        return tuple(map(scaled, value)) if isinstance(value, tuple) else value * factor
+
+    changes: dict[str, Any] = {}
+    for name in type(rod).model_fields:
+        value = getattr(rod, name)
+        if value is not None and name in ("youngs_modulus", "bending_stiffness"):
+            changes[name] = scaled(value)
+        elif isinstance(value, Value):
+            changes[name] = _stiffer(value, factor)
+        elif isinstance(value, tuple) and all(isinstance(one, Value) for one in value):
+            changes[name] = tuple(_stiffer(one, factor) for one in value)
+    return rod.replaced(**changes)
 
 
 class PlantModel(Remade):
