@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.bounds import curvature_limits
 from continuum_grasp.control.ocp.cost_terms import cost_terms
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
@@ -136,10 +137,10 @@ class Readings:
         if most is not None:
             change = np.abs(u - held).max(axis=1) / period
             found.append(Bound("input rate", f"{unit}/s", change - most, most))
-        most = bounds.curvature_limit(scene.finger)
-        if math.isfinite(most):
+        limits = curvature_limits(bounds, self.plant.system.finger_model)
+        if np.all(np.isfinite(limits)):
             kappa = self._map(self.plant.function("kappa", k=self.plant.curvature), x, u, w)
-            found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
+            found.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
             rates = _PlantQuantities(self.plant, self._length, self._edges, u, u).bending_rate
             function = self.plant.function("speed", r=rates)

@@ -55,7 +55,7 @@ class Motion:
             self.tracked = Outputs(scene.cost, model, terms)
             self._setpoints = setpoints(self.tracked, scene.reference)
         self.nr = 0 if self.tracked is None else len(self.tracked.names)
-        self.bounded = state_bounds(scene.bounds, scene.bounds.curvature_limit(scene.finger), model)
+        self.bounded = state_bounds(scene.bounds, model)
         self.hard = np.asarray(self.bounded.linear >= HARD.linear)
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu

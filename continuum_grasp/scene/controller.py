@@ -91,12 +91,12 @@ class Bounds(Value):
     penalty: Penalty | Literal["hard"] = Penalty()
     """Of violations of curvature and speed; hard: there is none, or no solution."""
 
-    def curvature_limit(self, finger: Finger) -> float:
-        """Greatest curvature, apart from the bending range of a model [1/m]."""
+    def curvature_limit_at(self, finger: Finger, s: float) -> float:
+        """Greatest curvature at a position [m], apart from the bending range of a model [1/m]."""
         # Infinite, since a limit of the model's bending range may be less.
         if self.curvature is None:
             return math.inf
-        return finger.curvature_limit if self.curvature == "finger" else self.curvature
+        return float(finger.curvature_limit_at(s)) if self.curvature == "finger" else self.curvature
 
 
 class InputLimits(Value):

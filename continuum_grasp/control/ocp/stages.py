@@ -167,7 +167,7 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     change = (u - held) / horizon.stage if remembers else None
     tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
     outputs = function("outputs", "y", tracked.value(change))
-    bounded = state_bounds(bounds, bounds.curvature_limit(scene.finger), model)
+    bounded = state_bounds(bounds, model)
     ns = len(bounded.names)
     if limits.rate_max is not None and change is not None:
         # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
