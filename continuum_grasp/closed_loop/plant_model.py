@@ -16,7 +16,7 @@ from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
-from continuum_grasp.scene.finger import PointMass, tendon_list, with_tendons
+from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.profile import Profile
 from continuum_grasp.scene.simulate import Scene
@@ -45,9 +45,9 @@ def plant_scene(scene: ControlScene) -> Scene:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
     rest = None
     if finger.tendons is not None:
-        rest = Actuation(tensions=scene.input_limits[0])  # type: ignore[arg-type]
+        rest = Actuation(tensions=scene.input_limits[0])
         own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
-        finger = with_tendons(finger, **{k: v for k, v in own.items() if v is not None})
+        finger = finger.with_tendons(**{k: v for k, v in own.items() if v is not None})
     elif plant.tendon_friction is not None:
         raise InputError("is for a finger with tendons", key="plant.tendon_friction")
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
@@ -131,14 +131,14 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         finger = self.scene.finger
-        tendons = tendon_list(finger)
+        tendons = finger.tendon_list
         lags = [t.time_constant for t in tendons] or [scene.plant.time_constant or scene.controller.input.time_constant]
         known = [lag for lag in lags if lag is not None]
         self._lag = np.array(known) if len(known) == len(lags) else None
         self._order = scene.plant.drive_order
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1
-        has_friction = any(tendon.friction > 0.0 for tendon in tendons)
+        has_friction = finger.has_tendon_friction
         family = scene.plant.fidelity.family or default_family(free_tip=jumps or has_friction)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and jumps:
@@ -150,7 +150,7 @@ class PlantModel(Remade):
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
         self.system = System(
-            self.scene.replaced(finger=with_tendons(finger, time_constant=None)),
+            self.scene.replaced(finger=finger.with_tendons(time_constant=None)),
             family=family,
             input_rates=matches_tip or None,
             parameters=parameters,

@@ -16,7 +16,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
-from continuum_grasp.scene.finger import Finger, tendon_list
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.surroundings import Surroundings
@@ -100,7 +100,7 @@ class Prediction(Remade):
         moved = "object_position" in scene.disturbances
         self._own_lag = scene.lag if finger.tendons is None else None
         # By tendon friction the tip moment depends on the shape, and without a lag it jumps: a matched tip has neither.
-        has_friction = any(tendon.friction > 0.0 for tendon in tendon_list(finger))
+        has_friction = finger.has_tendon_friction
         family = fidelity.family or default_family(free_tip=has_friction or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and scene.lag is None:

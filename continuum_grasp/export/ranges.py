@@ -16,7 +16,6 @@ from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene.finger import tendon_list
 from continuum_grasp.scene.profile import Channel
 
 _USUAL_RATE = 10.0
@@ -70,7 +69,7 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
 
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
     """Entries of the input: tensions from zero on, up to the greatest where the finger has one."""
-    limits = [tendon.max_tension for tendon in tendon_list(model.finger)]
+    limits = [tendon.max_tension for tendon in model.finger.tendon_list]
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for field in _fields(model, model.u_names):

@@ -15,7 +15,7 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.finger import BasePose, Finger, tendon_list, with_tendons
+from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
@@ -81,7 +81,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     base, pose = posture.base.tolist(), found.object_pose.tolist()
     finger: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
     if mission.drive_tension is not None:
-        finger = with_tendons(finger, max_tension=mission.drive_tension)
+        finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
     control = _control_scene(mission, finger, body, middle.station, force)
     resistance = found.quality.resistance if found.quality is not None else None
@@ -148,7 +148,7 @@ def _control_scene(
 
 def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
     """Greatest curvature of the free finger between two positions, under the greatest tensions of one side [1/m]."""
-    s, most = np.linspace(start, end, _DENSE), np.array([tendon.max_tension for tendon in tendon_list(finger)])
+    s, most = np.linspace(start, end, _DENSE), np.array([tendon.max_tension for tendon in finger.tendon_list])
     sides = [
         sum(np.maximum(side * np.array(channel.arms), 0.0) @ most * channel.shape(s) for channel in finger.channels)
         for side in (1.0, -1.0)
@@ -161,7 +161,7 @@ def _about_to_touch(control: ControlScene, body: GraspObject, tensions: Array, e
     between the edges [rad].
     """
     finger, least = control.finger, np.array(control.input_limits[0])
-    prompt = with_tendons(finger, time_constant=None, friction=0.0)
+    prompt = finger.with_tendons(time_constant=None, friction=0.0)
     # Without weight and contact one element is exact, whose tendons' moments are known.
     system = System(prompt, gravity=(0.0, 0.0), family=default_family(free_tip=False), elements=1, tip_force=False)
     where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))

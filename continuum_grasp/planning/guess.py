@@ -176,7 +176,7 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
     """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
     u, finger = scene.initial_input, model.system.finger_model
-    held = Actuation(tip_moment=u[0]) if scene.finger.tendons is None else Actuation(tensions=u)  # type: ignore[arg-type]
+    held = Actuation(tip_moment=u[0]) if scene.finger.tendons is None else Actuation(tensions=u)
     # Equilibria are those of simulated scenes: the finger alone, under the input before the motion.
     alone = Scene(
         finger=scene.finger,

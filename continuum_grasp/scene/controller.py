@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.finger import Finger, tendon_list
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.units import Unit
@@ -116,18 +116,20 @@ class InputLimits(Value):
         for name in ("moment_max", "time_constant"):
             if finger.tendons is not None and getattr(self, name) is not None:
                 raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
+        lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
+        if any(lagging) and not all(lagging):
+            raise ValueError(
+                f"finger.tendons[{lagging.index(False)}].time_constant is needed: under control all tendons lag or none"
+            )
 
     def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each input: tensions [N], or the tip moment [N m]."""
-        tendons = tendon_list(finger)
-        if not tendons:
-            most = self.moment_max or 0.0
-            return (-most,), (most,)
-        return tuple(t.min_tension for t in tendons), tuple(t.max_tension for t in tendons)
+        most = self.moment_max or 0.0
+        return ((-most,), (most,)) if finger.tendons is None else finger.tension_limits
 
     def lag(self, finger: Finger) -> float | None:
         """Shortest time constant of the drive [s]; None: an input acts at once."""
-        lags = [t.time_constant for t in tendon_list(finger)] or [self.time_constant]
+        lags = [t.time_constant for t in finger.tendon_list] or [self.time_constant]
         known = [lag for lag in lags if lag is not None]
         return min(known) if len(known) == len(lags) else None
 

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.finger import tendon_list
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 
@@ -113,7 +112,7 @@ class Signals:
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
         # A lag rounds off what a tension does; a tenth of it resolves its exponential.
-        pulled = zip(self._values, tendon_list(self._model.finger), strict=False)
+        pulled = zip(self._values, self._model.finger.tendon_list, strict=False)
         drive = [tension for tension, tendon in pulled if step <= 0.1 * (tendon.time_constant or 0.0)]
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
         shortest = min((gap for value in felt for gap in _changes(value, duration)), default=math.inf)
