@@ -138,8 +138,7 @@ class PlantModel(Remade):
         self._order = scene.plant.drive_order
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1
-        has_friction = finger.has_tendon_friction
-        family = scene.plant.fidelity.family or default_family(free_tip=jumps or has_friction)
+        family = scene.plant.fidelity.family or default_family(free_tip=jumps or finger.needs_free_tip)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and jumps:
             raise InputError(

@@ -99,9 +99,9 @@ class Prediction(Remade):
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances
         self._own_lag = scene.lag if finger.tendons is None else None
-        # By tendon friction the tip moment depends on the shape, and without a lag it jumps: a matched tip has neither.
-        has_friction = finger.has_tendon_friction
-        family = fidelity.family or default_family(free_tip=has_friction or scene.lag is None)
+        # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
+        # neither.
+        family = fidelity.family or default_family(free_tip=finger.needs_free_tip or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and scene.lag is None:
             raise InputError(

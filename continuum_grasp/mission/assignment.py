@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.model import System
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
@@ -19,6 +20,7 @@ from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
 
@@ -129,7 +131,7 @@ def _control_scene(
         contacts=(middle,),
         object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
-        fidelity=Fidelity(family=default_family(free_tip=False), elements=lengths, bending_range=reach),
+        fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(
             period=asked.period,
@@ -161,22 +163,27 @@ def _about_to_touch(control: ControlScene, body: GraspObject, tensions: Array, e
     between the edges [rad].
     """
     finger, least = control.finger, np.array(control.input_limits[0])
-    prompt = finger.with_tendons(time_constant=None, friction=0.0)
-    # Without weight and contact one element is exact, whose tendons' moments are known.
-    system = System(prompt, gravity=(0.0, 0.0), family=default_family(free_tip=False), elements=1, tip_force=False)
-    where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
-    away, half = tensions - least, finger.profile.half_thickness(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:])
+    free = FingerModel(
+        finger.with_tendons(time_constant=None),
+        gravity=(0.0, 0.0),
+        family=control.fidelity.family,
+        elements=control.fidelity.elements,
+        bending_range=control.fidelity.bending_range,
+        tip_force=False,
+        input_rates=False,  # nothing moves
+    )
+    places = np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]
+    half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
+    away = tensions - least
     pulls = away > 0.0
     most = float(np.min((np.array(control.input_limits[1]) - least)[pulls] / away[pulls]))
-    before, q = least, np.zeros(1)
+    before, q = least, np.zeros(free.n)
     for share in np.linspace(0.0, most, _STEPS + 1):
         u = least + share * away
-        moment = sum(np.dot(channel.arms, u) for channel in finger.channels)
-        shape = np.array([moment / finger.profile.bending_stiffness(0.0)])
-        points = np.array(where(system.state(q=shape), u, [])[0]).T
+        shape = equilibrium_under(free, u, [], guess=q).q
+        points = core.batch("position", shape, u, places[:, None])
         gap = min(body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True))
         if gap < _CLEARANCE:
             break
         before, q = u, shape
-    angles = np.array(system.sections(tuple(edges[1:]))(system.state(q=q), before, [])[1]).ravel()
-    return before, np.diff(angles, prepend=finger.base.angle)
+    return before, np.diff(np.ravel(core.batch("orientation", q, before, edges[:, None])))
