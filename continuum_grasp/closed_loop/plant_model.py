@@ -39,7 +39,7 @@ def plant_scene(scene: ControlScene) -> Scene:
     if damping.per_arc > 0.0:
         # Material damping that takes as much power from the controller's elements, bent by a moment that is the same
         # everywhere, so that the plant's damping does not depend on its number of elements.
-        bends = _bends(finger.profile, element_lengths(rod.length, scene.contacts, scene.fidelity.elements))
+        bends = _bends(finger.profile, element_lengths(finger.profile, scene.contacts, scene.fidelity.elements))
         material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
     if plant.tip_mass > 0.0:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))

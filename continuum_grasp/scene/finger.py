@@ -279,6 +279,14 @@ class Finger(Value):
         return any(tendon.friction > 0.0 for tendon in self.tendon_list)
 
     @property
+    def tendon_friction(self) -> float:
+        """Capstan friction coefficient of the tendons [1]; `InputError` where they differ in it."""
+        found = {tendon.friction for tendon in self.tendon_list} or {0.0}
+        if len(found) > 1:
+            raise InputError("expected the same friction of all tendons", key="finger.tendons")
+        return found.pop()
+
+    @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
         return self.has_tendon_friction or self.stops is not None
