@@ -295,12 +295,13 @@ def rest_input(scene: ControlScene) -> Array:
 def first_state(scene: ControlScene, model: Prediction) -> Array:
     """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
 
-    ``initial.q`` belongs to the plant's model. It is used where the controller's model has as many coordinates;
+    Coordinates of ``initial`` belong to the plant's model. They are used where the controller's model has as many;
     otherwise the state is that of the unloaded shape. ``SolverError`` where an initial equilibrium is not found.
     """
     n, initial = model.system.finger_model.n, scene.initial
-    fits = initial.q is not None and len(initial.q) == n
-    x = model.at_rest(initial.q if fits and initial.q is not None else _shape(scene, model), rest_input(scene))
+    given = initial.coordinates
+    fits = given is not None and len(given) == n
+    x = model.at_rest(given if given is not None and fits else _shape(scene, model), rest_input(scene))
     if fits and initial.qd is not None and len(initial.qd) == n:
         x[n : 2 * n] = initial.qd
     return x
@@ -309,10 +310,10 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
 def _shape(scene: ControlScene, model: Prediction) -> Array:
     """Coordinates of the initial pose by the controller's own elements."""
     finger, initial = model.system.finger_model, scene.initial
-    held = initial.pose == "equilibrium"
-    if initial.pose == "straight" or not (held or scene.finger.rest_curvature != 0.0):
+    if initial.pose == "straight":
+        return finger.structure.straight()
+    if initial.pose != "equilibrium":
         return np.zeros(finger.n)
-    loads = initial.held_by if held else ()
     alone = FingerModel(
         scene.finger,
         family=finger.family,
@@ -320,13 +321,13 @@ def _shape(scene: ControlScene, model: Prediction) -> Array:
         accuracy=finger.structure.accuracy,
         bending_range=scene.fidelity.bending_range,
         contacts=scene.contacts,
-        gravity=scene.gravity if held else (0.0, 0.0),
-        loads=loads,
+        gravity=scene.gravity,
+        loads=initial.held_by,
         tip_force=bool(scene.contacts),
         input_rates=False,  # nothing moves
     )
     given = {"u": np.zeros(alone.nu), "w": np.zeros(alone.nw)}
-    for load, (vector, start) in zip(loads, alone.load_entries, strict=True):
+    for load, (vector, start) in zip(initial.held_by, alone.load_entries, strict=True):
         value = np.atleast_1d(np.asarray(load.force if isinstance(load, ForceLoad) else load.moment, dtype=float))
         given[vector][start : start + value.size] = value
     return np.array(equilibrium_under(alone, given["u"], given["w"]).q)

@@ -229,5 +229,9 @@ class ArcFamily(Family):
         value = 1.0 if moment is None else mean(self.mesh, element, moment)
         return [value if k == element else 0.0 for k in range(self.elements)]
 
+    def shapes_at(self, element: int, s: Array) -> Array:
+        h, rest = self.mesh.lengths[element], mean(self.mesh, element, self.mesh.rest)
+        return np.array([[1.0 / h] * len(s), [rest] * len(s)])
+
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         return np.diag([1.0 / h for h in lengths])[:, None]

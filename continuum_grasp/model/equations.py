@@ -12,15 +12,21 @@ from dataclasses import replace
 from functools import cached_property, reduce
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.model.actuation import Drive, friction_factors
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import Section
+from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
+
+_STOP_NODES = 3
+"""Points per element at which links may touch [1]: as good as dense ones."""
+_STOP_ROUNDING = 0.005
+"""Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
 
 
 class Equations:
@@ -131,7 +137,13 @@ class Equations:
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
         rod = Rod(self.lengths, par["linear_density"], par["rotary_inertia"], rest, masses)
         local = [family.local(k) for k in range(len(self.lengths))]
-        return Chain(family.links(self.full, rod), local, family.size)
+        *links, last = family.links(self.full, rod)
+        body = self._structure.finger.tip_body
+        if body is not None:
+            across, along = body.center_of_mass
+            # The chain's axes have X along the finger and -Y across.
+            last = replace(last, body=EndBody(body.mass, body.rotary_inertia, Vec(along, -across)))
+        return Chain([*links, last], local, family.size)
 
     @cached_property
     def turn(self) -> Rotation:
@@ -283,8 +295,43 @@ class Equations:
 
     @cached_property
     def elastic(self) -> list[Scalar]:
-        """Gradient of the elastic energy; equation (32)."""
-        return _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
+        """Gradient of the elastic energy, that of stops included; equation (32)."""
+        bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
+        if not self._touching:
+            return bent
+        total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
+        return list(ca.vertsplit(total))
+
+    @cached_property
+    def _touching(self) -> list[tuple[Scalar, float, float]]:
+        """Where links may touch: curvature less that at which they do [1/m], that one, energy per square [N m3]."""
+        finger, family = self._structure.finger, self._family
+        limit = finger.stop_curvature
+        if finger.stops is None or limit is None:
+            return []
+        found: list[tuple[Scalar, float, float]] = []
+        nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
+        for k, h in enumerate(self._structure.lengths):
+            s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
+            extra = 0.5 * (finger.stops.stiffness_ratio - 1.0) * self._structure.mesh.stiffness(s)
+            *shapes, rest = family.shapes_at(k, s).tolist()
+            local = [self.full[a] for a in family.local(k)]
+            for j, touch in enumerate(limit(s).tolist()):
+                fixed = self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else rest[j]
+                kappa = _dot([row[j] for row in shapes], local) + fixed
+                energy = 0.5 * h * float(weights[j] * extra[j])
+                found += [(sign * kappa - touch, touch, energy) for sign in finger.stops.signs]
+        return found
+
+    @cached_property
+    def _stop_energy(self) -> Scalar:
+        """Energy of links that touch [J], smooth within a share of the curvature where they do."""
+        total: Scalar = 0.0
+        for beyond, touch, energy in self._touching:
+            rounding = _STOP_ROUNDING * touch
+            share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
+            total += energy * share * share
+        return self._par["bending_stiffness"] * total
 
     @cached_property
     def damping(self) -> list[Scalar]:
@@ -399,7 +446,7 @@ class Equations:
     def potential_energy(self) -> Scalar:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
-        elastic = self._par["bending_stiffness"] * _dot(product, self.full)
+        elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position
