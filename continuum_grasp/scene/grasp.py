@@ -64,6 +64,11 @@ class FingerSetup:
         return cast(Tendons, self.finger.tendons)
 
     @property
+    def stiffness(self) -> float:
+        """A bending stiffness of the finger as a scale of moments [N m2]."""
+        return self.finger.profile.mean_stiffness
+
+    @property
     def middle_names(self) -> tuple[str, ...]:
         """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on."""
         if len(self.middles) == 1:

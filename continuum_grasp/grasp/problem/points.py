@@ -85,12 +85,14 @@ def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values
         q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
         name, rod, length = setup.name, setup.finger.rod, setup.finger.rod.length
         family, elements = problem.fingers[k].model.structure.family, shares.ravel() * length
+        rest = setup.finger.curvature_pieces[0][2] * length
+        resting = family.coordinates(rest * shares.ravel(), np.full((shares.size, family.places.size), rest))
         out |= {
             f"{name}.family": np.array(setup.family),
-            f"{name}.q": family.coordinate_size(q.ravel(), length),
+            f"{name}.q": family.coordinate_size(q.ravel() - resting[: q.size], length),
             f"{name}.lengths": elements,
             f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
-            f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
+            f"{name}.tip_curvature": np.array((float(tip.ravel()[0]) - rest) / length),
             f"{name}.tensions": pulls.ravel() * rod.stiffness / length / setup.tendons.offset,
             f"{name}.base": base.ravel() * [m, m, 1.0],
             f"{name}.backbone": line.T * [length, m, m, 1.0],
