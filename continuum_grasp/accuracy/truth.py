@@ -68,7 +68,7 @@ class Truth:
         if scene.initial.pose == "equilibrium":
             return np.asarray(self.cases[-1 if scene.initial.held_by else 0].rod.curvature(s))
         if scene.initial.pose == "rest":
-            return np.array([next(k for a, b, k in scene.finger.curvature_pieces if at <= b) for at in s])
+            return scene.finger.profile.rest_curvature(s)
         return np.zeros_like(s)
 
 

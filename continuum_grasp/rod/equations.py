@@ -31,9 +31,10 @@ class RodEquations:
     """The rod as an integral equation of the second kind for its curvature k at the nodes, in dimensionless numbers.
 
     With the section's angle psi = angle + integral of k, the tangent t = i exp(i psi) and the force n(s) that the part
-    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drive exp(-friction b(s)) + integral from s
-    to the tip of t x n, and equilibrium is k - rest = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1, chapter 4).
-    The derivative is one plus a compact operator: it is well conditioned on any mesh.
+    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drive(s) exp(-friction b(s)) + integral from
+    s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
+    chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
+    its rows it is well conditioned on any mesh.
 
     Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
     k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
@@ -41,38 +42,45 @@ class RodEquations:
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
         self.problem, self.mesh = problem, mesh
-        s = mesh.nodes
-        self._force: Complex = np.asarray(problem.weight * (1.0 - s), dtype=complex)
+        s, place = mesh.nodes, problem.length * mesh.nodes
+        self.bending_stiffness: Array = problem.profile.bending_stiffness(place) / problem.stiffness
+        self.rest: Array = problem.length * problem.profile.rest_curvature(place)
+        density = problem.profile.linear_density(place)
+        self._density: Array = density / (mesh.weights @ density)
+        self._force: Complex = np.asarray(problem.weight * (mesh.backward @ self._density), dtype=complex)
         for at, value in problem.dead:
             self._force += value * (s < at)
         self._couple: Array = np.zeros(mesh.size)
         for at, couple in problem.couples:
             self._couple += couple * (s < at)
-        self.rest: Array = np.zeros(mesh.size)
-        for start, end, value in problem.rest:
-            self.rest[(s > start) & (s < end)] = value
-        self._has_friction = problem.friction > 0.0 and problem.drive != 0.0
+        self.drive: Array = np.zeros(mesh.size)
+        for shape, amplitude in problem.drives:
+            self.drive += amplitude * shape(place)
+        self._has_friction = problem.friction > 0.0 and bool(problem.drives)
+        self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
 
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
         return np.asarray(1j * np.exp(1j * (self.problem.angle + self.mesh.forward @ curvature)))
 
     def unresolved(self, curvature: Array) -> Array:
-        """Turn [rad] per panel that its polynomials may miss: in curvature, tangent or the tendon's friction."""
-        mesh, problem = self.mesh, self.problem
-        tails = np.maximum(mesh.tails(curvature), mesh.tails(self.tangents(curvature)))
+        """Turn [rad] per panel that its polynomials may miss: in curvature, tangent, friction, or the rod itself.
+
+        Of the rod itself it is the turn by a moment of one, and the mass per that of the whole rod.
+        """
+        mesh = self.mesh
+        functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
         if self._has_friction:
-            turned = mesh.tails(_rounded_size(curvature)[0])
-            tails = np.maximum(tails, problem.friction * abs(problem.drive) * turned)
-        return np.asarray(mesh.widths * tails)
+            functions.append(self.problem.friction * np.abs(self.drive).max() * _rounded_size(curvature)[0])
+        return np.asarray(mesh.widths * np.max([mesh.tails(function) for function in functions], axis=0))
 
     def turn(self, change: Array) -> float:
         """Greatest turn of a section [rad] by a change of curvature."""
         return float(np.abs(self.mesh.forward @ change).max(initial=0.0))
 
-    def norm(self, change: Array) -> float:
-        """Root mean square of a change of curvature; the greatest turn is not above it."""
-        return float(np.sqrt(self.mesh.weights @ change**2))
+    def norm(self, moment: Array) -> float:
+        """Root of the integral of a moment's square per EI; the greatest turn by the moment is not above it."""
+        return float(np.sqrt(self.mesh.weights @ (moment**2 / self.bending_stiffness)))
 
     def balance(self, curvature: Array, share: float = 1.0) -> Balance:
         """Missing moment under a share of all loads and the actuation."""
@@ -93,25 +101,25 @@ class RodEquations:
             slope -= np.outer(mesh.backward @ column, row)
         if self._has_friction:
             size, rate = _rounded_size(curvature)
-            pull = problem.drive * np.exp(-problem.friction * (mesh.forward @ size))
+            pull = self.drive * np.exp(-problem.friction * (mesh.forward @ size))
             moment += pull
             slope += (problem.friction * pull)[:, None] * mesh.forward * rate
         else:
-            moment += problem.drive
+            moment += self.drive
         slope *= share
-        slope.flat[:: mesh.size + 1] += 1.0
-        return Balance(curvature - self.rest - share * moment, slope, -moment)
+        slope.flat[:: mesh.size + 1] += self.bending_stiffness
+        return Balance(self.bending_stiffness * (curvature - self.rest) - share * moment, slope, -moment)
 
     def stiffness(self, slope: Array) -> Array:
-        """Second variation of the energy in the metric of the integral of (change of curvature)^2; symmetric."""
-        # W^(1/2) slope W^(-1/2) is symmetric to rounding, since the mesh integrates by parts exactly.
-        root = np.sqrt(self.mesh.weights)
-        scaled = root[:, None] * slope / root
-        return 0.5 * (scaled + scaled.T)
+        """Second variation of the energy in the metric of the integral of EI (change of curvature)^2; symmetric."""
+        # W slope is symmetric to rounding, since the mesh integrates by parts exactly.
+        root = np.sqrt(self.metric)
+        scaled = self.mesh.weights[:, None] * slope / (root[:, None] * root)
+        return np.asarray(0.5 * (scaled + scaled.T))
 
     def elastic_energy(self, curvature: Array) -> float:
         """Energy of bending, per EI / L."""
-        return float(0.5 * self.mesh.weights @ (curvature - self.rest) ** 2)
+        return float(0.5 * self.mesh.weights @ (self.bending_stiffness * (curvature - self.rest) ** 2))
 
     def energy(self, curvature: Array) -> float:
         """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
@@ -124,7 +132,7 @@ class RodEquations:
         for at, couple in problem.couples:
             work += couple * np.interp(at, mesh.edges, bends)
         if not self._has_friction:
-            work += problem.drive * bends[-1]
+            work += (mesh.weights * self.drive) @ curvature
         return float(self.elastic_energy(curvature) - work)
 
     @property

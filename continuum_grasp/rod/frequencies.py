@@ -65,12 +65,15 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
 
 def _mass(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
     """Twice the kinetic energy of rates of curvature (per L) at the nodes."""
-    mesh, rod, length = equations.mesh, finger.rod, equations.problem.length
+    mesh, profile, length = equations.mesh, finger.profile, equations.problem.length
+    place = length * mesh.nodes
     # A change of curvature turns what lies beyond: tangents move by i t times the angle, points by its integral.
     turning = 1j * equations.tangents(curvature)[:, None] * mesh.forward
     moving, weights = mesh.forward @ turning, mesh.weights[:, None]
-    mass = rod.mass_per_length * length**3 * (moving.conj().T @ (weights * moving)).real
-    mass += rod.inertia_per_length * length * (mesh.forward.T @ (weights * mesh.forward))
+    linear = profile.linear_density(place)[:, None] * length**3
+    rotary = profile.rotary_inertia(place)[:, None] * length
+    mass = (moving.conj().T @ (linear * weights * moving)).real
+    mass += mesh.forward.T @ (rotary * weights * mesh.forward)
     for point in finger.masses:
         place = np.array([point.at / length])
         row = np.array([mesh.integrate(unit, place)[0] for unit in np.eye(mesh.size)]) @ turning
