@@ -197,8 +197,8 @@ class DenseRod:
         """World positions (K, 2) [m] and angles (K,) [rad] of one rod at any places (K,) [m] along it."""
         s = np.asarray(s, dtype=float)
         walked = self.mesh.integrate(1j * np.exp(1j * self.angle(curvature)), s)
-        turned = self.start_angle + self.mesh.integrate(curvature, s)
-        return self.start + np.stack([walked.real, walked.imag], axis=-1), turned
+        turned = np.real(self.mesh.integrate(curvature, s))
+        return self.start + np.stack([walked.real, walked.imag], axis=-1), self.start_angle + turned
 
 
 def finger_breaks(finger: Finger) -> list[float]:

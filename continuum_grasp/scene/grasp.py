@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.finger import PiecewiseCurvature, Tendons
+from continuum_grasp.scene.finger import Tendons
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -280,11 +280,6 @@ class GraspScene(Value):
             raise ValueError(
                 f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
                 f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
-            )
-        if isinstance(finger.rest_curvature, PiecewiseCurvature):
-            raise ValueError(
-                f"{where}.rest_curvature must be one number here: the lengths of the elements are sought, and the "
-                "curvature of each could not follow"
             )
         low, high = setup.middle_bounds
         check_increasing("contacts.middle_range", (low, high))

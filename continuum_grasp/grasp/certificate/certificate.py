@@ -287,12 +287,11 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
             yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
     # Curvatures where they may be greatest: at ends of panels, on both sides, and densely between.
     places = (finger.rod.edges, False), (finger.rod.edges, True), (finger.rod.nodes, False)
-    if (most := finger.finger.strain_limit) is not None and (depth := finger.profile.half_depth) is not None:
-        strains = [
-            np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for s, side in places
-        ]
-        strain = float(np.max(np.concatenate(strains)))
-        yield Check(f"bending strain, {finger.name}", strain / most - 1, LIMIT, "1", f"{most:.4g}")
+    allowed, depth = finger.finger.strain_limit, finger.profile.half_depth
+    if allowed is not None and depth is not None:
+        strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for s, side in places]
+        value = float(np.max(np.concatenate(strains))) / allowed - 1
+        yield Check(f"bending strain, {finger.name}", value, LIMIT, "1", f"{allowed:.4g}")
     bends = float(np.abs(finger.lengths[:, None] * finger.shape.curvatures).max())
     most = setup.bending_range
     yield Check(f"bending range, {finger.name}", bends / most - 1, LIMIT, "1", f"{most:.4g} rad")

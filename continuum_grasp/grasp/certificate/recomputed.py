@@ -244,7 +244,7 @@ class RecomputedGrasp:
                 angle = c.finger.angles[c.finger.joint_edges[c.joint]]
                 own = np.array([np.cos(angle), np.sin(angle)])
                 own = own if own @ unit >= 0.0 else -own
-                # The finger is as thick as discs along it: where these grow, the skin leans by the slope of their radius.
+                # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
                 lean = slope(c.finger.profile.half_thickness, c.finger.joint_position(c.joint))
                 c.normal = np.sqrt(1.0 - lean**2) * own + lean * np.array([-np.sin(angle), np.cos(angle)])
             else:

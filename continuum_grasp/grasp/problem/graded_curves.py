@@ -1,0 +1,190 @@
+"""The curves of a graded finger in units of its own: their structure, their numbers, and their values as expressions.
+
+Between the places where a curve jumps or has a kink (the *panels*) every curve is a polynomial of the distance from
+the panel's start, or the exponential of one. Their coefficients are run-time numbers: fingers of one structure share
+one solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
+
+from continuum_grasp.rod.dense_rod import finger_breaks, with_places
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.profile import Curve
+
+Array = NDArray[np.float64]
+
+_MASS_DEGREE = 12
+"""Degree of the mass beyond a section where the density is an exponential: rounding for densities 1:100 in a panel."""
+
+
+@dataclass(frozen=True)
+class CurveSpec:
+    """Structure of a curve: in each panel a polynomial, or its exponential."""
+
+    name: str
+    degree: int
+    exponential: bool
+
+
+@dataclass(frozen=True)
+class GradedSpec:
+    """Structure of the curves of a graded finger."""
+
+    panels: int
+    curves: tuple[CurveSpec, ...]
+    channels: int
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are: inner edges of the panels, and the coefficients of the curves."""
+        return self.panels - 1 + sum(self.panels * (curve.degree + 1) for curve in self.curves)
+
+    @staticmethod
+    def of(setup: FingerSetup, weighs: bool) -> GradedSpec | None:
+        """The structure of a finger's curves; None for what is the same everywhere."""
+        finger, profile = setup.finger, setup.finger.profile
+        curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth)
+        shapes = [channel.shape for channel in finger.channels]
+        same = all(curve is None or curve.constant is not None for curve in (*curves, *shapes))
+        if profile.uniform and same:
+            return None
+        made = _curves(setup, weighs)
+        return GradedSpec(len(_edges(setup, weighs)) - 1, tuple(each.spec for each in made), len(shapes))
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A curve on the panels: coefficients (panels, degree + 1) per powers of the distance, lengths per L."""
+
+    spec: CurveSpec
+    coefficients: Array
+
+
+def curve_numbers(setup: FingerSetup, weighs: bool) -> Array:
+    """The run-time numbers of a graded finger's curves, as `GradedCurves` takes them."""
+    edges = _edges(setup, weighs) / setup.finger.profile.length
+    return np.concatenate([edges[1:-1], *(made.coefficients.ravel() for made in _curves(setup, weighs))])
+
+
+def _edges(setup: FingerSetup, weighs: bool) -> Array:
+    """Ends of the panels [m]."""
+    length = setup.finger.profile.length
+    masses = [mass.at for mass in setup.finger.masses] if weighs else []
+    breaks = [at for at in (*finger_breaks(setup.finger), *masses) if at < length]
+    return with_places((0.0, length), breaks)
+
+
+def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
+    """All curves of a finger: per E I (its mean) and L where they have units."""
+    finger, profile, length = setup.finger, setup.finger.profile, setup.finger.profile.length
+    edges = _edges(setup, weighs)
+    found = [
+        _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
+        _made("rest", profile.rest_curvature, edges, length),
+        _made("thickness", profile.half_thickness, edges, 1.0 / length),
+        *(_made(f"channel_{k}", channel.shape, edges, 1.0) for k, channel in enumerate(finger.channels)),
+    ]
+    if finger.strain_limit is not None and profile.half_depth is not None:
+        found.append(_made("depth", profile.half_depth, edges, 1.0 / length))
+    if weighs:
+        found.append(_mass_beyond(setup, edges))
+    return found
+
+
+def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
+    degree, rows = max(len(c) for c in curve.coefficients) - 1, []
+    for a in edges[:-1]:
+        piece = int(np.searchsorted(curve.edges[1:-1], a + 1e-9 * edges[-1]))
+        shifted = Polynomial(curve.coefficients[piece])(Polynomial([a - curve.edges[piece], edges[-1]]))
+        row = np.zeros(degree + 1)
+        row[: len(shifted.coef)] = shifted.coef
+        if curve.exponential:
+            row[0] += np.log(scale)
+        rows.append(row if curve.exponential else scale * row)
+    return _Made(CurveSpec(name, degree, curve.exponential), np.array(rows))
+
+
+def _mass_beyond(setup: FingerSetup, edges: Array) -> _Made:
+    """Mass of rod and point masses beyond a section, per that of the rod with the density at its base."""
+    finger, length = setup.finger, float(edges[-1])
+    made = _made("density", finger.profile.linear_density, edges, 1.0 / finger.rod.mass_per_length)
+    rows: list[Polynomial] = []
+    for coefficients, (a, b) in zip(made.coefficients, pairwise(edges / length), strict=True):
+        density = Polynomial(coefficients)
+        if made.spec.exponential:
+            places = 0.5 * (b - a) * (np.polynomial.chebyshev.chebpts1(_MASS_DEGREE + 1) + 1.0)
+            fit = Chebyshev.fit(places, np.exp(density(places)), _MASS_DEGREE, domain=[0.0, b - a])
+            density = fit.convert(kind=Polynomial)
+        rows.append(density.integ())
+    beyond, own = 0.0, finger.rod.mass_per_length * length
+    out: list[Array] = []
+    degree = max(len(row.coef) for row in rows) - 1
+    masses = list(finger.masses)
+    for row, (a, b) in reversed(list(zip(rows, pairwise(edges), strict=True))):
+        here = [mass for mass in masses if mass.at > b - 1e-9 * length]
+        masses = [mass for mass in masses if mass not in here]
+        beyond += sum(mass.mass for mass in here) / own
+        beyond += float(row((b - a) / length))
+        coefficients = np.zeros(degree + 1)
+        coefficients[: len(row.coef)] = -row.coef
+        coefficients[0] += beyond
+        out.append(coefficients)
+    return _Made(CurveSpec("mass", degree, False), np.array(out[::-1]))
+
+
+class GradedCurves:
+    """The curves of a graded finger as expressions of the position, per its length."""
+
+    def __init__(self, spec: GradedSpec, numbers: ca.SX) -> None:
+        self.spec = spec
+        self.breaks = [numbers[k] for k in range(spec.panels - 1)]
+        self.names = frozenset(curve.name for curve in spec.curves)
+        self._curves: dict[str, tuple[CurveSpec, ca.SX]] = {}
+        start = spec.panels - 1
+        for curve in spec.curves:
+            size = spec.panels * (curve.degree + 1)
+            self._curves[curve.name] = curve, ca.reshape(numbers[start : start + size], curve.degree + 1, spec.panels)
+            start += size
+
+    def on(self, name: str, panel: int, s: Any) -> ca.SX:
+        """A curve in a panel."""
+        spec, coefficients = self._curves[name]
+        distance = s - (self.breaks[panel - 1] if panel else 0.0)
+        value = coefficients[spec.degree, panel]
+        for k in range(spec.degree - 1, -1, -1):
+            value = value * distance + coefficients[k, panel]
+        return ca.exp(value) if spec.exponential else value
+
+    def at(self, name: str, s: Any, *, tip_side: bool = False) -> ca.SX:
+        """A curve anywhere; where it jumps, on the base side or the other."""
+        return self._piece(lambda panel, at: self.on(name, panel, at), s, tip_side)
+
+    def slope(self, name: str, s: Any) -> ca.SX:
+        """Derivative of a curve anywhere, per length; on the base side of a kink."""
+
+        def derivative(panel: int, at: Any) -> ca.SX:
+            place = ca.SX.sym("s")
+            return ca.substitute(ca.jacobian(self.on(name, panel, place), place), place, at)
+
+        return self._piece(derivative, s, False)
+
+    def _piece(self, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
+        found = value(0, ca.fmin(s, self.breaks[0]) if self.breaks else s)
+        for panel, start in enumerate(self.breaks, 1):
+            # Clipped to its panel, beyond which a polynomial may vanish, and its inverse be infinite.
+            at = ca.fmax(s, start)
+            if panel < len(self.breaks):
+                at = ca.fmin(at, self.breaks[panel])
+            beyond = s >= start if tip_side else s > start
+            found = ca.if_else(beyond, value(panel, at), found)
+        return found
