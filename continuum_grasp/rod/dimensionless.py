@@ -96,7 +96,7 @@ class RodProblem:
             following=tuple((placed(at), value * force) for at, value in following if value != 0.0),
             couples=tuple((placed(at), value * moment) for at, value in couples if value != 0.0),
             drives=tuple(drives),
-            friction=finger.tendons.friction if finger.tendons is not None else 0.0,
+            friction=max((tendon.friction for tendon in finger.tendon_list), default=0.0),
         )
 
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, Protocol
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.scene.profile import Channel, Curve, Profile
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.graded import Varying, ends
+from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
     Distance,
-    Extent,
-    Friction,
     Increasing,
     Length,
     Mass,
@@ -23,118 +26,23 @@ from continuum_grasp.scene.value import (
     Position,
     Positive,
     Real,
-    TimeConstant,
     Value,
     doubt,
     doubt_outside,
 )
 
-_SECTION_KEYS = ("diameter", "density", "youngs_modulus")
-_LINEAR_KEYS = ("linear_density", "bending_stiffness")
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-
-class _Placed(Protocol):
-    """Something at a position along the finger."""
-
-    @property
-    def at(self) -> float: ...
-
-
-class Rod(Value):
-    """A uniform, inextensible, unshearable elastic rod.
-
-    Give either ``diameter``, ``density`` and ``youngs_modulus`` (a solid round section), or
-    ``linear_density``, ``bending_stiffness`` and, where it matters, ``rotary_inertia``; a ``diameter`` beside these
-    sets nothing but where the strain limit is reached and, without ``half_thickness``, how thick the finger is.
-    """
-
-    length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
-    """Length L [m]."""
-    diameter: Annotated[Extent | None, Field(examples=[0.0012, "1.2 mm"])] = None
-    """Diameter of a solid round section [m]; smaller than the length."""
-    density: Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")] | None = None
-    """Density [kg/m3]."""
-    youngs_modulus: Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa")] | None = None
-    """Young's modulus E [Pa]."""
-    linear_density: Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")] | None = None
-    """Mass per length, rho A [kg/m]."""
-    bending_stiffness: Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")] | None = None
-    """Bending stiffness E I [N m2]."""
-    rotary_inertia: Annotated[NonNegative, Unit("kg m")] | None = None
-    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the round section, or
-    none beside ``linear_density``."""
-
-    def _check(self) -> None:
-        # The diameter may stand beside both: it says where the strain limit is reached.
-        section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
-        linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
-        if section and linear:
-            raise ValueError(
-                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, "
-                f"not both; got {', '.join(section + linear)}"
-            )
-        wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
-        missing = [k for k in wanted if getattr(self, k) is None]
-        if missing:
-            raise ValueError(f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}")
-        if self.diameter is not None and self.diameter >= self.length:
-            raise ValueError(
-                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
-            )
-        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
-        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
-        doubt_outside("rod.diameter", self.diameter, 0.0, 0.3, too_large)
-        # From soft gels to graphene, and from foams to osmium.
-        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
-        doubt_outside("rod.youngs_modulus", self.youngs_modulus, 1e3, 2e12, no_material)
-        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
-        doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
-
-    def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
-        """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
-        for k, one in enumerate(placed):
-            if one.at > self.length * (1 + 1e-12):
-                raise ValueError(f"{key}[{k}].at = {one.at} m is beyond the finger's length of {self.length} m")
-
-    def check_sections(self, key: str, positions: Iterable[float]) -> None:
-        """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
-        for k, at in enumerate(positions):
-            if at > self.length * (1 + 1e-9):
-                raise ValueError(f"{key}.at[{k}] = {at} m is beyond the finger")
-
-    @property
-    def mass_per_length(self) -> float:
-        """Mass per length rho A [kg/m]."""
-        if self.linear_density is not None:
-            return self.linear_density
-        # A rod without linear_density has both of these, as _check sees to.
-        return (self.density or 0.0) * math.pi * (self.diameter or 0.0) ** 2 / 4
-
-    @property
-    def stiffness(self) -> float:
-        """Bending stiffness E I [N m2]."""
-        if self.bending_stiffness is not None:
-            return self.bending_stiffness
-        return (self.youngs_modulus or 0.0) * self._second_moment
-
-    @property
-    def inertia_per_length(self) -> float:
-        """Rotary inertia per length rho I [kg m]."""
-        if self.rotary_inertia is not None:
-            return self.rotary_inertia
-        return 0.0 if self.density is None else self.density * self._second_moment
-
-    @property
-    def _second_moment(self) -> float:
-        # Of a solid round section about a diameter [m4].
-        return math.pi * (self.diameter or 0.0) ** 4 / 64
+    from continuum_grasp.scene.profile import Array, Channel, Curve, Profile
 
 
 class Damping(Value):
     """Internal damping; both kinds may be given and add up."""
 
     material: Annotated[NonNegative, Unit("N m2 s")] = 0.0
-    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh."""
+    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh;
+    of a graded rod that at the base, and along it in the ratio of its bending stiffness."""
     per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
     """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
 
@@ -146,6 +54,34 @@ class PointMass(Value):
     """Position along the finger [m]."""
     mass: Mass
     """Mass [kg]."""
+
+
+class TipBody(Value):
+    """A rigid body fastened to the tip."""
+
+    mass: Annotated[float, Field(ge=1e-12, le=1e12), Unit("kg")]
+    """Mass [kg]."""
+    rotary_inertia: Annotated[NonNegative, Unit("kg m2")] = 0.0
+    """Moment of inertia about its center of mass [kg m2]."""
+    center_of_mass: Position = (0.0, 0.0)
+    """Center of mass in the axes of the tip's section [m]: X across, Y along, from the tip on."""
+
+
+class Stops(Value):
+    """Links that touch where the finger is bent far: beyond a curvature it is stiffer."""
+
+    curvature: Varying[Annotated[Positive, Unit("1/m")]] | None = None
+    """Curvature from which on links touch [1/m], a magnitude, or its values at base and tip; None: that which closes
+    the gaps of ``rod.spirob``."""
+    stiffness_ratio: Annotated[float, Field(gt=1.0, le=1e6, examples=[50.0]), Unit("1")]
+    """Bending stiffness beyond it per that before it [1]."""
+    side: Literal["both", "left", "right"] = "both"
+    """Where there are stops: left, against bending towards -X (positive curvature); right, against the other."""
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """Signs of the curvatures that are stopped."""
+        return {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[self.side]
 
 
 class PiecewiseCurvature(Value):
@@ -161,26 +97,6 @@ class PiecewiseCurvature(Value):
             raise ValueError(
                 f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
             )
-
-
-class Tendons(Value):
-    """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
-
-    offset: Annotated[Length, Field(examples=[0.005, "5 mm"])]
-    """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
-    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
-    """Least tension [N]."""
-    max_tension: Annotated[Positive, Unit("N")]
-    """Greatest tension [N]."""
-    friction: Friction = 0.0
-    """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
-    time_constant: TimeConstant | None = None
-    """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
-    second-order lag. None: the tension is what is commanded."""
-
-    def _check(self) -> None:
-        if self.min_tension >= self.max_tension:
-            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
 
 
 class BasePose(Value):
@@ -207,84 +123,186 @@ class Finger(Value):
     rest_curvature: Annotated[Real, Unit("1/m")] | PiecewiseCurvature = 0.0
     """Curvature of the unloaded finger [1/m], positive towards -X."""
     half_thickness: Annotated[Distance | None, Field(examples=[0.006, "6 mm"])] = None
-    """Half the outer thickness [m], where contacts touch; half the rod's diameter where not given."""
+    """Half the outer thickness [m], where contacts touch; half that of the rod's section where not given."""
     strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0, examples=[0.06, "6 %"]), Unit("1")] | None = None
-    """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the rod's diameter."""
+    """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
     masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
     """Point masses beside the rod's own mass."""
-    tendons: Tendons | None = None
-    """None: the input is the tip moment itself."""
+    tip_body: TipBody | None = None
+    """A body fastened to the tip; None: none."""
+    stops: Stops | None = None
+    """Where links of the finger touch; None: nowhere."""
+    tendons: Tendons | TendonList | None = None
+    """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
+    itself."""
     base: BasePose = BasePose()
     """Where the base is clamped, and in which direction."""
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses", self.masses)
-        offset = None if self.tendons is None else self.tendons.offset
-        for key, value in (("tendons.offset", offset), ("half_thickness", half)):
-            if value is not None and value >= length:
-                raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
-        if self.strain_limit is not None and self.rod.diameter is None:
-            raise ValueError("strain_limit needs rod.diameter")
-        if offset is not None and half is not None and 0.0 < half < offset:
-            doubt(
-                f"tendons.offset = {offset:g} m is more than half_thickness = {half:g} m: "
-                "the tendons run outside the finger"
-            )
+        if half is not None and half >= length:
+            raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
+        if self.strain_limit is not None and not self.rod.own_thickness:
+            raise ValueError("strain_limit needs rod.diameter, or a thickness of a graded rod")
+        if self.rest_curvature != 0.0 and self.rod.own_rest_curvature:
+            raise ValueError("rest_curvature is given by the rod already")
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
         if breaks and breaks[-1] >= length:
             raise ValueError(
                 f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
             )
         # Only a rod given by its density shows by its mass in which unit its user thinks.
-        own = self.rod.mass_per_length * length
-        for k, m in enumerate(self.masses):
-            if self.rod.density is not None and m.mass > 1e3 * own:
-                doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own:.2g} kg; is it in grams? (expected: kg)")
+        for k, m in enumerate(self.masses if self.rod.density is not None else ()):
+            if m.mass > 1e3 * self.rod.mass:
+                own = f"{self.rod.mass:.2g} kg"
+                doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
+
+        self._check_tendons()
+        if self.stops is not None:
+            self._check_stops(self.stops)
+
+    def _check_stops(self, stops: Stops) -> None:
+        if stops.curvature is None and self.rod.spirob is None:
+            raise ValueError("stops.curvature is needed: only that of rod.spirob follows from its shape")
+        if stops.curvature is not None and self.rod.spirob is not None:
+            raise ValueError("stops.curvature is given by rod.spirob already: its gaps close there")
+        limit, rest = self.stop_curvature, self.profile.rest_curvature
+        if limit is None or rest.constant == 0.0:
+            return
+        # Both are monotone between the edges of their pieces.
+        for at, tip_side, sign in product(sorted((*rest.edges, *limit.edges)), (False, True), stops.signs):
+            least, bent = float(limit(at, tip_side=tip_side)), float(rest(at, tip_side=tip_side))
+            if sign * bent >= least:
+                raise ValueError(
+                    f"stops: at {at:g} m along the finger they touch from {sign * least:g} 1/m on, which is not "
+                    f"beyond the rest curvature of {bent:g} 1/m"
+                )
+
+    def _check_tendons(self) -> None:
+        check_tendons(self.tendons, self.rod.length)
+        for k, tendon in enumerate(self.tendon_list):
+            key = f"tendons[{k}].offset" if isinstance(self.tendons, tuple) else "tendons.offset"
+            most, half = max(map(abs, ends(tendon.offset))), self.half_thickness
+            if half is not None and 0.0 < half < most:
+                doubt(
+                    f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
+                )
+            # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
+            if half is None and self.rod.graded and self.rod.own_thickness:
+                self._check_inside_thickness(key, tendon)
+
+    def _check_inside_thickness(self, key: str, tendon: Tendon) -> None:
+        """Refuse a tendon that runs outside the finger; both are monotone between the edges of pieces."""
+        half, to = self.profile.half_thickness, self.rod.length if tendon.to is None else tendon.to
+        (first, last), edges = ends(tendon.offset), [0.0, to, *(at for at in half.edges if at < to)]
+        for at in sorted(edges):
+            offset = abs(first + (last - first) * at / to)
+            least = min(float(half(at)), float(half(at, tip_side=at < to)))
+            if offset > least * (1 + 1e-9):
+                raise ValueError(
+                    f"{key}: {offset:.4g} m at {at:g} m along the finger is more than half its thickness there, "
+                    f"{least:.4g} m; with guides outside the rod, give half_thickness too"
+                )
 
     @property
     def thickness_radius(self) -> float:
-        """Half the outer thickness [m]."""
-        return 0.5 * (self.rod.diameter or 0.0) if self.half_thickness is None else self.half_thickness
+        """Half the outer thickness [m], where it is greatest."""
+        return self.profile.half_thickness.most()
 
     @property
     def curvature_limit(self) -> float:
-        """Greatest curvature that the strain limit allows [1/m]; infinite without a limit."""
-        if self.strain_limit is None or self.rod.diameter is None:
-            return math.inf
+        """Greatest curvature that the strain limit allows everywhere [1/m]; infinite without a limit."""
+        depth = self.profile.half_depth
         # Euler-Bernoulli: the strain of the outermost fiber is curvature times radius.
-        return self.strain_limit / (0.5 * self.rod.diameter)
+        return math.inf if self.strain_limit is None or depth is None else self.strain_limit / depth.most()
+
+    def curvature_limit_at(self, s: ArrayLike) -> Array:
+        """Greatest curvature that the strain limit allows at positions [m], of their shape [1/m]; infinite without."""
+        import numpy as np
+
+        depth, at = self.profile.half_depth, np.asarray(s, dtype=float)
+        if self.strain_limit is None or depth is None:
+            return np.full(at.shape, np.inf)
+        return np.asarray(self.strain_limit / np.maximum(depth(at), depth(at, tip_side=True)))
 
     @property
     def curvature_pieces(self) -> tuple[tuple[float, float, float], ...]:
         """Rest curvature as (start [m], end [m], curvature [1/m])."""
-        if isinstance(self.rest_curvature, PiecewiseCurvature):
-            edges = (0.0, *self.rest_curvature.breaks, self.rod.length)
-            return tuple(zip(edges, edges[1:], self.rest_curvature.values, strict=False))
-        return ((0.0, self.rod.length, self.rest_curvature),)
+        curve = self.profile.rest_curvature
+        if any(any(c[1:]) for c in curve.coefficients):
+            raise InputError("rest_curvature that changes inside a section is not supported here", key="finger.rod")
+        return tuple((a, b, c[0]) for (a, b), c in zip(pairwise(curve.edges), curve.coefficients, strict=True))
 
     @cached_property
     def profile(self) -> Profile:
-        """The rod along its length."""
-        rod, pieces = self.rod, self.curvature_pieces
+        """The rod along its length, with the finger's rest curvature and thickness."""
+        from continuum_grasp.scene.profile import Curve
 
-        def uniform(value: float) -> Curve:
-            return Curve.uniform(rod.length, value)
+        own = self.rod.profile
+        rest, half = own.rest_curvature, own.half_thickness
+        if isinstance(self.rest_curvature, PiecewiseCurvature):
+            edges = (0.0, *self.rest_curvature.breaks, own.length)
+            rest = Curve(edges, tuple((value,) for value in self.rest_curvature.values))
+        elif self.rest_curvature != 0.0:
+            rest = Curve.uniform(own.length, self.rest_curvature)
+        if self.half_thickness is not None:
+            half = Curve.uniform(own.length, self.half_thickness)
+        return replace(own, rest_curvature=rest, half_thickness=half)
 
-        return Profile(
-            rod.length,
-            uniform(rod.stiffness),
-            uniform(rod.mass_per_length),
-            uniform(rod.inertia_per_length),
-            Curve((0.0, *(end for _, end, _ in pieces)), tuple((value,) for _, _, value in pieces)),
-            uniform(self.thickness_radius),
-            None if rod.diameter is None else uniform(0.5 * rod.diameter),
-        )
+    @cached_property
+    def stop_curvature(self) -> Curve | None:
+        """Curvature from which on links touch [1/m], a magnitude; None without stops."""
+        from continuum_grasp.scene.graded_profile import line, touching
+
+        if self.stops is None:
+            return None
+        if self.stops.curvature is not None:
+            return line(self.rod.length, self.stops.curvature)
+        return None if self.rod.spirob is None else touching(self.rod.length, self.rod.spirob)
+
+    @cached_property
+    def tendon_list(self) -> tuple[Tendon, ...]:
+        """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
+        return single_tendons(self.tendons)
+
+    @property
+    def tendon_pair(self) -> Tendons | None:
+        """The tendons where they are a pair; `InputError` where they are a list, which what reads this cannot do."""
+        if isinstance(self.tendons, tuple):
+            raise InputError("expected a pair of tendons (a mapping) here, got a list", key="finger.tendons")
+        return self.tendons
+
+    @property
+    def has_tendon_friction(self) -> bool:
+        """Whether a tendon has friction."""
+        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
+
+    @property
+    def needs_free_tip(self) -> bool:
+        """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
+        return self.has_tendon_friction or self.stops is not None
+
+    def check_family(self, key: str, family: str) -> None:
+        """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does."""
+        if FAMILIES[family].matches_tip and self.needs_free_tip:
+            what = "tendon friction" if self.has_tendon_friction else "stops"
+            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
+            raise ValueError(f"{key}: {family} cannot carry {what}; use {free}")
+
+    def with_tendons(self, **changes: float | None) -> Self:
+        """The same with changes of every tendon; of a finger without tendons, itself."""
+        tendons = self.tendons
+        if isinstance(tendons, tuple):
+            return self.replaced(tendons=tuple(tendon.replaced(**changes) for tendon in tendons))
+        return self if tendons is None else self.replaced(tendons=tendons.replaced(**changes))
+
+    @property
+    def tension_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest tension of each tendon [N]."""
+        return tuple(t.min_tension for t in self.tendon_list), tuple(t.max_tension for t in self.tendon_list)
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """The shapes of the moments by which tendons bend the finger; none without tendons."""
-        if self.tendons is None:
-            return ()
-        whole, offset = Curve.uniform(self.rod.length, 1.0), self.tendons.offset
-        return (Channel(whole, self.rod.length, (offset, -offset), self.tendons.time_constant),)
+        return channels(self.rod.length, self.tendon_list)

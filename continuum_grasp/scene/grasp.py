@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.finger import Tendons
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -27,6 +26,7 @@ from continuum_grasp.scene.grasp_options import (
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
+from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
@@ -60,8 +60,22 @@ class FingerSetup:
 
     @property
     def tendons(self) -> Tendons:
-        """The finger's tendons, which every finger of a grasp has."""
-        return cast(Tendons, self.finger.tendons)
+        """The finger's tendons, a pair which every finger of a grasp has; the offset is that at the base."""
+        if isinstance(self.finger.tendons, Tendons):
+            return self.finger.tendons
+        one = self.finger.tendon_list[0]
+        # The arm has the cosine of tendons that are inclined.
+        return Tendons(
+            offset=self.finger.channels[0].arms[0],
+            **{name: getattr(one, name) for name in Tendons.model_fields if name != "offset"},
+        )
+
+    @property
+    def graded(self) -> bool:
+        """Whether something of the finger changes along it."""
+        profile, shapes = self.finger.profile, [channel.shape for channel in self.finger.channels]
+        curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth, *shapes)
+        return not profile.uniform or any(curve is not None and curve.constant is None for curve in curves)
 
     @property
     def stiffness(self) -> float:
@@ -209,7 +223,6 @@ class GraspScene(Value):
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
-        has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
         length = finger.rod.length
         return FingerSetup(
             name=name,
@@ -218,7 +231,7 @@ class GraspScene(Value):
             tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
-            family=fidelity.family or default_family(free_tip=has_friction),
+            family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
             # All elements together may bend by two turns, and each by 120 degrees at least.
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
@@ -248,7 +261,20 @@ class GraspScene(Value):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
-        if finger.tendons_used != "both" and finger.tendons.min_tension > 0.0:
+        if isinstance(finger.tendons, tuple) and not _are_pair(finger):
+            raise ValueError(
+                f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
+                "offset and the second with the same offset on the other side, that end at the same place"
+            )
+        for key in ("stops", "tip_body"):
+            if getattr(finger, key) is not None:
+                raise ValueError(f"{where}.{key}: grasps do not know what this does to the finger; leave it out")
+        if setup.graded and finger.has_tendon_friction:
+            raise ValueError(
+                f"{where}.tendons.friction must be zero here: friction along a finger that changes along its length is "
+                "not modeled in grasps"
+            )
+        if finger.tendons_used != "both" and any(finger.tension_limits[0]):
             raise ValueError(
                 f"{where}.tendons.min_tension keeps the antagonist taut; with tendons_used: {finger.tendons_used} "
                 "there is none: set it to 0"
@@ -272,9 +298,7 @@ class GraspScene(Value):
                 "contacts.middle_after"
             )
         family = FAMILIES[setup.family]
-        if family.matches_tip and finger.tendons.friction > 0.0:
-            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
-            raise ValueError(f"fidelity.family: {setup.family} cannot carry tendon friction; use {free}")
+        finger.check_family("fidelity.family", setup.family)
         if family.one_turn and setup.bending_range > ONE_TURN:
             wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
             raise ValueError(
@@ -309,3 +333,13 @@ class GraspScene(Value):
                 raise ValueError(f"supports.{peg.name} lies {-gap:.4g} m deep in the object")
             if peg.touch == "on" and gap > TOUCHING * size:
                 raise ValueError(f"supports.{peg.name} should touch the object, which is {gap:.4g} m away and fixed")
+
+
+def _are_pair(finger: GraspFinger) -> bool:
+    """Whether a list of tendons is a pair at opposite offsets."""
+    if len(finger.tendon_list) != 2 or len(finger.channels) != 1:
+        return False
+    first, second = finger.tendon_list
+    left, right = finger.channels[0].arms
+    same = all(getattr(first, name) == getattr(second, name) for name in Tendons.model_fields if name != "offset")
+    return same and left > 0.0 and abs(left + right) <= 1e-12 * left

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.family import family_class
 from continuum_grasp.rod.dense_rod import finger_breaks, with_places
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.profile import Curve
@@ -52,14 +54,16 @@ class GradedSpec:
     @staticmethod
     def of(setup: FingerSetup, weighs: bool) -> GradedSpec | None:
         """The structure of a finger's curves; None for what is the same everywhere."""
-        finger, profile = setup.finger, setup.finger.profile
-        curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth)
-        shapes = [channel.shape for channel in finger.channels]
-        same = all(curve is None or curve.constant is not None for curve in (*curves, *shapes))
-        if profile.uniform and same:
+        if not setup.graded:
             return None
+        if family_class(setup.family).degree != 1:
+            raise InputError(
+                f"elements of family {setup.family} do not follow a finger that changes along its length in a grasp: "
+                "take matched_clothoid",
+                key="fidelity.family",
+            )
         made = _curves(setup, weighs)
-        return GradedSpec(len(_edges(setup, weighs)) - 1, tuple(each.spec for each in made), len(shapes))
+        return GradedSpec(len(_edges(setup, weighs)) - 1, tuple(each.spec for each in made), len(setup.finger.channels))
 
 
 @dataclass(frozen=True)
