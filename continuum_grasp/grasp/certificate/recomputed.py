@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import FingerShape, slope
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
@@ -53,15 +54,11 @@ class RecomputedFinger:
         self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points
         self.angles = self.rod.edge_angle(self.curvature)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
         self.points = self.rod.edge_points(self.curvature)
-        # Half thickness at the ends of panels [m]; where it jumps, the greater one.
-        self.thickness = np.maximum(*(self.half_thickness(self.rod.edges, tip_side=side) for side in (False, True)))
+        self.skin = skin(self.profile.half_thickness)
+        self.thickness = self.skin(self.rod.edges)  # half the thickness (P + 1,) at the ends of panels [m]
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
         self.tendon_shares = self._capstan()
         self.loads: list[FingerLoad] = []
-
-    def half_thickness(self, s: Array, *, tip_side: bool = False) -> Array:
-        """Half the outer thickness at positions [m]."""
-        return self.profile.half_thickness(s, tip_side=tip_side)
 
     @property
     def amplitudes(self) -> Array:
@@ -214,7 +211,7 @@ class RecomputedGrasp:
             kind, owner, joint, support = known[name]
             finger = None if owner is None else self.fingers[owner]
             if finger is not None:
-                radius = float(finger.half_thickness(np.array(finger.joint_position(joint))))
+                radius = float(finger.skin(finger.joint_position(joint)))
                 length = finger.length
             else:
                 radius = support.radius if isinstance(support, Peg) else np.inf
@@ -245,7 +242,7 @@ class RecomputedGrasp:
                 own = np.array([np.cos(angle), np.sin(angle)])
                 own = own if own @ unit >= 0.0 else -own
                 # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
-                lean = slope(c.finger.profile.half_thickness, c.finger.joint_position(c.joint))
+                lean = slope(c.finger.skin, c.finger.joint_position(c.joint))
                 c.normal = np.sqrt(1.0 - lean**2) * own + lean * np.array([-np.sin(angle), np.cos(angle)])
             else:
                 c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]

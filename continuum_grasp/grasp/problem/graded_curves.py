@@ -18,13 +18,16 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.model.family import family_class
-from continuum_grasp.rod.dense_rod import finger_breaks, with_places
+from continuum_grasp.rod.dense_rod import with_places
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.profile import Curve
 
 Array = NDArray[np.float64]
 
+MOST_PANELS = 16
+"""Most parts of a finger on which a curve is one polynomial: every element has Gauss nodes in each of them."""
 _MASS_DEGREE = 12
 """Degree of the mass beyond a section where the density is an exponential: rounding for densities 1:100 in a panel."""
 
@@ -34,22 +37,32 @@ class CurveSpec:
     """Structure of a curve: in each panel a polynomial, or its exponential."""
 
     name: str
+    panels: int
     degree: int
     exponential: bool
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.panels * (self.degree + 1)
 
 
 @dataclass(frozen=True)
 class GradedSpec:
-    """Structure of the curves of a graded finger."""
+    """Structure of the curves of a graded finger; thickness and depth have panels of their own."""
 
-    panels: int
     curves: tuple[CurveSpec, ...]
     channels: int
 
     @property
     def size(self) -> int:
         """How many numbers there are: inner edges of the panels, and the coefficients of the curves."""
-        return self.panels - 1 + sum(self.panels * (curve.degree + 1) for curve in self.curves)
+        return sum(self.edges.values()) + sum(curve.size for curve in self.curves)
+
+    @property
+    def edges(self) -> dict[str, int]:
+        """Number of inner edges, of those curves that have their own and of all others together."""
+        return {_group(curve.name): curve.panels - 1 for curve in self.curves}
 
     @staticmethod
     def of(setup: FingerSetup, weighs: bool) -> GradedSpec | None:
@@ -63,7 +76,14 @@ class GradedSpec:
                 key="fidelity.family",
             )
         made = _curves(setup, weighs)
-        return GradedSpec(len(_edges(setup, weighs)) - 1, tuple(each.spec for each in made), len(setup.finger.channels))
+        most = max(each.spec.panels for each in made)
+        if most > MOST_PANELS:
+            raise InputError(
+                f"{setup.name} consists of {most} parts with curves of their own, a grasp takes {MOST_PANELS} at most: "
+                "give fewer sections or samples",
+                key="rod",
+            )
+        return GradedSpec(tuple(each.spec for each in made), len(setup.finger.channels))
 
 
 @dataclass(frozen=True)
@@ -71,21 +91,29 @@ class _Made:
     """A curve on the panels: coefficients (panels, degree + 1) per powers of the distance, lengths per L."""
 
     spec: CurveSpec
+    edges: Array  # per L
     coefficients: Array
 
 
 def curve_numbers(setup: FingerSetup, weighs: bool) -> Array:
     """The run-time numbers of a graded finger's curves, as `GradedCurves` takes them."""
-    edges = _edges(setup, weighs) / setup.finger.profile.length
-    return np.concatenate([edges[1:-1], *(made.coefficients.ravel() for made in _curves(setup, weighs))])
+    made = _curves(setup, weighs)
+    edges = {_group(each.spec.name): each.edges[1:-1] for each in made}
+    return np.concatenate([*edges.values(), *(each.coefficients.ravel() for each in made)])
+
+
+def _group(name: str) -> str:
+    """Whose panels a curve has: its own, or those of the statics."""
+    return name if name in ("thickness", "depth") else "statics"
 
 
 def _edges(setup: FingerSetup, weighs: bool) -> Array:
-    """Ends of the panels [m]."""
-    length = setup.finger.profile.length
-    masses = [mass.at for mass in setup.finger.masses] if weighs else []
-    breaks = [at for at in (*finger_breaks(setup.finger), *masses) if at < length]
-    return with_places((0.0, length), breaks)
+    """Ends of the panels of the statics [m]."""
+    finger, length = setup.finger, setup.finger.profile.length
+    places = [at for channel in finger.channels for at in channel.shape.breaks]
+    if weighs:
+        places += [mass.at for mass in finger.masses]
+    return with_places((0.0, length), [at for at in (*finger.profile.breaks, *places) if at < length])
 
 
 def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
@@ -95,14 +123,19 @@ def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
     found = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),
-        _made("thickness", profile.half_thickness, edges, 1.0 / length),
+        _alone("thickness", skin(profile.half_thickness), 1.0 / length),
         *(_made(f"channel_{k}", channel.shape, edges, 1.0) for k, channel in enumerate(finger.channels)),
     ]
     if finger.strain_limit is not None and profile.half_depth is not None:
-        found.append(_made("depth", profile.half_depth, edges, 1.0 / length))
+        found.append(_alone("depth", profile.half_depth, 1.0 / length))
     if weighs:
         found.append(_mass_beyond(setup, edges))
     return found
+
+
+def _alone(name: str, curve: Curve, scale: float) -> _Made:
+    """A curve on panels of its own."""
+    return _made(name, curve, np.array([0.0, *curve.breaks, curve.edges[-1]]), scale)
 
 
 def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
@@ -115,7 +148,7 @@ def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
         if curve.exponential:
             row[0] += np.log(scale)
         rows.append(row if curve.exponential else scale * row)
-    return _Made(CurveSpec(name, degree, curve.exponential), np.array(rows))
+    return _Made(CurveSpec(name, len(rows), degree, curve.exponential), edges / edges[-1], np.array(rows))
 
 
 def _mass_beyond(setup: FingerSetup, edges: Array) -> _Made:
@@ -143,27 +176,30 @@ def _mass_beyond(setup: FingerSetup, edges: Array) -> _Made:
         coefficients[: len(row.coef)] = -row.coef
         coefficients[0] += beyond
         out.append(coefficients)
-    return _Made(CurveSpec("mass", degree, False), np.array(out[::-1]))
+    return _Made(CurveSpec("mass", len(out), degree, False), edges / length, np.array(out[::-1]))
 
 
 class GradedCurves:
     """The curves of a graded finger as expressions of the position, per its length."""
 
     def __init__(self, spec: GradedSpec, numbers: ca.SX) -> None:
-        self.spec = spec
-        self.breaks = [numbers[k] for k in range(spec.panels - 1)]
+        self.spec, start = spec, 0
+        self._breaks: dict[str, list[ca.SX]] = {}
+        for group, count in spec.edges.items():
+            self._breaks[group] = [numbers[start + k] for k in range(count)]
+            start += count
+        self.breaks = self._breaks["statics"]
         self.names = frozenset(curve.name for curve in spec.curves)
         self._curves: dict[str, tuple[CurveSpec, ca.SX]] = {}
-        start = spec.panels - 1
         for curve in spec.curves:
-            size = spec.panels * (curve.degree + 1)
-            self._curves[curve.name] = curve, ca.reshape(numbers[start : start + size], curve.degree + 1, spec.panels)
-            start += size
+            coefficients = ca.reshape(numbers[start : start + curve.size], curve.degree + 1, curve.panels)
+            self._curves[curve.name] = curve, coefficients
+            start += curve.size
 
     def on(self, name: str, panel: int, s: Any) -> ca.SX:
         """A curve in a panel."""
         spec, coefficients = self._curves[name]
-        distance = s - (self.breaks[panel - 1] if panel else 0.0)
+        distance = s - (self._breaks[_group(name)][panel - 1] if panel else 0.0)
         value = coefficients[spec.degree, panel]
         for k in range(spec.degree - 1, -1, -1):
             value = value * distance + coefficients[k, panel]
@@ -171,7 +207,7 @@ class GradedCurves:
 
     def at(self, name: str, s: Any, *, tip_side: bool = False) -> ca.SX:
         """A curve anywhere; where it jumps, on the base side or the other."""
-        return self._piece(lambda panel, at: self.on(name, panel, at), s, tip_side)
+        return self._piece(name, lambda panel, at: self.on(name, panel, at), s, tip_side)
 
     def slope(self, name: str, s: Any) -> ca.SX:
         """Derivative of a curve anywhere, per length; on the base side of a kink."""
@@ -180,15 +216,16 @@ class GradedCurves:
             place = ca.SX.sym("s")
             return ca.substitute(ca.jacobian(self.on(name, panel, place), place), place, at)
 
-        return self._piece(derivative, s, False)
+        return self._piece(name, derivative, s, False)
 
-    def _piece(self, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
-        found = value(0, ca.fmin(s, self.breaks[0]) if self.breaks else s)
-        for panel, start in enumerate(self.breaks, 1):
+    def _piece(self, name: str, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
+        breaks = self._breaks[_group(name)]
+        found = value(0, ca.fmin(s, breaks[0]) if breaks else s)
+        for panel, start in enumerate(breaks, 1):
             # Clipped to its panel, beyond which a polynomial may vanish, and its inverse be infinite.
             at = ca.fmax(s, start)
-            if panel < len(self.breaks):
-                at = ca.fmin(at, self.breaks[panel])
+            if panel < len(breaks):
+                at = ca.fmin(at, breaks[panel])
             beyond = s >= start if tip_side else s > start
             found = ca.if_else(beyond, value(panel, at), found)
         return found

@@ -117,7 +117,7 @@ class GradedModel:
 
     def _walk(self, k: int, start: _State, end: Any, record: list[Any] | None = None) -> tuple[_State, ca.SX]:
         """From the start of an element to a place in it: the section there, and the potential between, without loads
-        that act at joints. Gauss nodes are recorded as (fraction of all, place, panel, position).
+        that act at joints. Gauss nodes are recorded as (place, position).
         """
         rule, curves = self._rule, self.curves
         edges = [self.ends[k], *(ca.fmin(ca.fmax(at, self.ends[k]), end) for at in curves.breaks), end]
@@ -144,7 +144,7 @@ class GradedModel:
             potential += width * ca.dot(ca.DM(rule.weights), column(work))
             if record is not None:
                 inside = width * (ca.DM(rule.running) @ tangents)
-                record += [(s, panel, point + inside[g, :].T) for g, s in enumerate(places)]
+                record += [(s, point + inside[g, :].T) for g, s in enumerate(places)]
             point = point + width * (tangents.T @ ca.DM(rule.weights))
             angle = angle + width * ca.dot(ca.DM(rule.weights), column(turned))
         return _State(point, angle), potential
@@ -186,9 +186,9 @@ class GradedModel:
     def waypoints(self) -> ca.Function:
         """``(q, u, p)``: positions (2, K) of the Gauss nodes, and half the thickness there (K,)."""
         nodes = [node for element in self._chain[2] for node in element]
-        thick = [self.curves.on("thickness", panel, s) for s, panel, _ in nodes]
+        thick = [self.curves.at("thickness", s) for s, _ in nodes]
         return self._function(
-            "waypoints", [self.q, self.u, self.p], [ca.horzcat(*(at for *_, at in nodes)), ca.vertcat(*thick)]
+            "waypoints", [self.q, self.u, self.p], [ca.horzcat(*(at for _, at in nodes)), ca.vertcat(*thick)]
         )
 
     @cached_property

@@ -83,13 +83,17 @@ def _coordinates(setup: FingerSetup, finger: UnitFinger, lengths: Array, knots: 
     if isinstance(finger, GradedUnitFinger):
         # Elastic curvatures at the nodes.
         length = setup.finger.rod.length
-        rest = length * setup.finger.profile.rest_curvature(length * ends)
-        return np.asarray(curvature_at(knots, curvatures, ends[None])[0] - rest)[:size]
+        above = curvature_at(knots, curvatures, ends[None])[0] - length * setup.finger.profile.rest_curvature(
+            length * ends
+        )
+        return np.asarray(above)[:size]
     family = finger.model.structure.family
     places = ends[:-1, None] + lengths[:, None] * family.places
     at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
     bends = np.diff(turning(knots, curvatures, ends[None])[0])
-    return np.asarray(family.coordinates(bends, at)[:size])
+    # The unit finger is straight at rest but for a run-time number.
+    rest = float(setup.finger.profile.rest_curvature(0.0)) * setup.finger.rod.length
+    return np.asarray(family.coordinates(bends - rest * lengths, at - rest)[:size])
 
 
 def bending_arrays(
@@ -110,10 +114,8 @@ def bending_arrays(
         shapes = np.stack([first, nodes[1:]], axis=1)
         return {"q": bent[: finger.q.numel()], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
     family, rest = finger.model.structure.family, float(profile.rest_curvature(0.0)) * length
-    shares = lengths / length
-    resting = family.coordinates(rest * shares, np.full((shares.size, family.places.size), rest))
     return {
-        "q": family.coordinate_size(q - resting[: q.size], length),
+        "q": family.coordinate_size(q, length),
         "curvature_shapes": family.curvature_shapes(lengths.tolist()),
         "tip_curvature": np.array((tip - rest) / length),
     }

@@ -16,6 +16,7 @@ from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import CORNERS
@@ -130,7 +131,7 @@ class Surroundings:
         def along(fractions: Array) -> tuple[Array, Array, Array]:
             at = line.points(fractions) * np.exp(1j * base[2]) * (size / units.length)
             owner = np.repeat(np.arange(len(fractions)), fractions.shape[1])
-            thick = setup.finger.profile.half_thickness(size * line.places(fractions)) / units.length
+            thick = skin(setup.finger.profile.half_thickness)(size * line.places(fractions)) / units.length
             return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner, thick
 
         def look(at: Array, owner: Array, thick: Array) -> list[tuple[Nearest, Array]]:

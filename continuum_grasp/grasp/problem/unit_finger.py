@@ -61,7 +61,6 @@ class UnitFinger:
         # The values only state what there is: the run-time argument replaces them.
         unit = Finger(
             rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
-            rest_curvature=1.0 if spec.preshaped else 0.0,
             masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
             tendons=Tendons(offset=_OFFSET, max_tension=1.0, friction=0.1 if spec.has_tendon_friction else 0.0),
         )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
 from continuum_grasp.grasp.shape import FingerShape, slope
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity
@@ -91,7 +92,7 @@ class BentFinger:
         station = float(self._contacts.stations[contact])
         edge = self.rod.edge_index(station)
         at_tip = station >= self.length * (1.0 - _SAME)
-        thickness = self.finger.profile.half_thickness
+        thickness = skin(self.finger.profile.half_thickness)
         half, lean = float(thickness(np.array(station))), slope(thickness, station)
         moved = self._shifts[edge], self._turns[edge]
         return Section(self._angles[edge], self._curvature(edge), *moved, at_tip, half, lean)

@@ -14,6 +14,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
@@ -157,7 +158,7 @@ def make_task(
     frame = Frame(world.turn * turned, complex(world.point(complex(pose[0], pose[1]))), scale, world.mirrored)
     finger, profile = setup.finger, setup.finger.profile
     places = profile.length * _EVEN
-    halves = profile.half_thickness(places) * scale
+    halves = skin(profile.half_thickness)(places) * scale
     half = float(halves[int(_TOUCHES * (_STATIONS - 1))])
     marks = (0, *setup.before, setup.elements)
     few = min(setup.elements, _FINE)
