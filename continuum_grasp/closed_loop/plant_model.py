@@ -15,8 +15,9 @@ from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.finger import PointMass, Rod
+from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state

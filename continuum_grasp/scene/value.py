@@ -108,7 +108,7 @@ class Value(BaseModel):
 
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
-        return type(self)(**{**dict(self), **fields})
+        return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **fields})
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
