@@ -184,7 +184,7 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
     if not structure.moment_is_constant or u.shape[1] < 2:
         return
     # Two tendons at equal offsets bend the tip by the difference of their tensions.
-    offset = model.finger.tendons.offset if model.finger.tendons is not None else 0.0
+    offset = model.finger.tendon_pair.offset if model.finger.tendon_pair is not None else 0.0
     moment = offset * (u[:, :, 0] - u[:, :, 1]) if structure.inputs.tendons else u[:, :, 0]
     couples = u[:, :, structure.inputs.count - structure.inputs.couples : structure.inputs.count].sum(axis=-1)
     if np.ptp(moment + couples, axis=1).max() <= _ROUNDING * np.abs(u).max() * (offset or 1.0):

@@ -57,7 +57,7 @@ class Equations:
     @cached_property
     def lag_acceleration(self) -> Scalar:
         """Second derivative of the lagged tip moment: a critically damped second-order lag."""
-        tendons = self._structure.finger.tendons
+        tendons = self._structure.finger.tendon_pair
         if tendons is None or tendons.time_constant is None:
             return 0.0
         # Second order, because a matched tip needs the moment's rate and acceleration; critically damped: no overshoot.

@@ -83,7 +83,7 @@ class Parameters:
 
 
 def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
-    rod, tendons, length = finger.rod, finger.tendons, finger.rod.length
+    rod, tendons, length = finger.rod, finger.tendon_pair, finger.rod.length
     values = {
         "base_angle": [finger.base.angle],
         "gravity": [float(g) for g in gravity],

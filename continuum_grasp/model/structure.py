@@ -95,7 +95,7 @@ class Structure:
     @property
     def lagged(self) -> bool:
         """Whether the tip moment is a state."""
-        return self.finger.tendons is not None and self.finger.tendons.time_constant is not None
+        return self.finger.tendon_pair is not None and self.finger.tendon_pair.time_constant is not None
 
     @property
     def moment_is_constant(self) -> bool:
@@ -105,7 +105,7 @@ class Structure:
     @property
     def has_tendon_friction(self) -> bool:
         """Whether tendon friction is modeled."""
-        tendons = self.finger.tendons
+        tendons = self.finger.tendon_pair
         return tendons is not None and (tendons.friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
 
     def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
@@ -181,7 +181,7 @@ class Structure:
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
         couples = sum(isinstance(load, MomentLoad) and self.on_tip(load.at) for load in self.loads)
-        return InputLayout(self.finger.tendons is not None, couples, input_rates)
+        return InputLayout(self.finger.tendon_pair is not None, couples, input_rates)
 
     def _make_family(self) -> Family:
         # Quadrature nodes are tabulated up to one turn; the series of arcs reach further.
@@ -234,7 +234,7 @@ def tip_moment_jumps(scene: Scene) -> bool:
         return bool(_tip_couples(initial.held_by, length))
     moment = sum(_at_zero(load.moment) for load in _tip_couples(scene.loads, length))
     if actuation is not None and actuation.tensions is not None:
-        offset = scene.finger.tendons.offset if scene.finger.tendons else 0.0
+        offset = scene.finger.tendon_pair.offset if scene.finger.tendon_pair else 0.0
         moment += (_at_zero(actuation.tensions[0]) - _at_zero(actuation.tensions[1])) * offset
     elif actuation is not None:
         moment += _at_zero(actuation.tip_moment or 0.0)

@@ -196,7 +196,7 @@ class System(Functions):
         """
         bends, rates, inputs = (_vector(*v) for v in (("q", q, self.n), ("qd", qd, self.n), ("u", u, self.nu)))
         x = [*bends, *rates]
-        tendons = self.finger_model.finger.tendons
+        tendons = self.finger_model.finger.tendon_pair
         if self.finger_model.structure.lagged and tendons is not None:
             x += [(inputs[0] - inputs[1]) * tendons.offset, 0.0]
         start = self._equations.body.start if self._equations.body else []

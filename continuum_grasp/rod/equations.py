@@ -36,8 +36,8 @@ class RodEquations:
     chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
     its rows it is well conditioned on any mesh.
 
-    Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
-    k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
+    Tendons lose tension by the capstan law, each drive by its own friction; b(s) is the integral of |k| from the base,
+    with |k| rounded off to k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
@@ -53,11 +53,16 @@ class RodEquations:
         self._couple: Array = np.zeros(mesh.size)
         for at, couple in problem.couples:
             self._couple += couple * (s < at)
-        self.drive: Array = np.zeros(mesh.size)
-        for shape, amplitude in problem.drives:
-            self.drive += amplitude * shape(place)
-        self._has_friction = problem.friction > 0.0 and bool(problem.drives)
+        self._drives: list[tuple[Array, float]] = []  # moments before friction, and frictions
+        for shape, amplitude, friction in problem.drives:
+            self._drives.append((amplitude * shape(place), friction))
         self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
+
+    @property
+    def greatest_curvature(self) -> float:
+        """Curvature that tendons, couples and rest curvature give on a rod of mean stiffness, at most [1]."""
+        moments = [float(np.abs(drive).max()) for drive, _ in self._drives]
+        return sum(moments) + sum(abs(value) for _, value in self.problem.couples) + float(np.abs(self.rest).max())
 
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
@@ -70,8 +75,9 @@ class RodEquations:
         """
         mesh = self.mesh
         functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
-        if self._has_friction:
-            functions.append(self.problem.friction * np.abs(self.drive).max() * _rounded_size(curvature)[0])
+        losses = [friction * float(np.abs(drive).max()) for drive, friction in self._drives]
+        if any(losses):
+            functions.append(sum(losses) * _rounded_size(curvature)[0])
         return np.asarray(mesh.widths * np.max([mesh.tails(function) for function in functions], axis=0))
 
     def turn(self, change: Array) -> float:
@@ -99,13 +105,14 @@ class RodEquations:
         slope = (mesh.backward * along) @ mesh.forward
         for column, row in turning:
             slope -= np.outer(mesh.backward @ column, row)
-        if self._has_friction:
+        for drive, friction in self._drives:
+            if friction == 0.0:
+                moment += drive
+                continue
             size, rate = _rounded_size(curvature)
-            pull = self.drive * np.exp(-problem.friction * (mesh.forward @ size))
+            pull = drive * np.exp(-friction * (mesh.forward @ size))
             moment += pull
-            slope += (problem.friction * pull)[:, None] * mesh.forward * rate
-        else:
-            moment += self.drive
+            slope += (friction * pull)[:, None] * mesh.forward * rate
         slope *= share
         slope.flat[:: mesh.size + 1] += self.bending_stiffness
         return Balance(self.bending_stiffness * (curvature - self.rest) - share * moment, slope, -moment)
@@ -131,8 +138,9 @@ class RodEquations:
         bends = mesh.to_edges(curvature).real
         for at, couple in problem.couples:
             work += couple * np.interp(at, mesh.edges, bends)
-        if not self._has_friction:
-            work += (mesh.weights * self.drive) @ curvature
+        for drive, friction in self._drives:
+            if friction == 0.0:
+                work += (mesh.weights * drive) @ curvature
         return float(self.elastic_energy(curvature) - work)
 
     @property

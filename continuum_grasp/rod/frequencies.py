@@ -55,7 +55,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     if problem.conservative:
         stiffness = 0.5 * (stiffness + stiffness.T)
     # 1 / omega^2 are well conditioned: the largest belong to the lowest modes.
-    compliance = np.asarray(np.linalg.solve(stiffness, _mass(finger, equations, curvature)), dtype=float)
+    compliance = np.asarray(np.linalg.solve(stiffness, mass_matrix(finger, equations, curvature)), dtype=float)
     values: NDArray[np.inexact] = np.linalg.eigvals(compliance)
     # Negative ones (instability) first: they are lower than any frequency.
     order = np.argsort(np.where(values.real < 0.0, -np.inf, -np.abs(values)))
@@ -63,7 +63,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     return np.sort(np.sqrt(squares.astype(complex)).real) / (2.0 * np.pi)
 
 
-def _mass(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
+def mass_matrix(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
     """Twice the kinetic energy of rates of curvature (per L) at the nodes."""
     mesh, profile, length = equations.mesh, finger.profile, equations.problem.length
     place = length * mesh.nodes

@@ -6,25 +6,24 @@ import math
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
     Distance,
-    Friction,
     Increasing,
     Length,
     Mass,
     NonNegative,
     Position,
-    Positive,
     Real,
-    TimeConstant,
     Value,
     doubt,
     doubt_outside,
@@ -69,26 +68,6 @@ class PiecewiseCurvature(Value):
             )
 
 
-class Tendons(Value):
-    """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
-
-    offset: Annotated[Length, Field(examples=[0.005, "5 mm"])]
-    """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
-    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
-    """Least tension [N]."""
-    max_tension: Annotated[Positive, Unit("N")]
-    """Greatest tension [N]."""
-    friction: Friction = 0.0
-    """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
-    time_constant: TimeConstant | None = None
-    """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
-    second-order lag. None: the tension is what is commanded."""
-
-    def _check(self) -> None:
-        if self.min_tension >= self.max_tension:
-            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
-
-
 class BasePose(Value):
     """Pose of the clamped base in the world; the undeformed finger points along the base's Y axis."""
 
@@ -118,25 +97,19 @@ class Finger(Value):
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
     masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
     """Point masses beside the rod's own mass."""
-    tendons: Tendons | None = None
-    """None: the input is the tip moment itself."""
+    tendons: Tendons | TendonList | None = None
+    """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
+    itself."""
     base: BasePose = BasePose()
     """Where the base is clamped, and in which direction."""
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses", self.masses)
-        offset = None if self.tendons is None else self.tendons.offset
-        for key, value in (("tendons.offset", offset), ("half_thickness", half)):
-            if value is not None and value >= length:
-                raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
+        if half is not None and half >= length:
+            raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
         if self.strain_limit is not None and not self.rod.own_thickness:
             raise ValueError("strain_limit needs rod.diameter, or a thickness of a graded rod")
-        if offset is not None and half is not None and 0.0 < half < offset:
-            doubt(
-                f"tendons.offset = {offset:g} m is more than half_thickness = {half:g} m: "
-                "the tendons run outside the finger"
-            )
         if self.rest_curvature != 0.0 and self.rod.own_rest_curvature:
             raise ValueError("rest_curvature is given by the rod already")
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
@@ -149,6 +122,34 @@ class Finger(Value):
             if m.mass > 1e3 * self.rod.mass:
                 own = f"{self.rod.mass:.2g} kg"
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
+
+        self._check_tendons()
+
+    def _check_tendons(self) -> None:
+        check_tendons(self.tendons, self.rod.length)
+        for k, tendon in enumerate(self.tendon_list):
+            key = f"tendons[{k}].offset" if isinstance(self.tendons, tuple) else "tendons.offset"
+            most, half = max(map(abs, ends(tendon.offset))), self.half_thickness
+            if half is not None and 0.0 < half < most:
+                doubt(
+                    f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
+                )
+            # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
+            if half is None and self.rod.graded and self.rod.own_thickness:
+                self._check_inside_thickness(key, tendon)
+
+    def _check_inside_thickness(self, key: str, tendon: Tendon) -> None:
+        """Refuse a tendon that runs outside the finger; both are monotone between the edges of pieces."""
+        half, to = self.profile.half_thickness, self.rod.length if tendon.to is None else tendon.to
+        (first, last), edges = ends(tendon.offset), [0.0, to, *(at for at in half.edges if at < to)]
+        for at in sorted(edges):
+            offset = abs(first + (last - first) * at / to)
+            least = min(float(half(at)), float(half(at, tip_side=at < to)))
+            if offset > least * (1 + 1e-9):
+                raise ValueError(
+                    f"{key}: {offset:.4g} m at {at:g} m along the finger is more than half its thickness there, "
+                    f"{least:.4g} m; with guides outside the rod, give half_thickness too"
+                )
 
     @property
     def thickness_radius(self) -> float:
@@ -196,11 +197,35 @@ class Finger(Value):
         return replace(own, rest_curvature=rest, half_thickness=half)
 
     @cached_property
+    def tendon_list(self) -> tuple[Tendon, ...]:
+        """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
+        return single_tendons(self.tendons)
+
+    @property
+    def tendon_pair(self) -> Tendons | None:
+        """The tendons where they are a pair; `InputError` where they are a list, which what reads this cannot do."""
+        if isinstance(self.tendons, tuple):
+            raise InputError("expected a pair of tendons (a mapping) here, got a list", key="finger.tendons")
+        return self.tendons
+
+    @property
+    def has_tendon_friction(self) -> bool:
+        """Whether a tendon has friction."""
+        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
+
+    def with_tendons(self, **changes: float | None) -> Self:
+        """The same with changes of every tendon; of a finger without tendons, itself."""
+        tendons = self.tendons
+        if isinstance(tendons, tuple):
+            return self.replaced(tendons=tuple(tendon.replaced(**changes) for tendon in tendons))
+        return self if tendons is None else self.replaced(tendons=tendons.replaced(**changes))
+
+    @property
+    def tension_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest tension of each tendon [N]."""
+        return tuple(t.min_tension for t in self.tendon_list), tuple(t.max_tension for t in self.tendon_list)
+
+    @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """The shapes of the moments by which tendons bend the finger; none without tendons."""
-        from continuum_grasp.scene.profile import Channel, Curve
-
-        if self.tendons is None:
-            return ()
-        whole, offset = Curve.uniform(self.rod.length, 1.0), self.tendons.offset
-        return (Channel(whole, self.rod.length, (offset, -offset), self.tendons.time_constant),)
+        return channels(self.rod.length, self.tendon_list)

@@ -70,7 +70,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     if model.nx == 2 * n:
         return np.concatenate([q, qd])
     # The lag has reached what the tensions command at time zero: nothing moves because of it.
-    tendons = scene.finger.tendons
+    tendons = scene.finger.tendon_pair
     moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
     return np.concatenate([q, qd, [moment, 0.0]])
 
