@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Self
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.graded import ends
+from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
 from continuum_grasp.scene.units import Unit
@@ -23,6 +24,7 @@ from continuum_grasp.scene.value import (
     Mass,
     NonNegative,
     Position,
+    Positive,
     Real,
     Value,
     doubt,
@@ -32,14 +34,15 @@ from continuum_grasp.scene.value import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from continuum_grasp.scene.profile import Array, Channel, Profile
+    from continuum_grasp.scene.profile import Array, Channel, Curve, Profile
 
 
 class Damping(Value):
     """Internal damping; both kinds may be given and add up."""
 
     material: Annotated[NonNegative, Unit("N m2 s")] = 0.0
-    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh."""
+    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh;
+    of a graded rod that at the base, and along it in the ratio of its bending stiffness."""
     per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
     """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
 
@@ -51,6 +54,34 @@ class PointMass(Value):
     """Position along the finger [m]."""
     mass: Mass
     """Mass [kg]."""
+
+
+class TipBody(Value):
+    """A rigid body fastened to the tip."""
+
+    mass: Annotated[float, Field(ge=1e-12, le=1e12), Unit("kg")]
+    """Mass [kg]."""
+    rotary_inertia: Annotated[NonNegative, Unit("kg m2")] = 0.0
+    """Moment of inertia about its center of mass [kg m2]."""
+    center_of_mass: Position = (0.0, 0.0)
+    """Center of mass in the axes of the tip's section [m]: X across, Y along, from the tip on."""
+
+
+class Stops(Value):
+    """Links that touch where the finger is bent far: beyond a curvature it is stiffer."""
+
+    curvature: Varying[Annotated[Positive, Unit("1/m")]] | None = None
+    """Curvature from which on links touch [1/m], a magnitude, or its values at base and tip; None: that which closes
+    the gaps of ``rod.spirob``."""
+    stiffness_ratio: Annotated[float, Field(gt=1.0, le=1e6, examples=[50.0]), Unit("1")]
+    """Bending stiffness beyond it per that before it [1]."""
+    side: Literal["both", "left", "right"] = "both"
+    """Where there are stops: left, against bending towards -X (positive curvature); right, against the other."""
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """Signs of the curvatures that are stopped."""
+        return {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[self.side]
 
 
 class PiecewiseCurvature(Value):
@@ -97,6 +128,10 @@ class Finger(Value):
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
     masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
     """Point masses beside the rod's own mass."""
+    tip_body: TipBody | None = None
+    """A body fastened to the tip; None: none."""
+    stops: Stops | None = None
+    """Where links of the finger touch; None: nowhere."""
     tendons: Tendons | TendonList | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
     itself."""
@@ -124,6 +159,25 @@ class Finger(Value):
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
 
         self._check_tendons()
+        if self.stops is not None:
+            self._check_stops(self.stops)
+
+    def _check_stops(self, stops: Stops) -> None:
+        if stops.curvature is None and self.rod.spirob is None:
+            raise ValueError("stops.curvature is needed: only that of rod.spirob follows from its shape")
+        if stops.curvature is not None and self.rod.spirob is not None:
+            raise ValueError("stops.curvature is given by rod.spirob already: its gaps close there")
+        limit, rest = self.stop_curvature, self.profile.rest_curvature
+        if limit is None or rest.constant == 0.0:
+            return
+        # Both are monotone between the edges of their pieces.
+        for at, tip_side, sign in product(sorted((*rest.edges, *limit.edges)), (False, True), stops.signs):
+            least, bent = float(limit(at, tip_side=tip_side)), float(rest(at, tip_side=tip_side))
+            if sign * bent >= least:
+                raise ValueError(
+                    f"stops: at {at:g} m along the finger they touch from {sign * least:g} 1/m on, which is not "
+                    f"beyond the rest curvature of {bent:g} 1/m"
+                )
 
     def _check_tendons(self) -> None:
         check_tendons(self.tendons, self.rod.length)
@@ -197,6 +251,17 @@ class Finger(Value):
         return replace(own, rest_curvature=rest, half_thickness=half)
 
     @cached_property
+    def stop_curvature(self) -> Curve | None:
+        """Curvature from which on links touch [1/m], a magnitude; None without stops."""
+        from continuum_grasp.scene.graded_profile import line, touching
+
+        if self.stops is None:
+            return None
+        if self.stops.curvature is not None:
+            return line(self.rod.length, self.stops.curvature)
+        return None if self.rod.spirob is None else touching(self.rod.length, self.rod.spirob)
+
+    @cached_property
     def tendon_list(self) -> tuple[Tendon, ...]:
         """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
         return single_tendons(self.tendons)
@@ -212,6 +277,18 @@ class Finger(Value):
     def has_tendon_friction(self) -> bool:
         """Whether a tendon has friction."""
         return any(tendon.friction > 0.0 for tendon in self.tendon_list)
+
+    @property
+    def needs_free_tip(self) -> bool:
+        """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
+        return self.has_tendon_friction or self.stops is not None
+
+    def check_family(self, key: str, family: str) -> None:
+        """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does."""
+        if FAMILIES[family].matches_tip and self.needs_free_tip:
+            what = "tendon friction" if self.has_tendon_friction else "stops"
+            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
+            raise ValueError(f"{key}: {family} cannot carry {what}; use {free}")
 
     def with_tendons(self, **changes: float | None) -> Self:
         """The same with changes of every tendon; of a finger without tendons, itself."""

@@ -205,7 +205,6 @@ class GraspScene(Value):
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
-        has_friction = finger.has_tendon_friction
         length = finger.rod.length
         return FingerSetup(
             name=name,
@@ -214,7 +213,7 @@ class GraspScene(Value):
             tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
-            family=fidelity.family or default_family(free_tip=has_friction),
+            family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
             # All elements together may bend by two turns, and each by 120 degrees at least.
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
@@ -268,9 +267,7 @@ class GraspScene(Value):
                 "contacts.middle_after"
             )
         family = FAMILIES[setup.family]
-        if family.matches_tip and finger.has_tendon_friction:
-            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
-            raise ValueError(f"fidelity.family: {setup.family} cannot carry tendon friction; use {free}")
+        finger.check_family("fidelity.family", setup.family)
         if family.one_turn and setup.bending_range > ONE_TURN:
             wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
             raise ValueError(

@@ -62,6 +62,9 @@ class MomentLoad(Value):
     """Position along the finger [m]."""
     moment: Annotated[Real | Samples, Unit("N m")]
     """Moment [N m]."""
+    input: bool = False
+    """True: the moment is an input of the model, as tensions are, and bends the finger by a known shape; false: it is
+    a load like others."""
 
 
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]

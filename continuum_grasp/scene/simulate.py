@@ -75,6 +75,8 @@ class Initial(Value):
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
         for k, load in enumerate(self.held_by):
+            if load.kind == "moment" and load.input:
+                raise ValueError(f"held_by[{k}].input has no effect: what holds the finger is released at time zero")
             value = load.force if load.kind == "force" else load.moment
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
@@ -141,6 +143,8 @@ class FingerScene(Surroundings):
                     f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
                 )
         check_increasing("contacts", self.contacts, " along the finger")
+        if self.fidelity.family is not None:
+            self.finger.check_family("fidelity.family", self.fidelity.family)
 
 
 class Scene(FingerScene):

@@ -87,25 +87,25 @@ def single_tendons(tendons: Tendons | tuple[Tendon, ...] | None) -> tuple[Tendon
 
 def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -> None:
     """Refuse tendons that do not fit a finger of a length [m]."""
-    for k, tendon in enumerate(single_tendons(tendons)):
-        key = f"tendons[{k}]" if isinstance(tendons, tuple) else "tendons"
-        offset = max(map(abs, ends(tendon.offset)))
+    singles = single_tendons(tendons)
+    keys = [f"tendons[{k}]" if isinstance(tendons, tuple) else "tendons" for k in range(len(singles))]
+    for key, tendon in zip(keys, singles, strict=True):
+        offset, slope = max(map(abs, ends(tendon.offset))), abs(tendon.slope(length))
         if offset >= length:
             raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
         if tendon.to is not None and tendon.to > length * (1 + 1e-12):
             raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
-        if abs(tendon.slope(length)) > MOST_SLOPE:
+        if slope > MOST_SLOPE:
             raise ValueError(
-                f"{key}.offset changes by {abs(tendon.slope(length)):.2g} per length, more than {MOST_SLOPE}: the law "
-                "of the moment holds for tendons that are nearly parallel to the backbone"
+                f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
+                "for tendons that are nearly parallel to the backbone"
             )
-    for group in alike(single_tendons(tendons), length):
-        first = group[0]
-        for k in group[1:]:
-            if single_tendons(tendons)[k].time_constant != single_tendons(tendons)[first].time_constant:
+    for first, *others in alike(singles, length):
+        for k in others:
+            if singles[k].time_constant != singles[first].time_constant:
                 raise ValueError(
-                    f"tendons[{k}].time_constant differs from that of tendons[{first}], which runs alike: their "
-                    "moments add up before they lag"
+                    f"{keys[k]}.time_constant differs from that of {keys[first]}, which runs alike: their moments add "
+                    "up before they lag"
                 )
 
 
