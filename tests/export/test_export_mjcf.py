@@ -13,29 +13,38 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.mjcf.chain import lump
 from continuum_grasp.rod import natural_frequencies, solve_elastica
-from continuum_grasp.scene.profile import Channel, Curve
+from continuum_grasp.scene.profile import Curve
 from tests.graded_rods import RODS, graded_scene, stepped
 from tests.rods import UNIT, force, rod_scene
 
 mujoco = pytest.importorskip("mujoco")
 
-PULLED = {"finger": {"tendons": {"offset": 0.02, "max_tension": 70.0}}, "actuation": {"tensions": [60.0, 5.0]}}
-WEAKLY = {"finger": {"tendons": {"offset": 0.02, "max_tension": 20.0}}, "actuation": {"tensions": [15.0, 5.0]}}
-ENDS_INSIDE = Channel(Curve((0.0, 0.63, 1.0), ((1.0, -0.5), (0.0,))), 0.63, (0.02, -0.02))
-TO_TIP = Channel(Curve((0.0, 1.0), ((1.0, -0.75),)), 1.0, (0.02, -0.02))
-ACROSS = (0.0, -1.0)
+
+def pulled(first, second, **tendon):
+    """Two tendons that run alike on both sides."""
+    offset = tendon.pop("offset", (0.02, 0.02))
+    sides = [{"offset": [sign * e for e in offset], "max_tension": 1.2 * first, **tendon} for sign in (1.0, -1.0)]
+    return {"finger": {"tendons": sides}, "actuation": {"tensions": [first, second]}}
+
+
+ACROSS, NONE = (0.0, -1.0), (0.0, 0.0)
 MANY_STEPS = stepped(*[(0.02, value, 1.0 / value) for value in [1.0, 0.2] * 25])
 """More jumps than hinges: a tube with notches."""
 
 SCENES = {
-    "uniform, tendons, weight": rod_scene(UNIT, gravity=(-2.0, -1.0), tip_mass=0.2, **PULLED),
-    "cone, tendons to the tip": graded_scene(RODS["cone 0.25"], gravity=ACROSS, channels=[TO_TIP], **WEAKLY),
+    "uniform, tendons, weight": rod_scene(UNIT, gravity=(-2.0, -1.0), tip_mass=0.2, **pulled(60.0, 5.0)),
+    "cone, tendons to the tip": graded_scene(
+        RODS["cone 0.25"], gravity=ACROSS, **pulled(15.0, 5.0, offset=(0.02, 0.005))
+    ),
     "cone, tendons that end inside": graded_scene(
-        RODS["cone 0.25"], gravity=ACROSS, channels=[ENDS_INSIDE], loads=[force(1.0, (0.02, 0.05))], **PULLED
+        RODS["cone 0.25"],
+        gravity=ACROSS,
+        loads=[force(1.0, (0.02, 0.05))],
+        **pulled(60.0, 5.0, offset=(0.02, 0.0137), to=0.63),
     ),
     "step, couple and force inside": graded_scene(
         RODS["step"],
-        gravity=(0.0, 0.0),
+        gravity=NONE,
         loads=[{"kind": "moment", "at": 0.31, "moment": 0.5}, force(0.77, (0.1, -0.2), follows=True)],
     ),
     "bent at rest by pieces": graded_scene(
@@ -110,7 +119,7 @@ def test_shapes_and_first_frequency_are_those_of_the_rod(name):
 def test_a_straight_chain_has_the_frequencies_of_beam_theory(rod):
     off = []
     for hinges in (20, 40):
-        chain = Chain(graded_scene(rod, gravity=(0.0, 0.0)), hinges)
+        chain = Chain(graded_scene(rod, gravity=NONE), hinges)
         found = chain.frequencies(np.zeros(hinges))
         assert chain.chain.first_frequency == pytest.approx(found[0], rel=1e-6)
         off.append(2.0 * math.pi * found / rod.frequencies - 1.0)
@@ -144,7 +153,7 @@ def test_a_released_chain_moves_like_the_rod():
 
 def test_the_written_step_is_stable_and_half_as_long_as_what_is_not(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo logs there that a motion is unstable
-    scene = rod_scene(UNIT, gravity=(0.0, 0.0))
+    scene = rod_scene(UNIT, gravity=NONE)
     chain = Chain(scene, 12)
     chain.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     longest = lump(scene.finger, 12).longest_step()
@@ -173,8 +182,32 @@ def test_controls_over_time(tmp_path):
     assert model.actuator(0).ctrlrange == pytest.approx([1.0, 60.0])
 
 
+@pytest.mark.parametrize(("side", "stopped"), [("both", (1, -1)), ("left", (1,)), ("right", (-1,))])
+def test_stops_have_the_bilinear_law(side, stopped):
+    finger = {"stops": {"curvature": 1.2, "stiffness_ratio": 20.0, "side": side}}
+    for sign in (1, -1):
+        scene = rod_scene(UNIT, "clothoid", gravity=NONE, finger=finger, actuation={"tip_moment": 2.0 * sign})
+        # EI = 1: 2.0 = k + 19 (k - 1.2) beyond the stop.
+        bend = sign * ((2.0 + 19.0 * 1.2) / 20.0 if sign in stopped else 2.0)
+        chain = Chain(scene, 10)
+        assert chain.equilibrium().sum() == pytest.approx(bend, rel=1e-9)
+
+
+def test_a_body_at_the_tip_is_part_of_the_last_link():
+    body = {"mass": 0.7, "rotary_inertia": 0.02, "center_of_mass": [0.1, 0.2]}
+    bare, heavy = (lump(rod_scene(UNIT, finger=f).finger, 6) for f in ({}, {"tip_body": body}))
+    mass = np.array([bare.mass[-1], 0.7])
+    places = np.array([[0.0, bare.center[-1]], [0.1, 1.2]])
+    center = mass @ places / mass.sum()
+    assert (heavy.mass[-1], heavy.across[-1], heavy.center[-1]) == pytest.approx((mass.sum(), *center), rel=1e-12)
+    spread = bare.inertia[-1] + 0.02 + mass @ np.sum((places - center) ** 2, axis=1)
+    assert heavy.inertia[-1] == pytest.approx(spread, rel=1e-12)
+    chain = Chain(rod_scene(UNIT, gravity=NONE, finger={"tip_body": body}), 6)
+    assert chain.chain.first_frequency == pytest.approx(chain.frequencies(np.zeros(6), 1)[0], rel=1e-6)
+
+
 def test_positive_tension_on_tendon_one_bends_towards_minus_x():
-    chain = Chain(rod_scene(UNIT, gravity=(0.0, 0.0), **PULLED), 20)
+    chain = Chain(rod_scene(UNIT, gravity=NONE, **pulled(60.0, 5.0)), 20)
     assert chain.equilibrium().sum() == pytest.approx(55.0 * 0.02, rel=0.01)
 
 
@@ -182,7 +215,7 @@ def test_positive_tension_on_tendon_one_bends_towards_minus_x():
     ("config", "changes", "key"),
     [
         ("close_on_mug", {}, "object"),
-        ("tendon_step", {"finger.tendons.friction": 0.1}, "finger.tendons.friction"),
+        ("tendon_step", {"finger.tendons.friction": 0.1}, "finger.tendons"),
     ],
 )
 def test_what_a_chain_cannot_have_is_refused(config, changes, key):

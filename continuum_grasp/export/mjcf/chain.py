@@ -41,34 +41,37 @@ class Links:
     damping: Array  # (N,) [N m s/rad]
     rest: Array  # (N,) angles of the unloaded rod [rad]
     ends: Array  # (N,) where the links end [m]: the next hinge, or the tip
-    mass: Array  # (N,) of the links, point masses included [kg]
-    center: Array  # (N,) their centers of mass [m]
+    mass: Array  # (N,) of the links, with point masses and the tip body [kg]
+    center: Array  # (N,) their centers of mass along the finger [m]
+    across: Array  # (N,) and across it, on the +X side [m]
     inertia: Array  # (N,) about these [kg m2]
+    stop: Array | None  # (N,) bend from which on a stop adds to the stiffness [rad], a magnitude; None: no stops
 
     def link_of(self, s: float) -> int:
         """Index of the link that carries a position [m]; -1 before the first hinge."""
         return int(np.searchsorted(self.at, s, side="right")) - 1
 
-    def pulsations(self) -> tuple[Array, Array]:
+    def pulsations(self, ratio: float = 1.0) -> tuple[Array, Array]:
         """Of small motions of the straight, unloaded chain [rad/s], increasing, and their decay times [s].
 
         A mode with damping d and stiffness k has the decay time d / k; it is the same in all where the damping goes
-        with the stiffness.
+        with the stiffness. ``ratio`` is a factor of the stiffness.
         """
-        lever = np.maximum(self.center[:, None] - self.at[None, :], 0.0)
-        turning = (self.center[:, None] > self.at[None, :]).astype(float)
-        mass = lever.T @ (self.mass[:, None] * lever) + turning.T @ (self.inertia[:, None] * turning)
-        squares, modes = eigh(np.diag(self.stiffness), mass)
+        on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
+        lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
+        turning = (self.inertia + self.mass * self.across**2)[:, None] * on
+        mass = lever.T @ (self.mass[:, None] * lever) + on.T @ turning
+        squares, modes = eigh(np.diag(ratio * self.stiffness), mass)
         decay = np.einsum("ka,k,ka->a", modes, self.damping, modes) / squares
         return np.sqrt(squares), decay
 
-    def longest_step(self) -> float:
+    def longest_step(self, ratio: float = 1.0) -> float:
         """Longest stable step [s] of semi-implicit Euler steps with implicit damping, for the straight chain.
 
         The eigenvalues of one step of ``m v' = -d v - k q`` are within the unit circle while
-        ``h^2 k < 4 m + 2 h d``.
+        ``h^2 k < 4 m + 2 h d``. ``ratio`` is a factor of the stiffness, where stops touch.
         """
-        pulsations, decay = self.pulsations()
+        pulsations, decay = self.pulsations(ratio)
         return float(np.min(decay + np.sqrt(decay**2 + 4.0 / pulsations**2)))
 
 
@@ -95,15 +98,24 @@ def lump(finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Se
     mass, first = _moments(finger, bounds, profile.linear_density)
     _, _, second = _moments(finger, bounds, profile.linear_density, powers=3)
     turning, _ = _moments(finger, bounds, profile.rotary_inertia)
+    sideways = np.zeros(count)
     for point in finger.masses:
         k = int(np.searchsorted(at, point.at, side="right")) - 1
         if k >= 0:
             mass[k] += point.mass
             first[k] += point.mass * point.at
             second[k] += point.mass * point.at**2
-    center = first / mass
-    inertia = turning + second - mass * center**2
-    return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, inertia)
+    if (body := finger.tip_body) is not None:
+        x, y = body.center_of_mass
+        mass[-1] += body.mass
+        first[-1] += body.mass * (length + y)
+        second[-1] += body.mass * (x**2 + (length + y) ** 2)
+        sideways[-1] += body.mass * x
+        turning[-1] += body.rotary_inertia
+    center, across = first / mass, sideways / mass
+    inertia = turning + second - mass * (center**2 + across**2)
+    stop = None if finger.stop_curvature is None else _moments(finger, edges, finger.stop_curvature)[0]
+    return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
 
 
 def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:

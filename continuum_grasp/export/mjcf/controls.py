@@ -70,15 +70,16 @@ def controls_of(scene: Scene) -> list[Control]:
 def _inputs(scene: Scene) -> list[Control]:
     finger, actuation = scene.finger, scene.actuation
     tip = finger.profile.length
-    if finger.tendons is None:
-        value = 0.0 if actuation is None else actuation.tip_moment
-        return [Control("tip_moment", value, tip, False, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0))]
-    tensions = (0.0, 0.0) if actuation is None else actuation.tensions or ()
+    if not finger.tendon_list:
+        if actuation is None:
+            return []
+        return [Control("tip_moment", actuation.tip_moment, tip, False, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0))]
+    tensions = None if actuation is None else actuation.tensions
     found = []
-    for j, tension in enumerate(tensions):
-        channel = next(c for c in finger.channels if c.arms[j])
+    for j, tendon in enumerate(finger.tendon_list):
+        to = tip if tendon.to is None else tendon.to
         # Slack tendons, of a scene without input, have no tension at all.
-        limits = (0.0 if actuation is None else finger.tendons.min_tension, finger.tendons.max_tension)
-        jumps = channel.to < tip
-        found.append(Control(f"tendon_{j + 1}", tension, channel.to, jumps, limits=limits, lag=channel.time_constant))
+        limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)
+        tension = 0.0 if tensions is None else tensions[j]
+        found.append(Control(f"tendon_{j + 1}", tension, to, to < tip, limits=limits, lag=tendon.time_constant))
     return found

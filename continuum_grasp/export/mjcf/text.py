@@ -13,7 +13,7 @@ from continuum_grasp import __version__
 from continuum_grasp.export.mjcf.chain import Links
 from continuum_grasp.export.mjcf.controls import Control
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -25,6 +25,8 @@ _LEAST_BEND = 2.0 * math.pi
 """Bend of the whole finger up to which the sites never meet [rad]; more, where tensions and rest bend it further."""
 _NEAREST, _FARTHEST = 0.02, 0.45
 """Least and greatest distance of a tendon's sites from their hinge, per length of the link [1]."""
+_NEVER = 1e3
+"""Bend of a hinge that no finger has, for the side without stops [rad]."""
 _THIN = 0.005
 """Radius of a finger of no known thickness, for looks, per length [1]."""
 
@@ -62,7 +64,8 @@ def written(
             sites.setdefault(_on(links, control), []).append((_site(control), 0.0, control.at))
     sites.setdefault(len(links.at) - 1, []).append(("tip", 0.0, length))
     _bodies(world, scene.finger, links, sites)
-    root.extend(tendons)
+    if len(tendons):
+        root.append(tendons)
     root.append(_actuators(controls))
     sensor = ET.SubElement(root, "sensor")
     ET.SubElement(sensor, "framepos", name="tip", objtype="site", objname="tip")
@@ -95,6 +98,8 @@ def _explanation(
             "Actuators tendon_1, tendon_2, ... take tensions [N]; positive ones pull (gear -1).",
             "Tendons run through sites beside each hinge, at their offset from the backbone.",
         ]
+    if links.stop is not None:
+        lines.append("Tendons stop_1, stop_2, ... are springs with a dead band: stops, where the links touch.")
     lines.append("Keyframe 'start': state and controls of the scene at time zero.")
     lines += [f"Differs: {text}." for text in differences]
     return "\n" + "\n".join(f"    {line}" for line in lines) + "\n  "
@@ -125,7 +130,7 @@ def _bodies(world: ET.Element, finger: Finger, links: Links, sites: dict[int, li
             ET.SubElement(
                 body,
                 "inertial",
-                pos=_numbers(0.0, links.center[k] - begin, 0.0),
+                pos=_numbers(links.across[k], links.center[k] - begin, 0.0),
                 mass=_numbers(links.mass[k]),
                 diaginertia=_numbers(inertia, inertia, inertia),
             )
@@ -145,13 +150,11 @@ def _bodies(world: ET.Element, finger: Finger, links: Links, sites: dict[int, li
 
 def _tendons(
     finger: Finger, links: Links, controls: Sequence[Control], sites: dict[int, list[tuple[str, float, float]]]
-) -> list[ET.Element]:
-    """The tendons; their sites are added to those of the links."""
+) -> ET.Element:
+    """Tendons and stops; the tendons' sites are added to those of the links."""
     pulls = [control for control in controls if control.gear is None]
-    if not pulls:
-        return []
     parent = ET.Element("tendon")
-    distances = _distances(finger, links, pulls)
+    distances = _distances(finger, links, pulls) if pulls else np.empty(0)
     for j, control in enumerate(pulls):
         passed = int(np.sum(links.at < control.at))
         places = [(-1, 0.0)]
@@ -162,28 +165,24 @@ def _tendons(
         for number, (link, at) in enumerate(places):
             name = f"{control.name}_{number}"
             # A positive moment bends towards -X, where the tendons of a positive arm run.
-            sites.setdefault(link, []).append((name, -offset(finger, j, at), at))
+            sites.setdefault(link, []).append((name, -_offset(finger, j, at), at))
             ET.SubElement(tendon, "site", site=name)
-    return [parent]
+    if finger.stops is not None and links.stop is not None:
+        for k, bend in enumerate(links.stop):
+            # A spring with a dead band: what the stiffness grows by where the links touch.
+            bands = [sign * bend if sign in finger.stops.signs else sign * _NEVER for sign in (-1.0, 1.0)]
+            stiffness = (finger.stops.stiffness_ratio - 1.0) * links.stiffness[k]
+            stop = ET.SubElement(parent, "fixed", name=f"stop_{k + 1}", stiffness=_numbers(stiffness))
+            stop.set("springlength", _numbers(*bands))
+            ET.SubElement(stop, "joint", joint=f"hinge_{k + 1}", coef="1")
+    return parent
 
 
-def offset(finger: Finger, tendon: int, s: float) -> float:
-    """Distance of a tendon from the backbone at s [m], positive on the -X side.
-
-    Its arm, moment per tension, is the offset times the cosine of its slope; chords between sites have that anyway.
-    """
-    arm = slope = 0.0
-    for channel in finger.channels:
-        arm += channel.arms[tendon] * float(channel.shape(s))
-        slope += channel.arms[tendon] * _slope(channel.shape, s)
-    return arm / math.sqrt(1.0 - slope**2)
-
-
-def _slope(shape: Curve, s: float) -> float:
-    """Derivative of the piece of a curve in which s lies [1/m]."""
-    piece = int(np.searchsorted(shape.edges[1:-1], s))
-    coefficients = shape.coefficients[piece]
-    return coefficients[1] if len(coefficients) > 1 else 0.0
+def _offset(finger: Finger, tendon: int, s: float) -> float:
+    """Distance of a tendon from the backbone at s [m], positive on the -X side."""
+    one = finger.tendon_list[tendon]
+    first, _ = ends(one.offset)
+    return first + one.slope(finger.profile.length) * s
 
 
 def _distances(finger: Finger, links: Links, pulls: Sequence[Control]) -> Array:
@@ -192,11 +191,12 @@ def _distances(finger: Finger, links: Links, pulls: Sequence[Control]) -> Array:
     found = np.zeros(len(links.at))
     lengths = np.diff(np.concatenate([[0.0], links.at, links.ends[-1:]]))
     for k, at in enumerate(links.at):
-        offsets = [offset(finger, j, at) if at < pull.at else 0.0 for j, pull in enumerate(pulls)]
+        offsets = [_offset(finger, j, at) if at < pull.at else 0.0 for j, pull in enumerate(pulls)]
         moments = [e * (pull.limits or (0.0, 0.0))[1] for e, pull in zip(offsets, pulls, strict=True)]
         moment = max(sum(m for m in moments if m > 0.0), -sum(m for m in moments if m < 0.0))
         element = float(links.edges[k + 1] - links.edges[k])
-        farthest = min(abs(links.rest[k]) + moment / links.stiffness[k], finger.curvature_limit * element)
+        limit = min(float(finger.curvature_limit_at(at)) * element, math.inf if links.stop is None else links.stop[k])
+        farthest = min(abs(links.rest[k]) + moment / links.stiffness[k], limit)
         bend = max(_LEAST_BEND * element / profile.length, farthest)
         # Beyond a right angle at one hinge the chain is no image of the rod.
         apart = _REACH * max(map(abs, offsets)) * math.tan(min(0.5 * bend, 0.25 * math.pi))

@@ -137,7 +137,7 @@ def export_mjcf(
             key="hinges",
         )
     pulsations, _ = links.pulsations()
-    longest = _STABLE * links.longest_step()
+    longest = _STABLE * links.longest_step(1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio)
     step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = tuple(_differences(scene, controls))
@@ -153,10 +153,10 @@ def _refuse(scene: Scene) -> None:
         raise InputError(
             "a chain of hinges is exported without objects: remove object and its contact_law", key="object"
         )
-    if scene.finger.tendons is not None and scene.finger.tendons.friction:
+    if scene.finger.has_tendon_friction:
         raise InputError(
-            "MuJoCo's tendons have the same tension all along, without friction in their guides: set it to 0",
-            key="finger.tendons.friction",
+            "MuJoCo's tendons have the same tension all along, without friction in their guides: set friction to 0",
+            key="finger.tendons",
         )
 
 
