@@ -18,7 +18,7 @@ from typing import Any, cast
 
 from benchmarks.baselines import mujoco_sweep, pyelastica_check
 from benchmarks.baselines.release_ours import OwnRun, by_rule, front, own_runs, rms_error
-from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
+from benchmarks.baselines.release_peers import HINGES, PeerError, ReleasePeers, describe_rod
 from benchmarks.baselines.release_picture import Point, draw
 from benchmarks.harness import Timing, race, ratios
 from benchmarks.machine import one_core
@@ -117,7 +117,7 @@ def mujoco_entries(
 ) -> tuple[list[Entry], dict[tuple[int, str], mujoco_sweep.ChainRun]]:
     """MuJoCo's chains: of each number of hinges the best settings of a sweep."""
     entries, chosen = [], {}
-    for hinges in mujoco_sweep.HINGES:
+    for hinges in HINGES:
         runs = mujoco_sweep.sweep(peers, release.rod, hinges, release.reference)
         for key, run in mujoco_sweep.best(runs, release.tolerance).items():
             chosen[hinges, key] = run

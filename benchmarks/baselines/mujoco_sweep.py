@@ -11,7 +11,6 @@ from benchmarks.baselines.release_ours import rms_error, worst
 from benchmarks.baselines.release_peers import ReleasePeers
 from continuum_grasp.accuracy.motion import Motion
 
-HINGES = (5, 10, 20, 40)
 STEPS = (100, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1400, 1600, 2000, 2800, 4000, 5600, 10000)
 """Per second; ``FRAME`` of ``bench_peers`` has a whole number of each."""
 METHODS = (("implicitfast", False), ("implicitfast", True), ("Euler", False), ("Euler", True), ("discrete", False))
@@ -48,7 +47,7 @@ class ChainRun:
 def sweep(peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion) -> list[ChainRun]:
     """All settings that run through, for one number of hinges."""
     found = []
-    for layout in ("middle", "clamp"):
+    for layout in ("middle", "clamp") if rod["uniform"] else ("middle",):
         motions = [
             (settings, peers.make("swept", "mujoco", rod, settings)) for settings in _settings(hinges, layout, STEPS)
         ]
