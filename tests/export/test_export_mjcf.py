@@ -211,10 +211,57 @@ def test_positive_tension_on_tendon_one_bends_towards_minus_x():
     assert chain.equilibrium().sum() == pytest.approx(55.0 * 0.02, rel=0.01)
 
 
+def moved(scene, duration):
+    """A chain of few links after some time under the controls of its scene."""
+    chain = Chain(scene, 12)
+    mujoco.mj_resetDataKeyframe(chain.model, chain.data, 0)
+    while chain.data.time < duration - 1e-9:
+        chain.data.ctrl = chain.chain.controls(chain.data.time)[0]
+        mujoco.mj_step(chain.model, chain.data)
+    mujoco.mj_forward(chain.model, chain.data)  # a step leaves places as they were at its start
+    return chain
+
+
+def test_a_finger_comes_to_rest_against_a_disc():
+    scene = cg.load("configs/simulate/swing_against_disc.yaml")
+    chain = moved(scene, 1.0)
+    assert chain.data.ncon > 0
+    # It touches with all of its length, the scene's finger at two stations.
+    assert chain.tip == pytest.approx(cg.simulate(scene).tip[-1], abs=2e-3)
+
+
+SHAPES = {
+    "circle": ({"shape": "circle", "diameter": 0.2}, 0.1),
+    "stadium": ({"shape": "stadium", "length": 0.3, "radius": 0.05}, 0.05),
+    "box": ({"shape": "box", "width": 0.3, "height": 0.16}, 0.08),
+    "ellipse": ({"shape": "ellipse", "width": 0.3, "height": 0.12}, 0.06),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_object_falls_and_rests_on_a_wall(shape):
+    fields, height = SHAPES[shape]
+    scene = rod_scene(
+        UNIT,
+        gravity=(0.0, -10.0),
+        object={**fields, "mass": 2.0, "position": [3.0, -0.6]},
+        object_moves=True,
+        supports={"floor": {"type": "palm", "point": [0.0, -1.0], "normal_angle": 0.5 * math.pi}},
+        contact_law={"stiffness": 1e4, "friction": 0.3},
+        time={"duration": 1.0, "step": 0.001},
+        initial={"pose": "straight"},
+    )
+    falling, resting = moved(scene, 0.1), moved(scene, 1.0)
+    h = falling.model.opt.timestep
+    assert falling.data.body("object").xpos[1] == pytest.approx(-0.6 - 5.0 * 0.1 * (0.1 + h), abs=1e-9)
+    assert resting.data.body("object").xpos[:2] == pytest.approx([3.0, height - 1.0], abs=2e-3)
+    assert resting.data.ncon > 0
+
+
 @pytest.mark.parametrize(
     ("config", "changes", "key"),
     [
-        ("close_on_mug", {}, "object"),
+        ("hold_mug", {}, "out_of_plane_gravity"),
         ("tendon_step", {"finger.tendons.friction": 0.1}, "finger.tendons"),
     ],
 )

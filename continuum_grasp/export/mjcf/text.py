@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp import __version__
 from continuum_grasp.export.mjcf.chain import Links
 from continuum_grasp.export.mjcf.controls import Control
+from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.simulate import Scene
@@ -45,15 +46,20 @@ def written(
     root = ET.Element("mujoco", model=title)
     root.append(ET.Comment(_explanation(scene, links, controls, frequency, differences)))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    gravity = _numbers(*scene.gravity, 0.0)
-    option = ET.SubElement(root, "option", timestep=_numbers(step), integrator="implicitfast", gravity=gravity)
-    # Nothing touches anything.
-    ET.SubElement(option, "flag", contact="disable")
+    gravity = numbers(*scene.gravity, 0.0)
+    option = ET.SubElement(root, "option", timestep=numbers(step), integrator="implicitfast", gravity=gravity)
+    if scene.object is None:
+        ET.SubElement(option, "flag", contact="disable")
+    else:
+        option.set("cone", "elliptic")
+        # As stiff as the steps allow: MuJoCo's contacts are at least two steps slow.
+        default = ET.SubElement(ET.SubElement(root, "default"), "geom", solref=f"{numbers(2.0 * step)} 1")
+        default.set("condim", "3")
     length, (x, y) = scene.finger.profile.length, scene.finger.base.position
-    ET.SubElement(root, "statistic", center=_numbers(x, y, 0.0), extent=_numbers(length))
+    ET.SubElement(root, "statistic", center=numbers(x, y, 0.0), extent=numbers(length))
     world = ET.SubElement(root, "worldbody")
-    ET.SubElement(world, "light", pos=_numbers(x, y, 4.0 * length), dir="0 0 -1", directional="true")
-    ET.SubElement(world, "camera", name="plane", pos=_numbers(x, y, 3.0 * length), xyaxes="1 0 0 0 1 0")
+    ET.SubElement(world, "light", pos=numbers(x, y, 4.0 * length), dir="0 0 -1", directional="true")
+    ET.SubElement(world, "camera", name="plane", pos=numbers(x, y, 3.0 * length), xyaxes="1 0 0 0 1 0")
     ET.SubElement(world, "site", name="world")
     sites: dict[int, list[tuple[str, float, float]]] = {}
     tendons = _tendons(scene.finger, links, controls, sites)
@@ -63,7 +69,8 @@ def written(
         ):
             sites.setdefault(_on(links, control), []).append((_site(control), 0.0, control.at))
     sites.setdefault(len(links.at) - 1, []).append(("tip", 0.0, length))
-    _bodies(world, scene.finger, links, sites)
+    _bodies(world, scene, links, sites)
+    add_surroundings(root, world, scene)
     if len(tendons):
         root.append(tendons)
     root.append(_actuators(controls))
@@ -71,10 +78,12 @@ def written(
     ET.SubElement(sensor, "framepos", name="tip", objtype="site", objname="tip")
     values = [float(control(np.zeros(1))[0]) for control in controls]
     key = ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="start")
-    key.attrib |= {"qpos": _numbers(*start[0]), "qvel": _numbers(*start[1]), "ctrl": _numbers(*values)}
+    of_object = [0.0] * 3 if scene.object_moves else []
+    key.attrib |= {"qpos": numbers(*start[0], *of_object), "qvel": numbers(*start[1], *of_object)}
+    key.set("ctrl", numbers(*values))
     states = [value for control, value in zip(controls, values, strict=True) if control.lag]
     if states:
-        key.set("act", _numbers(*states))
+        key.set("act", numbers(*states))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -105,16 +114,15 @@ def _explanation(
     return "\n" + "\n".join(f"    {line}" for line in lines) + "\n  "
 
 
-def _bodies(world: ET.Element, finger: Finger, links: Links, sites: dict[int, list[tuple[str, float, float]]]) -> None:
+def _bodies(world: ET.Element, scene: Scene, links: Links, sites: dict[int, list[tuple[str, float, float]]]) -> None:
     """The clamped part and the links, each inside the one before."""
+    finger = scene.finger
     profile, (x, y) = finger.profile, finger.base.position
-    body = ET.SubElement(
-        world, "body", name="base", pos=_numbers(x, y, 0.0), euler=_numbers(0.0, 0.0, finger.base.angle)
-    )
+    body = ET.SubElement(world, "body", name="base", pos=numbers(x, y, 0.0), euler=numbers(0.0, 0.0, finger.base.angle))
     begin, end = 0.0, float(links.at[0])
     for k in range(-1, len(links.at)):
         if k >= 0:
-            body = ET.SubElement(body, "body", name=f"link_{k + 1}", pos=_numbers(0.0, float(links.at[k]) - begin, 0.0))
+            body = ET.SubElement(body, "body", name=f"link_{k + 1}", pos=numbers(0.0, float(links.at[k]) - begin, 0.0))
             begin, end = float(links.at[k]), float(links.ends[k])
             ET.SubElement(
                 body,
@@ -122,30 +130,23 @@ def _bodies(world: ET.Element, finger: Finger, links: Links, sites: dict[int, li
                 name=f"hinge_{k + 1}",
                 type="hinge",
                 axis="0 0 1",
-                stiffness=_numbers(links.stiffness[k]),
-                damping=_numbers(links.damping[k]),
-                springref=_numbers(links.rest[k]),
+                stiffness=numbers(links.stiffness[k]),
+                damping=numbers(links.damping[k]),
+                springref=numbers(links.rest[k]),
             )
             inertia = links.inertia[k]
             ET.SubElement(
                 body,
                 "inertial",
-                pos=_numbers(links.across[k], links.center[k] - begin, 0.0),
-                mass=_numbers(links.mass[k]),
-                diaginertia=_numbers(inertia, inertia, inertia),
+                pos=numbers(links.across[k], links.center[k] - begin, 0.0),
+                mass=numbers(links.mass[k]),
+                diaginertia=numbers(inertia, inertia, inertia),
             )
         radius = float(profile.half_thickness(0.5 * (begin + end))) or _THIN * profile.length
-        ET.SubElement(
-            body,
-            "geom",
-            type="capsule",
-            fromto=_numbers(0.0, 0.0, 0.0, 0.0, end - begin, 0.0),
-            size=_numbers(radius),
-            contype="0",
-            conaffinity="0",
-        )
+        geom = ET.SubElement(body, "geom", type="capsule", size=numbers(radius))
+        geom.attrib |= {"fromto": numbers(0.0, 0.0, 0.0, 0.0, end - begin, 0.0), **touching(scene)}
         for name, across, at in sites.get(k, ()):
-            ET.SubElement(body, "site", name=name, pos=_numbers(across, at - begin, 0.0))
+            ET.SubElement(body, "site", name=name, pos=numbers(across, at - begin, 0.0))
 
 
 def _tendons(
@@ -161,7 +162,7 @@ def _tendons(
         for k in range(passed):
             places += [(k - 1, float(links.at[k] - distances[k])), (k, float(links.at[k] + distances[k]))]
         places.append((passed - 1, control.at))
-        tendon = ET.SubElement(parent, "spatial", name=control.name, width=_numbers(0.002 * finger.profile.length))
+        tendon = ET.SubElement(parent, "spatial", name=control.name, width=numbers(0.002 * finger.profile.length))
         for number, (link, at) in enumerate(places):
             name = f"{control.name}_{number}"
             # A positive moment bends towards -X, where the tendons of a positive arm run.
@@ -172,8 +173,8 @@ def _tendons(
             # A spring with a dead band: what the stiffness grows by where the links touch.
             bands = [sign * bend if sign in finger.stops.signs else sign * _NEVER for sign in (-1.0, 1.0)]
             stiffness = (finger.stops.stiffness_ratio - 1.0) * links.stiffness[k]
-            stop = ET.SubElement(parent, "fixed", name=f"stop_{k + 1}", stiffness=_numbers(stiffness))
-            stop.set("springlength", _numbers(*bands))
+            stop = ET.SubElement(parent, "fixed", name=f"stop_{k + 1}", stiffness=numbers(stiffness))
+            stop.set("springlength", numbers(*bands))
             ET.SubElement(stop, "joint", joint=f"hinge_{k + 1}", coef="1")
     return parent
 
@@ -212,14 +213,14 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
         if control.gear is None:
             one.attrib |= {"tendon": control.name, "gear": "-1"}
         else:
-            one.attrib |= {"site": _site(control), "gear": _numbers(*control.gear)}
+            one.attrib |= {"site": _site(control), "gear": numbers(*control.gear)}
             if not control.follows:
                 one.set("refsite", "world")
         if control.limits is not None:
-            one.set("ctrlrange", _numbers(*control.limits))
+            one.set("ctrlrange", numbers(*control.limits))
         if control.lag:
             # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
-            one.attrib |= {"dyntype": "filterexact", "dynprm": _numbers(2.0 * control.lag), "gainprm": "1"}
+            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(2.0 * control.lag), "gainprm": "1"}
     return parent
 
 
@@ -228,8 +229,4 @@ def _on(links: Links, control: Control) -> int:
 
 
 def _site(control: Control) -> str:
-    return f"at_{_numbers(control.at)}"
-
-
-def _numbers(*values: float) -> str:
-    return " ".join(f"{float(value):.12g}" for value in values)
+    return f"at_{numbers(control.at)}"

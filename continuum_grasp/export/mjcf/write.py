@@ -89,7 +89,8 @@ def export_mjcf(
     Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
     rule; see `continuum_grasp.export.mjcf.chain`), between links with the masses of the rod: shapes and frequencies
     are of second order in the number of hinges. The chain lies in MuJoCo's x-y plane. Tensions pull where they are
-    positive. Keyframe ``start`` has the scene's state and controls at time zero.
+    positive. An object that moves slides along x and y and turns. Keyframe ``start`` has the scene's state and controls
+    at time zero.
 
     Parameters
     ----------
@@ -108,8 +109,8 @@ def export_mjcf(
     Raises
     ------
     InputError
-        If the scene has what the chain cannot have (an object, tendon friction), or there are too few hinges for the
-        places where the bending moment jumps, or so many that their inertia is none to MuJoCo.
+        If the scene has what the chain cannot have (tendon friction, a weight out of the plane), or there are too few
+        hinges for the places where the bending moment jumps, or so many that their inertia is none to MuJoCo.
     OSError
         If the file cannot be written.
 
@@ -149,9 +150,10 @@ def export_mjcf(
 
 def _refuse(scene: Scene) -> None:
     """What a chain cannot have."""
-    if scene.object is not None:
+    if scene.out_of_plane_gravity and scene.table is None:
         raise InputError(
-            "a chain of hinges is exported without objects: remove object and its contact_law", key="object"
+            "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
+            key="out_of_plane_gravity",
         )
     if scene.finger.has_tendon_friction:
         raise InputError(
@@ -174,6 +176,13 @@ def _differences(scene: Scene, controls: list[Control]) -> list[str]:
         found.append(
             "inputs that vary in time: MJCF has their values at time zero; the rest is in the table of controls"
         )
+    if scene.object is not None:
+        found.append(
+            "contact_law: contacts are MuJoCo's own, as stiff as the step allows, with the scene's friction; all links "
+            "of the finger touch, not its stations"
+        )
+    if scene.table is not None:
+        found.append("table: its friction acts along x and y apart, and not against turning")
     if scene.parameters:
         found.append("parameters: they have their nominal values")
     return found
