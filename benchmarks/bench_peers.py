@@ -18,15 +18,17 @@ from typing import Any, cast
 
 from benchmarks.baselines import mujoco_sweep, pyelastica_check
 from benchmarks.baselines.release_ours import OwnRun, by_rule, front, own_runs, rms_error
-from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
+from benchmarks.baselines.release_peers import HINGES, PeerError, ReleasePeers, describe_rod
 from benchmarks.baselines.release_picture import Point, draw
 from benchmarks.harness import Timing, race, ratios
 from benchmarks.machine import one_core
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.accuracy.motion import Motion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth
+from continuum_grasp.scene import Actuation, Rod
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.tendons import Tendon
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
 FRAME = 0.2
@@ -37,8 +39,14 @@ LARGEST = 0.03
 """Largest error of ours that is shown [m]."""
 ONE_CALL = 31
 """Calls of one second that are timed with Python's part included."""
+GRADED = ("tapered", "stepped", "tendon", "tapered_undamped", "stepped_undamped", "tendon_undamped")
+"""Scenes of ``--graded``."""
 SEGMENTS = {"soromox": {2: 100, 3: 200, 4: 400}, "jsrm": {2: 100}}
 """Segments of the constant-curvature libraries, with steps per second: those of as many arcs of ours."""
+STEPWISE = (
+    "SoRoMoX, taper: its planar segments have one thickness each, so that the taper is given in steps; its GVS models, "
+    "which taper, were not run"
+)
 NOT_TRIED = "JSRM, 3 and more segments: its expressions do not compile within five minutes; 2 segments only"
 LABELS = {"mujoco": "MuJoCo", "pyelastica": "PyElastica", "soromox": "SoRoMoX", "jsrm": "JSRM"}
 
@@ -64,6 +72,8 @@ class Release:
     title: str
     scene: Scene
     libraries: tuple[str, ...]
+    graded: bool = False
+    """Whether fewer settings and rounds do: six scenes in one run."""
     truth: Truth = field(init=False)
     reference: Motion = field(init=False)
     rod: dict[str, Any] = field(init=False)
@@ -85,15 +95,47 @@ def releases() -> dict[str, Release]:
     held = cast(Scene, load(CONFIGS / "nitinol_release_000g.yaml"))
     heavy = cast(Scene, load(CONFIGS / "nitinol_release_020g.yaml"))
     straight = held.model_copy(update={"initial": Initial(pose="straight")})
-    free = straight.finger.damping.model_copy(update={"material": 0.0})
-    undamped = straight.model_copy(update={"finger": straight.finger.model_copy(update={"damping": free})})
     segments = ("mujoco", "soromox", "jsrm")
+    taper = _graded(straight, {"to": 0.6, "diameter": (0.003, 0.00075)})
+    stepped = _graded(straight, {"to": 0.24, "diameter": 0.002}, {"to": 0.6, "diameter": 0.00112})
+    tendon = Tendon(offset=0.005, to=0.36, max_tension=20.0)
+    pulled = held.replaced(
+        finger=held.finger.replaced(tendons=(tendon,), half_thickness=0.006), actuation=Actuation(tensions=(15.0,))
+    )
     return {
         "straight": Release("released straight", straight, segments),
         "held": Release("released from the held pose", held, segments),
-        "undamped": Release("released straight, no damping", undamped, ("mujoco", "pyelastica")),
+        "undamped": Release("released straight, no damping", _undamped(straight), ("mujoco", "pyelastica")),
+        "tapered": Release("tapered 4:1, released straight", taper, ("mujoco", "soromox"), True),
+        "stepped": Release("stepped, released straight", stepped, ("mujoco", "soromox"), True),
+        "tendon": Release(
+            "pulled by a tendon that ends at 0.6 L, pushed and released", pulled, ("mujoco", "soromox"), True
+        ),
+        "tapered_undamped": Release("tapered 4:1, no damping", _undamped(taper), ("mujoco", "pyelastica"), True),
+        "stepped_undamped": Release("stepped, no damping", _undamped(stepped), ("mujoco", "pyelastica"), True),
+        "tendon_undamped": Release("tendon to 0.6 L, no damping", _undamped(pulled), ("mujoco", "pyelastica"), True),
         "heavy": Release("released from the held pose, 20 g at the tip", heavy, ("mujoco",)),
     }
+
+
+def _undamped(scene: Scene) -> Scene:
+    return scene.replaced(finger=scene.finger.replaced(damping=scene.finger.damping.replaced(material=0.0)))
+
+
+def _graded(scene: Scene, *sections: dict[str, Any]) -> Scene:
+    """The scene with a rod of these sections, and damping in proportion to its stiffness."""
+    finger = scene.finger
+    uniform = finger.rod
+    rod = Rod.model_validate(
+        {
+            "length": uniform.length,
+            "youngs_modulus": uniform.youngs_modulus,
+            "density": uniform.density,
+            "sections": sections,
+        }
+    )
+    damping = finger.damping.replaced(material=finger.damping.material * rod.stiffness / uniform.stiffness)
+    return scene.replaced(finger=finger.replaced(rod=rod, damping=damping))
 
 
 def own_entries(release: Release) -> tuple[list[Entry], dict[str, OwnRun]]:
@@ -117,8 +159,8 @@ def mujoco_entries(
 ) -> tuple[list[Entry], dict[tuple[int, str], mujoco_sweep.ChainRun]]:
     """MuJoCo's chains: of each number of hinges the best settings of a sweep."""
     entries, chosen = [], {}
-    for hinges in mujoco_sweep.HINGES:
-        runs = mujoco_sweep.sweep(peers, release.rod, hinges, release.reference)
+    for hinges in HINGES:
+        runs = mujoco_sweep.sweep(peers, release.rod, hinges, release.reference, thin=release.graded)
         for key, run in mujoco_sweep.best(runs, release.tolerance).items():
             chosen[hinges, key] = run
             if all(run.name != entry.name for entry in entries):
@@ -134,7 +176,7 @@ def other_entries(release: Release, peers: ReleasePeers, library: str, report: R
     if library == "pyelastica":
         rod = release.rod
         table, name, run = pyelastica_check.check(peers, rod, release.reference)
-        report.tables.append(table)
+        report.tables.append(replace(table, title=f"{table.title}: {release.title}"))
         error = rms_error(run.tip, release.reference)
         label = f"{pyelastica_check.SHOWN} elements"
         return [Entry(name, library, label, error, run.steps, run.cold, partial(_step, peers, name))]
@@ -166,7 +208,9 @@ def measure(release: Release, peers: ReleasePeers | None, report: Report) -> lis
             entries += more
         except PeerError as error:
             report.missing.append(f"{LABELS[library]}, {release.title}: {error}")
-    timings = race({e.name: e.run for e in entries}, repeats=15, sample_seconds=0.05, seed=report.seed)
+    timings = race(
+        {e.name: e.run for e in entries}, repeats=7 if release.graded else 15, sample_seconds=0.05, seed=report.seed
+    )
     matched = _own_entry(ruled["matched"]).name
     one_call = 1e6 * _median_time(lambda: ruled["matched"].run(1.0))
     factors = {e.name: FRAME / timings[e.name].median for e in entries}
@@ -182,7 +226,7 @@ def measure(release: Release, peers: ReleasePeers | None, report: Report) -> lis
         f"{matched}: a call from Python for one second takes {one_call:.0f} us.",
     )
     report.tables.append(equal_error(entries, timings, title))
-    if chains:
+    if release.rod["uniform"] and chains:
         claims(report, release, entries, timings, chains[10, "fastest"], chains[10, "rule"], ruled["matched"])
     return [Point(e.library, e.label, factors[e.name], e.error) for e in entries]
 
@@ -243,8 +287,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     known = releases()
     parser.add_argument("--scenes", nargs="+", choices=known, default=["straight", "held", "undamped"])
+    parser.add_argument(
+        "--graded", action="store_true", help="the rods that are not uniform, and a tendon's end inside"
+    )
     arguments = parser.parse_args()
-    report = Report("peers", arguments.seed)
+    scenes = GRADED if arguments.graded else arguments.scenes
+    report = Report("peers_graded" if arguments.graded else "peers", arguments.seed)
     panels = {}
     with one_core():
         try:
@@ -253,15 +301,17 @@ def main() -> None:
         except PeerError as error:
             peers, installed = None, []
             report.missing.append(f"all other libraries: {error}")
-        if "jsrm" in installed:
+        if "jsrm" in installed and not arguments.graded:
             report.missing.append(NOT_TRIED)
-        for name in arguments.scenes:
+        if "soromox" in installed and arguments.graded:
+            report.missing.append(STEPWISE)
+        for name in scenes:
             release = known[name]
             release = replace(release, libraries=tuple(k for k in release.libraries if k in installed))
             panels[release.title] = measure(release, peers, report)
         if peers is not None:
             peers.close()
-    picture = RESULTS / "peers.png"
+    picture = RESULTS / f"{report.name}.png"
     for file in report.write():
         print(file)
     draw(panels, picture)

@@ -1,16 +1,17 @@
 """Runs inside the interpreter that has MuJoCo: a rod as a chain of hinges, released; see ``release_server``.
 
-Two ways to lump the bending stiffness: ``middle`` has a hinge in the middle of each of n equal elements, ``clamp`` has
-one at the clamp, which carries half an element (twice the stiffness), and one at the end of each element but the last.
-Both are of second order; which is better depends on the scene, so both are tried. Bodies carry the mass and the
-rotary inertia of their piece of rod and no geometry; contacts and constraints are off; a whole run is one call of
-``mj_step``.
+Two ways to lump the bending stiffness: ``middle`` has a hinge in the middle of each of n elements, as
+``continuum-grasp export-mjcf`` writes it for rods of any kind; ``clamp``, for uniform rods, has one at the clamp, which
+carries half an element (twice the stiffness), and one at the end of each element but the last. Both are of second
+order; which is better depends on the scene, so both are tried. Bodies carry the mass and the rotary inertia of their
+piece of rod and no geometry; contacts and constraints are off; a whole run is one call of ``mj_step``.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -25,7 +26,8 @@ class Chain:
     ----------
     rod : dict
         length, mass_per_length, bending_stiffness, rotary_inertia (per length), damping [N m2 s], tip_mass, gravity
-        (x, y) and bend: angles at equally spaced places at time zero; the clamped rod points along +x.
+        (x, y) and bend: angles at equally spaced places at time zero; the clamped rod points along +x. Of ``middle``
+        all that counts is chains: the exported texts by number of hinges.
     hinges : int
     layout : {"middle", "clamp"}
     integrator : str
@@ -44,16 +46,21 @@ class Chain:
 
         self._mujoco = mujoco
         self.steps = steps
-        h = rod["length"] / hinges
-        places = (np.arange(hinges) + (0.5 if layout == "middle" else 0.0)) * h
-        self._ends = np.append(places, rod["length"])
-        xml = _xml(rod, self._ends, layout, integrator, 1.0 / steps)
-        self._model = mujoco.MjModel.from_xml_string(xml)
+        if layout == "middle":
+            self._model = mujoco.MjModel.from_xml_string(_without_looks(rod["chains"][str(hinges)]))
+            self._model.opt.timestep = 1.0 / steps
+            self._model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+            self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+            self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+            self._q0, self._control = self._model.key_qpos[0].copy(), self._model.key_ctrl[0].copy()
+        else:
+            ends = np.linspace(0.0, rod["length"], hinges + 1)
+            self._model = mujoco.MjModel.from_xml_string(_clamped(rod, ends, integrator, 1.0 / steps))
+            bend = np.asarray(rod["bend"])
+            middles = 0.5 * (ends[:-1] + ends[1:])
+            angles = np.interp(middles, np.linspace(0.0, rod["length"], len(bend)), bend)
+            self._q0, self._control = np.diff(angles, prepend=0.0), np.empty(0)
         self._data = mujoco.MjData(self._model)
-        bend = np.asarray(rod["bend"])
-        middles = 0.5 * (self._ends[:-1] + self._ends[1:])
-        angles = np.interp(middles, np.linspace(0.0, rod["length"], len(bend)), bend)
-        self._q0 = np.diff(angles, prepend=0.0)
         self._v0 = np.zeros(hinges)
         if staggered:
             self._reset()
@@ -62,7 +69,7 @@ class Chain:
 
     def _reset(self) -> None:
         self._mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[:], self._data.qvel[:] = self._q0, self._v0
+        self._data.qpos[:], self._data.qvel[:], self._data.ctrl[:] = self._q0, self._v0, self._control
 
     def run(self, seconds: float) -> None:
         """Step through a span of time."""
@@ -72,23 +79,31 @@ class Chain:
     def tips(self, frames: int) -> np.ndarray:
         """Tip (frames + 1, 2) at equally spaced instants in one second [m]; NaN from where it runs away."""
         self._reset()
-        q = np.full((frames + 1, len(self._q0)), np.nan)
-        q[0] = self._q0
-        for k in range(frames):
-            self._mujoco.mj_step(self._model, self._data, nstep=self.steps // frames)
+        tips = np.full((frames + 1, 2), np.nan)
+        for k in range(frames + 1):
+            if k:
+                self._mujoco.mj_step(self._model, self._data, nstep=self.steps // frames)
             if not np.all(np.abs(self._data.qpos) < 100.0):
                 break
-            q[k + 1] = self._data.qpos
-        directions = np.exp(1j * np.cumsum(q, axis=1))
-        tip = self._ends[0] + directions @ np.diff(self._ends)
-        return np.stack([tip.real, tip.imag], axis=1)
+            self._mujoco.mj_kinematics(self._model, self._data)
+            tips[k] = self._data.site("tip").xpos[:2]
+        return tips
 
 
-def _xml(rod: dict, ends: np.ndarray, layout: str, integrator: str, step: float) -> str:
+def _without_looks(text: str) -> str:
+    """A model without what takes time and moves nothing: geometry, sensors."""
+    root = ElementTree.fromstring(text)
+    for parent in list(root.iter()):
+        for child in [one for one in parent if one.tag in ("geom", "sensor", "light", "camera")]:
+            parent.remove(child)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _clamped(rod: dict, ends: np.ndarray, integrator: str, step: float) -> str:
     h = rod["length"] / (len(ends) - 1)
     bodies, at = "", 0.0
     for k, (start, end) in enumerate(itertools.pairwise(ends.tolist())):
-        share = 0.5 * h if layout == "clamp" and k == 0 else h
+        share = 0.5 * h if k == 0 else h
         piece = end - start
         turning = rod["rotary_inertia"] * piece
         across = rod["mass_per_length"] * piece**3 / 12.0
@@ -107,7 +122,7 @@ def _xml(rod: dict, ends: np.ndarray, layout: str, integrator: str, step: float)
             f'<body pos="{float(ends[-1]) - at!r} 0 0"><inertial pos="0 0 0" mass="{rod["tip_mass"]!r}"'
             f' diaginertia="{little!r} {little!r} {little!r}"/></body>'
         )
-    bodies += "</body>" * (len(ends) - 1)
+    bodies += f'<site name="tip" pos="{float(ends[-1]) - at!r} 0 0"/>' + "</body>" * (len(ends) - 1)
     gx, gy = rod["gravity"]
     return (
         f'<mujoco><option timestep="{step!r}" integrator="{integrator}" gravity="{gx!r} {gy!r} 0">'

@@ -11,7 +11,6 @@ from benchmarks.baselines.release_ours import rms_error, worst
 from benchmarks.baselines.release_peers import ReleasePeers
 from continuum_grasp.accuracy.motion import Motion
 
-HINGES = (5, 10, 20, 40)
 STEPS = (100, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1400, 1600, 2000, 2800, 4000, 5600, 10000)
 """Per second; ``FRAME`` of ``bench_peers`` has a whole number of each."""
 METHODS = (("implicitfast", False), ("implicitfast", True), ("Euler", False), ("Euler", True), ("discrete", False))
@@ -45,14 +44,17 @@ class ChainRun:
         return text + (", staggered" if s["staggered"] else "")
 
 
-def sweep(peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion) -> list[ChainRun]:
-    """All settings that run through, for one number of hinges."""
+def sweep(
+    peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion, thin: bool = False
+) -> list[ChainRun]:
+    """All settings that run through, for one number of hinges; every other time step where ``thin``."""
     found = []
-    for layout in ("middle", "clamp"):
+    for layout in ("middle", "clamp") if rod["uniform"] else ("middle",):
         motions = [
-            (settings, peers.make("swept", "mujoco", rod, settings)) for settings in _settings(hinges, layout, STEPS)
+            (settings, peers.make("swept", "mujoco", rod, settings))
+            for settings in _settings(hinges, layout, STEPS[::2] if thin else STEPS)
         ]
-        finest = next(m for s, m in motions if s["steps"] == STEPS[-1] and s["staggered"])
+        finest = min((m for s, m in motions if s["steps"] == STEPS[-1]), key=lambda m: rms_error(m.tip, reference))
         for settings, motion in motions:
             error = rms_error(motion.tip, reference)
             if error < 0.1 * rod["length"]:

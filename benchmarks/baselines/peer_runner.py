@@ -18,20 +18,23 @@ from pathlib import Path
 def soromox_dynamics(rod, forces):
     """xd(x) by SoRoMoX, x = [theta, theta rate]."""
     import jax.numpy as jnp
+    import numpy as np
     from soromox.systems.components import LinkSpec
     from soromox.systems.pcs import PlanarPCS, PlanarPCSStructure
 
+    # One number for all segments, or one for each.
+    each = np.broadcast_arrays(rod["lengths"], rod["diameter"], rod["youngs_modulus"], rod["arc_damping"])
     links = [
         LinkSpec.circular(
             length=length,
             density=rod["density"],
-            radius=rod["diameter"] / 2,
+            radius=diameter / 2,
             reference_strain=[0.0, 1.0, 0.0],
-            young_modulus=rod["youngs_modulus"],
+            young_modulus=modulus,
             poisson_ratio=0.3,
-            damping=jnp.diag(jnp.array([rod["arc_damping"] * length**2, 0.0, 0.0])),
+            damping=jnp.diag(jnp.array([damping * length**2, 0.0, 0.0])),
         )
-        for length in rod["lengths"]
+        for length, diameter, modulus, damping in np.array(each).T.tolist()
     ]
     robot = PlanarPCS.from_links(
         links,
@@ -42,7 +45,7 @@ def soromox_dynamics(rod, forces):
     )
     lengths = jnp.array(rod["lengths"])
     # The coordinates are curvatures, theta = length * curvature.
-    moment = rod["tip_moment"] * lengths
+    moment = jnp.array(rod["tip_moment"]) * lengths
 
     def rate(x):
         n = len(links)
@@ -67,7 +70,9 @@ def jsrm_dynamics(rod, forces):
 
     lengths = jnp.array(rod["lengths"])
     count = len(rod["lengths"])
-    radius = rod["diameter"] / 2
+    radius = jnp.array(rod["diameter"]) / 2
+    modulus = jnp.array(rod["youngs_modulus"]) * jnp.ones(count)
+    damping = jnp.array(rod["arc_damping"]) * lengths**2
     expressions = Path(jsrm.__file__).parent / "symbolic_expressions" / f"planar_pcs_ns-{count}.dill"
     _, _, matrices, functions = planar_pcs.factory(
         str(expressions), strain_selector=jnp.array([True, False, False] * count)
@@ -78,16 +83,16 @@ def jsrm_dynamics(rod, forces):
         "r": radius * jnp.ones(count),
         "rho": rod["density"] * jnp.ones(count),
         "g": jnp.array([-rod["gravity"][1], rod["gravity"][0]]),
-        "E": rod["youngs_modulus"] * jnp.ones(count),
-        "G": rod["youngs_modulus"] / 2.6 * jnp.ones(count),
-        "D": jnp.diag(jnp.array([v for h in rod["lengths"] for v in (rod["arc_damping"] * h**2, 0.0, 0.0)])),
+        "E": modulus,
+        "G": modulus / 2.6,
+        "D": jnp.diag(jnp.array([v for d in damping for v in (d, 0.0, 0.0)])),
     }
     ends = [sum(rod["lengths"][: k + 1]) for k in range(count)]
 
     def rate(x):
         q, qd = x[:count] / lengths, x[count:] / lengths
         m, c, g, k, d, _ = matrices(params, q, qd)
-        applied = rod["tip_moment"] * lengths
+        applied = jnp.array(rod["tip_moment"]) * lengths
         if forces:
             for s, (fx, fy) in zip(ends, rod["forces"], strict=True):
                 jacobian = functions["jacobian_fn"](params, q, jnp.array(s))

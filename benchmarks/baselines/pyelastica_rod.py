@@ -17,19 +17,37 @@ STABLE = 1.8
 """Step times the estimated highest frequency; the limit of the method is 2."""
 
 
+def _couple(ea):
+    """A forcing by a constant moment about z, along the first director."""
+
+    class Couple(ea.NoForces):
+        def __init__(self, element: int, moment: float) -> None:
+            super().__init__()
+            self._element, self._moment = element, moment
+
+        def apply_torques(self, system, time: float = 0.0) -> None:
+            system.external_torques[0, self._element] += self._moment
+
+    return Couple
+
+
 class Rod:
     """One rod with position Verlet steps; ``rod`` as for ``mujoco_chain.Chain``, with diameter and shear_ratio G/E."""
 
     def __init__(self, rod: dict, elements: int, thickness: float = 1.0, shifted: bool = True) -> None:
         self._rod, self._elements, self._thickness, self._shifted = rod, elements, thickness, shifted
         self._h = rod["length"] / (elements - 0.5 if shifted else elements)
-        radius = 0.5 * thickness * rod["diameter"]
+        # One material for all elements, each as thick as its mass asks for; stiffness follows, as in any round rod.
+        edges = np.clip(np.arange(elements + 1) * self._h - (0.5 * self._h if shifted else 0.0), 0.0, rod["length"])
+        along = np.concatenate([[0.0], np.cumsum(rod["density_along"])]) / len(rod["density_along"]) * rod["length"]
+        masses = np.diff(np.interp(edges, np.linspace(0.0, rod["length"], len(along)), along)) / np.diff(edges)
+        radius = 0.5 * thickness * rod["diameter"] * np.sqrt(masses / rod["mass_per_length"])
         self._radius = radius
-        area = math.pi * radius**2
-        self._density = rod["mass_per_length"] / area
-        self._modulus = rod["bending_stiffness"] / (0.25 * math.pi * radius**4)
+        self._density = rod["density"] / thickness**2
+        self._modulus = rod["youngs_modulus"] / thickness**4
         shear_speed = math.sqrt(rod["shear_ratio"] * self._modulus / self._density)
-        frequency = math.hypot(2.0 * shear_speed / radius, 2.0 * math.sqrt(self._modulus / self._density) / self._h)
+        least = float(radius.min())
+        frequency = math.hypot(2.0 * shear_speed / least, 2.0 * math.sqrt(self._modulus / self._density) / self._h)
         self.steps = 200 * math.ceil(frequency / STABLE / 200)
         self._build()
 
@@ -58,6 +76,12 @@ class Rod:
         )
         gravity = np.array([*rod["gravity"], 0.0])
         self._system.add_forcing_to(self.body).using(ea.GravityForces, acc_gravity=gravity)
+        for end, moment in rod["moments"]:
+            # Shared by two elements so that the bend below it is that of a moment up to its end.
+            at = min((end + behind) / h - 0.5, n - 1.0)
+            for element, share in ((int(at), 1.0 - at % 1.0), (int(at) + 1, at % 1.0)):
+                if share > 0.0:
+                    self._system.add_forcing_to(self.body).using(_couple(ea), element=element, moment=share * moment)
         self.body.mass[-1] += rod["tip_mass"]
         self._system.finalize()
         self.body.position_collection[:, 1:] = self.body.position_collection[:, :1] + h * np.cumsum(tangents, axis=1)

@@ -16,6 +16,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
 
 FRAMES = 200
 """Instants of a reference motion in its second."""
@@ -52,6 +53,8 @@ class OwnRun:
     choice: Choice
     core: Core
     x0: np.ndarray
+    u: np.ndarray
+    """Constant inputs."""
     steps: int
     """Per second."""
     cold: float
@@ -73,7 +76,7 @@ class OwnRun:
         left = max(1, round(seconds * frames))
         while left > 0:
             count = min(left, 100 * frames)
-            self.core.rollout(self.x0, count, 1.0 / frames, substeps=self.steps // frames)
+            self.core.rollout(self.x0, count, 1.0 / frames, u=self.u, substeps=self.steps // frames)
             left -= count
 
 
@@ -112,6 +115,7 @@ def _with_steps(choice: Choice, reference: Motion) -> list[OwnRun]:
     core = Core(choice.model)
     core.prepare_rollout("rk4")
     x0 = initial_state(choice.scene.model_copy(update={"fidelity": choice.fidelity}), choice.model)
+    u = Signals(choice.scene, choice.model).u(0.0)[0]
     cold = time.perf_counter() - began
     name = f"{choice.elements} {NAMES[choice.family]}"
     if choice.elements == 1:
@@ -120,11 +124,11 @@ def _with_steps(choice: Choice, reference: Motion) -> list[OwnRun]:
     for steps in STEPS:
         frames = math.gcd(FRAMES, steps)
         try:
-            states = core.rollout(x0, frames, 1.0 / frames, substeps=steps // frames)
+            states = core.rollout(x0, frames, 1.0 / frames, u=u, substeps=steps // frames)
         except NumericalError:
             continue
-        tip = np.asarray(core.batch("tip", states[:, : choice.model.n], np.zeros(choice.model.nu), None))
-        run = OwnRun(name, choice, core, x0, steps, cold, tip, rms_error(tip, reference))
+        tip = np.asarray(core.batch("tip", states[:, : choice.model.n], u, None))
+        run = OwnRun(name, choice, core, x0, u, steps, cold, tip, rms_error(tip, reference))
         runs.append(run)
         if len(runs) > 2 and worst(runs[-2].tip, tip) < 1e-6 * choice.scene.finger.rod.length:
             break

@@ -21,11 +21,14 @@ import numpy as np
 
 from benchmarks.baselines.peers import VARIABLE
 from continuum_grasp.accuracy.truth import Truth
+from continuum_grasp.export import export_mjcf
 from continuum_grasp.scene.simulate import Scene
 
 _SERVER = Path(__file__).with_name("release_server.py")
 _SHEAR_RATIO = 1.0 / 2.6
 _PLACES = 2001
+HINGES = (5, 10, 20, 40, 80)
+"""Of the chains that are exported."""
 
 
 @dataclass(frozen=True)
@@ -125,26 +128,49 @@ class ReleasePeers:
 
 
 def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
-    """A release as the peers are given it: base at the origin, pointing along +x, at time zero in the exact shape."""
-    finger, rod = scene.finger, scene.finger.rod
-    if not math.isclose(finger.base.angle, -math.pi / 2) or any(m.at < rod.length for m in finger.masses):
+    """A release as the peers are given it: base at the origin, pointing along +x, at time zero in the exact shape.
+
+    Stiffness and mass are those of cells of equal length; a tendon that pulls is a moment up to its end.
+    """
+    finger = scene.finger
+    profile, length = finger.profile, finger.profile.length
+    if not math.isclose(finger.base.angle, -math.pi / 2) or any(m.at < length for m in finger.masses):
         raise ValueError("the peers can take a horizontal rod with a mass at its tip only")
     if scene.initial.pose == "straight":
         bend = np.zeros(_PLACES)
     else:
         held = truth.cases[-1 if scene.initial.held_by else 0].rod
-        bend = held.angle(np.linspace(0.0, rod.length, _PLACES)) - finger.base.angle
+        bend = held.angle(np.linspace(0.0, length, _PLACES)) - finger.base.angle
+    middles = (np.arange(_PLACES - 1) + 0.5) * length / (_PLACES - 1)
+    stiffness, density = profile.bending_stiffness(middles), profile.linear_density(middles)
+    moments = [
+        (channel.to, float(np.dot(channel.arms, _tensions(scene)))) for channel in finger.channels if _tensions(scene)
+    ]
+    if any(channel.shape(0.5 * channel.to) != 1.0 for channel in finger.channels):
+        raise ValueError("the peers can take tendons of constant offset only")
     return {
-        "length": rod.length,
-        "diameter": rod.diameter,
-        "density": rod.density,
-        "youngs_modulus": rod.youngs_modulus,
-        "mass_per_length": rod.mass_per_length,
-        "bending_stiffness": rod.stiffness,
-        "rotary_inertia": rod.inertia_per_length,
+        "length": length,
+        "uniform": profile.uniform and not moments,
+        "diameter": math.sqrt(4.0 * density[0] / (math.pi * finger.rod.density)),  # of a solid round section
+        "density": finger.rod.density,
+        "youngs_modulus": finger.rod.youngs_modulus,
+        "mass_per_length": float(density[0]),
+        "bending_stiffness": float(stiffness[0]),
+        "rotary_inertia": float(profile.rotary_inertia(0.0)),
+        "stiffness_along": stiffness.tolist(),
+        "density_along": density.tolist(),
         "shear_ratio": _SHEAR_RATIO,
         "damping": finger.damping.material,
         "tip_mass": sum(mass.mass for mass in finger.masses),
         "gravity": list(scene.gravity),
         "bend": bend.tolist(),
+        "moments": moments,
+        "marks": sorted({*profile.breaks, *(to for to, _ in moments if to < length)}),
+        "chains": {str(hinges): export_mjcf(scene, hinges=hinges).text for hinges in HINGES},
     }
+
+
+def _tensions(scene: Scene) -> list[float]:
+    """Constant tensions of a scene [N]."""
+    tensions = None if scene.actuation is None else scene.actuation.tensions
+    return [float(one) for one in tensions or ()]  # type: ignore[arg-type]

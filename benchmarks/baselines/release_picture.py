@@ -42,15 +42,18 @@ class Point:
 
 def draw(panels: Mapping[str, Sequence[Point]], file: Path) -> None:
     """Draw one panel per scene and save the picture."""
-    figure = Figure(figsize=(6.6 * len(panels), 7.6), dpi=DPI, layout="constrained")
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(6.6 * columns, 7.6 * rows), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
+    axes = np.ravel(figure.subplots(rows, columns, sharey="row", squeeze=False))
     for ax, (title, points) in zip(axes, panels.items(), strict=True):
         _panel(ax, points)
         ax.set_title(f"0.6 m rod {title}", fontsize=11)
         ax.set_xlabel("real-time factor, one core (right is faster)")
     figure.supxlabel(CAPTION, fontsize=9, color="0.35")
-    axes[0].set_ylabel("r.m.s. error of the tip over 1 s [mm] (down is better)")
+    for ax in axes[::columns]:
+        ax.set_ylabel("r.m.s. error of the tip over 1 s [mm] (down is better)")
     figure.canvas.draw()
     for ax, points in zip(axes, panels.values(), strict=True):
         _label(ax, points)

@@ -10,7 +10,11 @@ import numpy as np
 
 
 class Segments:
-    """One rod of equal segments; ``rod`` as for ``mujoco_chain.Chain``, with density, diameter and youngs_modulus."""
+    """One rod of segments; ``rod`` as `release_peers.describe_rod` gives it.
+
+    Each segment has the mean stiffness (of the energy of an even bend) and mass of its part of the rod; segments end
+    where the rod or its moments jump, and are equally long between.
+    """
 
     def __init__(self, rod: dict, library: str, segments: int, steps: int) -> None:
         import jax
@@ -22,16 +26,22 @@ class Segments:
         jax.config.update("jax_enable_x64", True)
         jax.config.update("jax_platforms", "cpu")
         self.steps = steps
-        h = self._h = rod["length"] / segments
+        places = _places(rod, segments)
+        h = self._h = np.diff(places)
+        stiffness, mass = (_means(rod, key, places) for key in ("stiffness_along", "density_along"))
+        diameters = np.sqrt(4.0 * mass / (np.pi * rod["density"]))
         given = {
-            **{key: rod[key] for key in ("density", "diameter", "youngs_modulus", "gravity")},
-            "lengths": [h] * segments,
-            "arc_damping": rod["damping"] / h,
-            "tip_moment": 0.0,
+            "gravity": rod["gravity"],
+            "lengths": h.tolist(),
+            "density": rod["density"],
+            "diameter": diameters.tolist(),
+            "youngs_modulus": (64.0 * stiffness / (np.pi * diameters**4)).tolist(),
+            "arc_damping": (rod["damping"] * stiffness / rod["bending_stiffness"] / h).tolist(),
+            "tip_moment": [sum(m for end, m in rod["moments"] if end > at) for at in 0.5 * (places[:-1] + places[1:])],
         }
         rate = (soromox_dynamics if library == "soromox" else jsrm_dynamics)(given, False)
         bend = np.asarray(rod["bend"])
-        edges = np.interp(np.linspace(0.0, 1.0, segments + 1), np.linspace(0.0, 1.0, len(bend)), bend)
+        edges = np.interp(places, np.linspace(0.0, rod["length"], len(bend)), bend)
         self._x0 = jnp.concatenate([jnp.diff(jnp.array(edges)), jnp.zeros(segments)])
         step = 1.0 / steps
 
@@ -61,6 +71,22 @@ class Segments:
         bends = np.asarray(states)[:, : self._segments]
         start = np.cumsum(bends, axis=1) - bends
         half = 0.5 * bends
-        chords = self._h * np.sinc(half / np.pi) * np.exp(1j * (start + half))
+        chords = self._h[None, :] * np.sinc(half / np.pi) * np.exp(1j * (start + half))
         tip = chords.sum(axis=1)
         return np.stack([tip.real, tip.imag], axis=1)
+
+
+def _places(rod: dict, segments: int) -> np.ndarray:
+    """Ends of the segments [m]."""
+    bounds = np.array([0.0, *rod["marks"], rod["length"]])
+    counts = np.ones(len(bounds) - 1, dtype=int)
+    for _ in range(segments - len(counts)):
+        counts[np.argmax(np.diff(bounds) / counts)] += 1
+    parts = zip(bounds[:-1], bounds[1:], counts, strict=True)
+    return np.unique(np.concatenate([np.linspace(a, b, n + 1) for a, b, n in parts]))
+
+
+def _means(rod: dict, key: str, places: np.ndarray) -> np.ndarray:
+    """Means of a quantity given along the rod, per segment."""
+    along = np.concatenate([[0.0], np.cumsum(rod[key])]) * rod["length"] / len(rod[key])
+    return np.diff(np.interp(places, np.linspace(0.0, rod["length"], len(along)), along)) / np.diff(places)

@@ -15,6 +15,7 @@ from continuum_grasp import __version__, interrupt
 from continuum_grasp.cli.accuracy import accuracy
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.export_c import export_c
+from continuum_grasp.cli.export_mjcf import export_mjcf
 from continuum_grasp.cli.grasp import grasp
 from continuum_grasp.cli.identify import identify
 from continuum_grasp.cli.modes import modes
@@ -90,6 +91,7 @@ for _verb in (
     accuracy,
     identify,
     export_c,
+    export_mjcf,
     schema,
     validate,
     doctor,

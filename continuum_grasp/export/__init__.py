@@ -1,6 +1,7 @@
-"""The functions of a finger as C for use where there is no Python and no CasADi."""
+"""The functions of a finger as C for use where there is no Python and no CasADi, and the finger for MuJoCo."""
 
 from continuum_grasp.export.casadi_source import export_casadi
+from continuum_grasp.export.mjcf import HingeChain, export_mjcf
 from continuum_grasp.export.package import Package, export_c
 
-__all__ = ["Package", "export_c", "export_casadi"]
+__all__ = ["HingeChain", "Package", "export_c", "export_casadi", "export_mjcf"]

@@ -70,7 +70,7 @@ def source_of(given: Given, real: Real) -> Source:
         scene, _ = resolve_fidelity(scene)
     model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
-    return Source(model, *_names(scene), step, scene.model_dump(mode="json"))
+    return Source(model, *names_of(scene), step, scene.model_dump(mode="json"))
 
 
 def _of_precision(model: FingerModel, real: Real) -> FingerModel:
@@ -94,10 +94,10 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
         fidelity = scene.fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})
         scene = scene.model_copy(update={"fidelity": fidelity})
         model = Prediction(scene).system.finger_model
-    return Source(model, *_names(scene), None, scene.model_dump(mode="json"), scene)
+    return Source(model, *names_of(scene), None, scene.model_dump(mode="json"), scene)
 
 
-def _names(scene: Scene | ControlScene) -> tuple[str, str]:
+def names_of(scene: Scene | ControlScene) -> tuple[str, str]:
     """Title, and what the README says that it was made from."""
     title = " ".join(_MEANT.sub(" ", scene.name or "").split())
     return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"

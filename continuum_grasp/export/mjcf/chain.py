@@ -1,0 +1,169 @@
+"""A rod lumped into rigid links and hinges, of second order in their number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.profile import Profile
+
+Array = NDArray[np.float64]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+"""For integrals between the breaks of a profile, where its curves are polynomials, or exponentials or quotients of
+them: far below the error of the chain."""
+_SAME = 1e-9
+"""Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
+_GRID = 4097
+"""Places of the table from which the elements' ends are taken: four times as many as the most hinges."""
+
+
+@dataclass(frozen=True)
+class Links:
+    """N elements of a rod, each lumped into one hinge, and the N rigid links that begin at these hinges.
+
+    The hinge of an element is where a moment that is linear along it bends it by the same angle: its compliance is the
+    integral of 1/EI, its place the centroid of 1/EI. On a uniform rod that is the middle (the midpoint rule); with
+    jumps of EI inside the element it stays of second order. What lies before the first hinge is clamped.
+    """
+
+    edges: Array  # (N + 1,) ends of the elements [m]
+    at: Array  # (N,) places of the hinges [m]
+    stiffness: Array  # (N,) [N m/rad]
+    damping: Array  # (N,) [N m s/rad]
+    rest: Array  # (N,) angles of the unloaded rod [rad]
+    ends: Array  # (N,) where the links end [m]: the next hinge, or the tip
+    mass: Array  # (N,) of the links, with point masses and the tip body [kg]
+    center: Array  # (N,) their centers of mass along the finger [m]
+    across: Array  # (N,) and across it, on the +X side [m]
+    inertia: Array  # (N,) about these [kg m2]
+    stop: Array | None  # (N,) bend from which on a stop adds to the stiffness [rad], a magnitude; None: no stops
+
+    def link_of(self, s: float) -> int:
+        """Index of the link that carries a position [m]; -1 before the first hinge."""
+        return int(np.searchsorted(self.at, s, side="right")) - 1
+
+    def pulsations(self, ratio: float = 1.0) -> tuple[Array, Array]:
+        """Of small motions of the straight, unloaded chain [rad/s], increasing, and their decay times [s].
+
+        A mode with damping d and stiffness k has the decay time d / k; it is the same in all where the damping goes
+        with the stiffness. ``ratio`` is a factor of the stiffness.
+        """
+        on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
+        lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
+        turning = (self.inertia + self.mass * self.across**2)[:, None] * on
+        mass = lever.T @ (self.mass[:, None] * lever) + on.T @ turning
+        squares, modes = eigh(np.diag(ratio * self.stiffness), mass)
+        decay = np.einsum("ka,k,ka->a", modes, self.damping, modes) / squares
+        return np.sqrt(squares), decay
+
+    def longest_step(self, ratio: float = 1.0) -> float:
+        """Longest stable step [s] of semi-implicit Euler steps with implicit damping, for the straight chain.
+
+        The eigenvalues of one step of ``m v' = -d v - k q`` are within the unit circle while
+        ``h^2 k < 4 m + 2 h d``. ``ratio`` is a factor of the stiffness, where stops touch.
+        """
+        pulsations, decay = self.pulsations(ratio)
+        return float(np.min(decay + np.sqrt(decay**2 + 4.0 / pulsations**2)))
+
+
+def lump(finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Sequence[float] = ()) -> Links:
+    """Lump a finger into hinges.
+
+    ``marks`` are places where the bending moment jumps [m]: ends of elements, as a hinge inside would take all of the
+    jump or nothing. ``per_arc`` are the lengths [m] of the elements that have the damping per arc.
+    """
+    profile = finger.profile
+    length = profile.length
+    edges = _edges(profile, count, marks)
+    compliance, first = _moments(finger, edges, lambda s: 1.0 / profile.bending_stiffness(s))
+    at = first / compliance
+    rest, _ = _moments(finger, edges, profile.rest_curvature)
+    # The damping goes with the stiffness along the finger; its coefficient is that at the base.
+    stiffness = 1.0 / compliance
+    damping = finger.damping.material / float(profile.bending_stiffness(0.0)) * stiffness
+    if per_arc and finger.damping.per_arc:
+        # An element of ours that bends evenly has m hinges with the m-th part of its rate each.
+        element = np.clip(np.searchsorted(np.cumsum(per_arc), at), 0, len(per_arc) - 1)
+        damping = damping + finger.damping.per_arc * np.asarray(per_arc)[element] / np.diff(edges)
+    bounds = np.append(at, length)
+    mass, first = _moments(finger, bounds, profile.linear_density)
+    _, _, second = _moments(finger, bounds, profile.linear_density, powers=3)
+    turning, _ = _moments(finger, bounds, profile.rotary_inertia)
+    sideways = np.zeros(count)
+    for point in finger.masses:
+        k = int(np.searchsorted(at, point.at, side="right")) - 1
+        if k >= 0:
+            mass[k] += point.mass
+            first[k] += point.mass * point.at
+            second[k] += point.mass * point.at**2
+    if (body := finger.tip_body) is not None:
+        x, y = body.center_of_mass
+        mass[-1] += body.mass
+        first[-1] += body.mass * (length + y)
+        second[-1] += body.mass * (x**2 + (length + y) ** 2)
+        sideways[-1] += body.mass * x
+        turning[-1] += body.rotary_inertia
+    center, across = first / mass, sideways / mass
+    inertia = turning + second - mass * (center**2 + across**2)
+    stop = None if finger.stop_curvature is None else _moments(finger, edges, finger.stop_curvature)[0]
+    return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
+
+
+def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
+    """Ends of the elements: between the marks equal parts of the integral of (rho A / EI)^(1/4).
+
+    That is the number of waves of bending along the rod; a uniform one gets equal lengths.
+    """
+    length = profile.length
+    inside = sorted({at for at in marks if _SAME * length < at < (1.0 - _SAME) * length})
+    bounds = [0.0, *(b for a, b in pairwise([0.0, *inside]) if b - a > _SAME * length), length]
+    if count < len(bounds) - 1:
+        raise InputError(
+            f"expected {len(bounds) - 1} at least, one for each part between the places where the bending moment jumps "
+            f"(ends of tendons, couples), got {count}",
+            key="hinges",
+        )
+    s = np.unique(np.concatenate([np.linspace(0.0, length, _GRID), bounds, profile.breaks]))
+    middles = 0.5 * (s[:-1] + s[1:])
+    waves = (profile.linear_density(middles) / profile.bending_stiffness(middles)) ** 0.25
+    along = np.concatenate([[0.0], np.cumsum(waves * np.diff(s))])
+    marked = np.interp(bounds, s, along)
+    counts = np.ones(len(bounds) - 1, dtype=int)
+    for _ in range(count - len(counts)):  # the next one where the elements are longest
+        counts[np.argmax(np.diff(marked) / counts)] += 1
+    pieces = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(marked), counts, strict=True)]
+    edges = np.interp(np.concatenate([*pieces, marked[-1:]]), along, s)
+    edges[np.cumsum([0, *counts])] = bounds  # where marks are, to the last digit
+    return np.asarray(edges)
+
+
+def _moments(finger: Finger, bounds: Array, density: Callable[[Array], Array], powers: int = 2) -> tuple[Array, ...]:
+    """Integrals of a density times 1, s, s^2 ... between neighboring bounds [m]."""
+    found = np.zeros((powers, len(bounds) - 1))
+    for start, end in finger.profile.panels(*bounds):
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        part = int(np.searchsorted(bounds, middle)) - 1
+        if part < 0:  # before the first hinge
+            continue
+        s = middle + half * _NODES
+        values = half * _WEIGHTS * density(s)
+        for power in range(powers):
+            found[power, part] += float(values @ s**power)
+    return tuple(found)
+
+
+def rounded_step(longest: float, whole: float | None) -> float:
+    """A step [s] no longer than allowed: a whole part of another step where one is given, else 1, 2 or 5 times 10^k."""
+    if whole is not None:
+        return whole / math.ceil(whole / longest)
+    power = 10.0 ** math.floor(math.log10(longest))
+    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)

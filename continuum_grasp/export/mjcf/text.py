@@ -1,0 +1,232 @@
+"""The text of a chain of hinges: MJCF, the modeling format of MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp import __version__
+from continuum_grasp.export.mjcf.chain import Links
+from continuum_grasp.export.mjcf.controls import Control
+from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.graded import ends
+from continuum_grasp.scene.simulate import Scene
+
+Array = NDArray[np.float64]
+
+_REACH = 1.2
+"""Distance of a tendon's sites from their hinge, per distance at which those on the inner side would meet at the
+greatest bend: the lever is short of the offset by a share of the square of the bend per hinge."""
+_LEAST_BEND = 2.0 * math.pi
+"""Bend of the whole finger up to which the sites never meet [rad]; more, where tensions and rest bend it further."""
+_NEAREST, _FARTHEST = 0.02, 0.45
+"""Least and greatest distance of a tendon's sites from their hinge, per length of the link [1]."""
+_NEVER = 1e3
+"""Bend of a hinge that no finger has, for the side without stops [rad]."""
+_THIN = 0.005
+"""Radius of a finger of no known thickness, for looks, per length [1]."""
+
+
+def written(
+    scene: Scene,
+    links: Links,
+    controls: Sequence[Control],
+    start: tuple[Array, Array],
+    title: str,
+    step: float,
+    frequency: float,
+    differences: Sequence[str],
+) -> str:
+    """The whole file."""
+    root = ET.Element("mujoco", model=title)
+    root.append(ET.Comment(_explanation(scene, links, controls, frequency, differences)))
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    gravity = numbers(*scene.gravity, 0.0)
+    option = ET.SubElement(root, "option", timestep=numbers(step), integrator="implicitfast", gravity=gravity)
+    if scene.object is None:
+        ET.SubElement(option, "flag", contact="disable")
+    else:
+        option.set("cone", "elliptic")
+        # As stiff as the steps allow: MuJoCo's contacts are at least two steps slow.
+        default = ET.SubElement(ET.SubElement(root, "default"), "geom", solref=f"{numbers(2.0 * step)} 1")
+        default.set("condim", "3")
+    length, (x, y) = scene.finger.profile.length, scene.finger.base.position
+    ET.SubElement(root, "statistic", center=numbers(x, y, 0.0), extent=numbers(length))
+    world = ET.SubElement(root, "worldbody")
+    ET.SubElement(world, "light", pos=numbers(x, y, 4.0 * length), dir="0 0 -1", directional="true")
+    ET.SubElement(world, "camera", name="plane", pos=numbers(x, y, 3.0 * length), xyaxes="1 0 0 0 1 0")
+    ET.SubElement(world, "site", name="world")
+    sites: dict[int, list[tuple[str, float, float]]] = {}
+    tendons = _tendons(scene.finger, links, controls, sites)
+    for control in controls:
+        if control.gear is not None and not any(
+            name == _site(control) for name, *_ in sites.get(_on(links, control), [])
+        ):
+            sites.setdefault(_on(links, control), []).append((_site(control), 0.0, control.at))
+    sites.setdefault(len(links.at) - 1, []).append(("tip", 0.0, length))
+    _bodies(world, scene, links, sites)
+    add_surroundings(root, world, scene)
+    if len(tendons):
+        root.append(tendons)
+    root.append(_actuators(controls))
+    sensor = ET.SubElement(root, "sensor")
+    ET.SubElement(sensor, "framepos", name="tip", objtype="site", objname="tip")
+    values = [float(control(np.zeros(1))[0]) for control in controls]
+    key = ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="start")
+    of_object = [0.0] * 3 if scene.object_moves else []
+    key.attrib |= {"qpos": numbers(*start[0], *of_object), "qvel": numbers(*start[1], *of_object)}
+    key.set("ctrl", numbers(*values))
+    states = [value for control, value in zip(controls, values, strict=True) if control.lag]
+    if states:
+        key.set("act", numbers(*states))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _explanation(
+    scene: Scene, links: Links, controls: Sequence[Control], frequency: float, differences: Sequence[str]
+) -> str:
+    """What the file is, in its first lines."""
+    lines = [
+        f"A continuum finger as a chain of {len(links.at)} hinges, by continuum_grasp {__version__} (export-mjcf).",
+        "SI units. The finger lies in the x-y plane; all hinges turn about z. Each hinge has the compliance of one",
+        "element of the rod, where a moment that is linear along the element bends it by the same angle; each link",
+        "has mass and inertia of its part of the rod, with the point masses on it. Moments of inertia about x and y",
+        "do not matter in the plane. Shapes and frequencies approach those of the rod with the square of the number",
+        "of hinges.",
+        f"First natural frequency, straight and unloaded: {frequency:.6g} Hz.",
+        "The step is half of the longest stable one of the straight chain, or less.",
+    ]
+    if any(control.gear is None for control in controls):
+        lines += [
+            "Actuators tendon_1, tendon_2, ... take tensions [N]; positive ones pull (gear -1).",
+            "Tendons run through sites beside each hinge, at their offset from the backbone.",
+        ]
+    if links.stop is not None:
+        lines.append("Tendons stop_1, stop_2, ... are springs with a dead band: stops, where the links touch.")
+    lines.append("Keyframe 'start': state and controls of the scene at time zero.")
+    lines += [f"Differs: {text}." for text in differences]
+    return "\n" + "\n".join(f"    {line}" for line in lines) + "\n  "
+
+
+def _bodies(world: ET.Element, scene: Scene, links: Links, sites: dict[int, list[tuple[str, float, float]]]) -> None:
+    """The clamped part and the links, each inside the one before."""
+    finger = scene.finger
+    profile, (x, y) = finger.profile, finger.base.position
+    body = ET.SubElement(world, "body", name="base", pos=numbers(x, y, 0.0), euler=numbers(0.0, 0.0, finger.base.angle))
+    begin, end = 0.0, float(links.at[0])
+    for k in range(-1, len(links.at)):
+        if k >= 0:
+            body = ET.SubElement(body, "body", name=f"link_{k + 1}", pos=numbers(0.0, float(links.at[k]) - begin, 0.0))
+            begin, end = float(links.at[k]), float(links.ends[k])
+            ET.SubElement(
+                body,
+                "joint",
+                name=f"hinge_{k + 1}",
+                type="hinge",
+                axis="0 0 1",
+                stiffness=numbers(links.stiffness[k]),
+                damping=numbers(links.damping[k]),
+                springref=numbers(links.rest[k]),
+            )
+            inertia = links.inertia[k]
+            ET.SubElement(
+                body,
+                "inertial",
+                pos=numbers(links.across[k], links.center[k] - begin, 0.0),
+                mass=numbers(links.mass[k]),
+                diaginertia=numbers(inertia, inertia, inertia),
+            )
+        radius = float(profile.half_thickness(0.5 * (begin + end))) or _THIN * profile.length
+        geom = ET.SubElement(body, "geom", type="capsule", size=numbers(radius))
+        geom.attrib |= {"fromto": numbers(0.0, 0.0, 0.0, 0.0, end - begin, 0.0), **touching(scene)}
+        for name, across, at in sites.get(k, ()):
+            ET.SubElement(body, "site", name=name, pos=numbers(across, at - begin, 0.0))
+
+
+def _tendons(
+    finger: Finger, links: Links, controls: Sequence[Control], sites: dict[int, list[tuple[str, float, float]]]
+) -> ET.Element:
+    """Tendons and stops; the tendons' sites are added to those of the links."""
+    pulls = [control for control in controls if control.gear is None]
+    parent = ET.Element("tendon")
+    distances = _distances(finger, links, pulls) if pulls else np.empty(0)
+    for j, control in enumerate(pulls):
+        passed = int(np.sum(links.at < control.at))
+        places = [(-1, 0.0)]
+        for k in range(passed):
+            places += [(k - 1, float(links.at[k] - distances[k])), (k, float(links.at[k] + distances[k]))]
+        places.append((passed - 1, control.at))
+        tendon = ET.SubElement(parent, "spatial", name=control.name, width=numbers(0.002 * finger.profile.length))
+        for number, (link, at) in enumerate(places):
+            name = f"{control.name}_{number}"
+            # A positive moment bends towards -X, where the tendons of a positive arm run.
+            sites.setdefault(link, []).append((name, -_offset(finger, j, at), at))
+            ET.SubElement(tendon, "site", site=name)
+    if finger.stops is not None and links.stop is not None:
+        for k, bend in enumerate(links.stop):
+            # A spring with a dead band: what the stiffness grows by where the links touch.
+            bands = [sign * bend if sign in finger.stops.signs else sign * _NEVER for sign in (-1.0, 1.0)]
+            stiffness = (finger.stops.stiffness_ratio - 1.0) * links.stiffness[k]
+            stop = ET.SubElement(parent, "fixed", name=f"stop_{k + 1}", stiffness=numbers(stiffness))
+            stop.set("springlength", numbers(*bands))
+            ET.SubElement(stop, "joint", joint=f"hinge_{k + 1}", coef="1")
+    return parent
+
+
+def _offset(finger: Finger, tendon: int, s: float) -> float:
+    """Distance of a tendon from the backbone at s [m], positive on the -X side."""
+    one = finger.tendon_list[tendon]
+    first, _ = ends(one.offset)
+    return first + one.slope(finger.profile.length) * s
+
+
+def _distances(finger: Finger, links: Links, pulls: Sequence[Control]) -> Array:
+    """How far from each hinge the sites of tendons are [m]: far enough that those on the inner side never meet."""
+    profile = finger.profile
+    found = np.zeros(len(links.at))
+    lengths = np.diff(np.concatenate([[0.0], links.at, links.ends[-1:]]))
+    for k, at in enumerate(links.at):
+        offsets = [_offset(finger, j, at) if at < pull.at else 0.0 for j, pull in enumerate(pulls)]
+        moments = [e * (pull.limits or (0.0, 0.0))[1] for e, pull in zip(offsets, pulls, strict=True)]
+        moment = max(sum(m for m in moments if m > 0.0), -sum(m for m in moments if m < 0.0))
+        element = float(links.edges[k + 1] - links.edges[k])
+        limit = min(float(finger.curvature_limit_at(at)) * element, math.inf if links.stop is None else links.stop[k])
+        farthest = min(abs(links.rest[k]) + moment / links.stiffness[k], limit)
+        bend = max(_LEAST_BEND * element / profile.length, farthest)
+        # Beyond a right angle at one hinge the chain is no image of the rod.
+        apart = _REACH * max(map(abs, offsets)) * math.tan(min(0.5 * bend, 0.25 * math.pi))
+        shortest = min(lengths[k], lengths[k + 1])
+        found[k] = min(max(apart, _NEAREST * shortest), _FARTHEST * shortest)
+    return found
+
+
+def _actuators(controls: Sequence[Control]) -> ET.Element:
+    parent = ET.Element("actuator")
+    for control in controls:
+        one = ET.SubElement(parent, "general" if control.lag else "motor", name=control.name)
+        if control.gear is None:
+            one.attrib |= {"tendon": control.name, "gear": "-1"}
+        else:
+            one.attrib |= {"site": _site(control), "gear": numbers(*control.gear)}
+            if not control.follows:
+                one.set("refsite", "world")
+        if control.limits is not None:
+            one.set("ctrlrange", numbers(*control.limits))
+        if control.lag:
+            # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
+            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(2.0 * control.lag), "gainprm": "1"}
+    return parent
+
+
+def _on(links: Links, control: Control) -> int:
+    return links.link_of(control.at)
+
+
+def _site(control: Control) -> str:
+    return f"at_{numbers(control.at)}"

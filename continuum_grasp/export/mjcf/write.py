@@ -1,0 +1,226 @@
+"""Writing a scene's finger as a model of MuJoCo."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.core import Core
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.mjcf.chain import Links, lump, rounded_step
+from continuum_grasp.export.mjcf.controls import Control, controls_of
+from continuum_grasp.export.mjcf.text import written
+from continuum_grasp.export.source import names_of
+from continuum_grasp.model import FingerModel
+from continuum_grasp.results.atomic import write_text
+from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
+
+Array = NDArray[np.float64]
+
+_MOST_HINGES = 1000
+"""Far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls with their
+square."""
+_LEAST_INERTIA = 1e-15
+"""What MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
+_STABLE = 0.5
+"""Share of the longest stable step of the straight chain that is written: bends and tensions change its modes."""
+_LONGEST_STEP = 1e-3
+"""Of a scene without ``time`` [s]."""
+
+
+@dataclass(frozen=True)
+class HingeChain:
+    """A finger as a model of MuJoCo.
+
+    Attributes
+    ----------
+    text : str
+        The model as MJCF; ``mujoco.MjModel.from_xml_string`` takes it.
+    hinges : int
+    first_frequency : float
+        Of the straight, unloaded chain [Hz].
+    timestep : float
+        Step that the model asks for [s]; half the longest stable one, or less.
+    differences : tuple of str
+        What the chain does otherwise than the scene, beside its error of second order in the number of hinges.
+    files : tuple of pathlib.Path
+        What was written: the model, and a table of its controls over time where they vary.
+    """
+
+    text: str
+    hinges: int
+    first_frequency: float
+    timestep: float
+    differences: tuple[str, ...]
+    _controls: tuple[Control, ...]
+    files: tuple[Path, ...] = ()
+
+    @property
+    def control_names(self) -> list[str]:
+        """Names of the actuators, in their order."""
+        return [one.name for one in self._controls]
+
+    @property
+    def varies(self) -> bool:
+        """Whether a control of the scene varies in time."""
+        return any(one.varies for one in self._controls)
+
+    @check_arguments
+    def controls(self, t: ArrayLike) -> Array:
+        """Controls (T, nu) of the scene at instants (T,) [s], for ``mjData.ctrl``: tensions [N], moments [N m], ..."""
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        return np.stack([np.zeros(len(instants)), *(one(instants) for one in self._controls)], axis=1)[:, 1:]
+
+
+@check_arguments
+def export_mjcf(
+    scene: Scene | str | os.PathLike[str], file: str | os.PathLike[str] | None = None, *, hinges: int = 40
+) -> HingeChain:
+    """Write the finger of a scene as a chain of hinges for MuJoCo, with spatial tendons and the scene's loads.
+
+    Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
+    rule; see `continuum_grasp.export.mjcf.chain`), between links with the masses of the rod: shapes and frequencies
+    are of second order in the number of hinges. The chain lies in MuJoCo's x-y plane. Tensions pull where they are
+    positive. An object that moves slides along x and y and turns. Keyframe ``start`` has the scene's state and controls
+    at time zero.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        The scene, or its YAML file. Its ``fidelity`` matters to an initial pose that is not straight, and to damping
+        per arc.
+    file : path-like, optional
+        Where to. Where controls vary in time, a table of them is written beside it, with suffix ``.csv``.
+    hinges : int
+        From 1 to 1000.
+
+    Returns
+    -------
+    HingeChain
+
+    Raises
+    ------
+    InputError
+        If the scene has what the chain cannot have (tendon friction, a weight out of the plane), or there are too few
+        hinges for the places where the bending moment jumps, or so many that their inertia is none to MuJoCo.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> chain = cg.export_mjcf("configs/simulate/tendon_step.yaml", hinges=20)
+    >>> chain.control_names
+    ['tendon_1', 'tendon_2']
+    >>> chain.controls([0.0, 1.0])  # tensions [N]
+    array([[ 2.,  2.],
+           [12.,  2.]])
+    """
+    scene = scene_of(scene)
+    _refuse(scene)
+    if not 1 <= hinges <= _MOST_HINGES:
+        raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
+    per_arc = _model(scene).lengths if scene.finger.damping.per_arc else ()
+    controls = controls_of(scene)
+    links = lump(scene.finger, hinges, [one.at for one in controls if one.jumps], per_arc=per_arc)
+    if links.inertia.min() < _LEAST_INERTIA:
+        raise InputError(
+            f"a link of {hinges} has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's least of "
+            f"{_LEAST_INERTIA:g}: take fewer",
+            key="hinges",
+        )
+    pulsations, _ = links.pulsations()
+    longest = _STABLE * links.longest_step(1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio)
+    step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
+    frequency = float(pulsations[0]) / (2.0 * np.pi)
+    differences = tuple(_differences(scene, controls))
+    title = names_of(scene)[0]
+    text = written(scene, links, controls, _start(scene, links), title, step, frequency, differences)
+    chain = HingeChain(text, hinges, frequency, step, differences, tuple(controls))
+    return chain if file is None else _saved(chain, Path(file), scene)
+
+
+def _refuse(scene: Scene) -> None:
+    """What a chain cannot have."""
+    if scene.out_of_plane_gravity and scene.table is None:
+        raise InputError(
+            "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
+            key="out_of_plane_gravity",
+        )
+    if scene.finger.has_tendon_friction:
+        raise InputError(
+            "MuJoCo's tendons have the same tension all along, without friction in their guides: set friction to 0",
+            key="finger.tendons",
+        )
+
+
+def _differences(scene: Scene, controls: list[Control]) -> list[str]:
+    """What the chain does otherwise."""
+    found = []
+    if any(one.lag for one in controls):
+        found.append(
+            "tendons.time_constant: MuJoCo's filter is of first order; it has twice the time constant of the "
+            "critically damped one of second order, which has the same mean delay"
+        )
+    if scene.finger.damping.per_arc:
+        found.append("damping.per_arc: spread over the hinges of each element, which damps bends within it too")
+    if any(one.varies for one in controls):
+        found.append(
+            "inputs that vary in time: MJCF has their values at time zero; the rest is in the table of controls"
+        )
+    if scene.object is not None:
+        found.append(
+            "contact_law: contacts are MuJoCo's own, as stiff as the step allows, with the scene's friction; all links "
+            "of the finger touch, not its stations"
+        )
+    if scene.table is not None:
+        found.append("table: its friction acts along x and y apart, and not against turning")
+    if scene.parameters:
+        found.append("parameters: they have their nominal values")
+    return found
+
+
+def _model(scene: Scene) -> FingerModel:
+    """The scene's own model."""
+    if scene.fidelity.tolerance is not None:
+        from continuum_grasp.accuracy.choose import resolve_fidelity
+
+        scene, _ = resolve_fidelity(scene)
+    return FingerModel(scene)
+
+
+def _start(scene: Scene, links: Links) -> tuple[Array, Array]:
+    """Angles [rad] and rates [rad/s] of the hinges at time zero."""
+    count = len(links.at)
+    if scene.initial.pose == "straight":
+        return np.zeros(count), np.zeros(count)
+    if scene.initial.pose == "rest":
+        return links.rest, np.zeros(count)
+    model = _model(scene)
+    core, x, u = Core(model, compiled=False), initial_state(scene, model), Signals(scene, model).u(0.0)[0]
+    q, qd = x[: model.n], x[model.n : 2 * model.n]
+
+    def bends(coordinates: Array) -> Array:
+        return np.diff(np.asarray(core.batch("orientation", coordinates, u, links.edges[:, None], None)).ravel())
+
+    # The angles depend on the coordinates linearly.
+    return bends(q), bends(q + qd) - bends(q)
+
+
+def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
+    """Write the model and, where controls vary, their table."""
+    files = [write_text(chain.text, file)]
+    if chain.varies and scene.time is not None:
+        t = np.arange(round(scene.time.duration / scene.time.step) + 1) * scene.time.step
+        rows = np.column_stack([t, chain.controls(t)])
+        lines = [",".join(["time", *chain.control_names]), *(",".join(f"{v:.9g}" for v in row) for row in rows)]
+        files.append(write_text("\n".join(lines) + "\n", file.with_suffix(".csv")))
+    return replace(chain, files=tuple(files))

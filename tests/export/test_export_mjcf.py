@@ -1,0 +1,279 @@
+"""The chain of hinges, run by MuJoCo, against the exact rod; and against closed forms where the rod is straight."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.mjcf.chain import lump
+from continuum_grasp.rod import natural_frequencies, solve_elastica
+from continuum_grasp.scene.profile import Curve
+from tests.graded_rods import RODS, graded_scene, stepped
+from tests.rods import UNIT, force, rod_scene
+
+mujoco = pytest.importorskip("mujoco")
+
+
+def pulled(first, second, **tendon):
+    """Two tendons that run alike on both sides."""
+    offset = tendon.pop("offset", (0.02, 0.02))
+    sides = [{"offset": [sign * e for e in offset], "max_tension": 1.2 * first, **tendon} for sign in (1.0, -1.0)]
+    return {"finger": {"tendons": sides}, "actuation": {"tensions": [first, second]}}
+
+
+ACROSS, NONE = (0.0, -1.0), (0.0, 0.0)
+MANY_STEPS = stepped(*[(0.02, value, 1.0 / value) for value in [1.0, 0.2] * 25])
+"""More jumps than hinges: a tube with notches."""
+
+SCENES = {
+    "uniform, tendons, weight": rod_scene(UNIT, gravity=(-2.0, -1.0), tip_mass=0.2, **pulled(60.0, 5.0)),
+    "cone, tendons to the tip": graded_scene(
+        RODS["cone 0.25"], gravity=ACROSS, **pulled(15.0, 5.0, offset=(0.02, 0.005))
+    ),
+    "cone, tendons that end inside": graded_scene(
+        RODS["cone 0.25"],
+        gravity=ACROSS,
+        loads=[force(1.0, (0.02, 0.05))],
+        **pulled(60.0, 5.0, offset=(0.02, 0.0137), to=0.63),
+    ),
+    "step, couple and force inside": graded_scene(
+        RODS["step"],
+        gravity=NONE,
+        loads=[{"kind": "moment", "at": 0.31, "moment": 0.5}, force(0.77, (0.1, -0.2), follows=True)],
+    ),
+    "bent at rest by pieces": graded_scene(
+        RODS["step"],
+        gravity=(0.1, 0.2),
+        rest=Curve((0.0, 0.55, 1.0), ((1.5,), (-3.0,))),
+        loads=[force(1.0, (0.05, -0.1))],
+    ),
+    "fifty notches": graded_scene(MANY_STEPS, gravity=ACROSS, loads=[force(1.0, (0.0, 0.5))]),
+}
+
+
+class Chain:
+    """A chain in MuJoCo."""
+
+    def __init__(self, scene, hinges):
+        self.chain = cg.export_mjcf(scene, hinges=hinges)
+        self.model = mujoco.MjModel.from_xml_string(self.chain.text)
+        self.data = mujoco.MjData(self.model)
+        self.control = self.chain.controls(0.0)[0]
+        self.gravity = self.model.opt.gravity.copy()
+
+    def force(self, q, load=1.0):
+        """Generalized force (n,) at rest, under a share of weight and controls."""
+        self.data.qpos, self.data.qvel, self.data.ctrl = q, 0.0, load * self.control
+        self.model.opt.gravity = load * self.gravity
+        mujoco.mj_forward(self.model, self.data)
+        return self.data.qfrc_passive + self.data.qfrc_actuator - self.data.qfrc_bias
+
+    def stiffness(self, q, load=1.0):
+        step = 1e-6 * np.eye(self.model.nv)
+        return np.column_stack([(self.force(q - d, load) - self.force(q + d, load)) / 2e-6 for d in step])
+
+    def equilibrium(self):
+        """Newton's method under loads that grow."""
+        q = np.zeros(self.model.nv)
+        for load in (0.2, 0.4, 0.6, 0.8, *[1.0] * 12):
+            q = q + np.linalg.solve(self.stiffness(q, load), self.force(q, load))
+        assert np.abs(self.force(q)).max() < 1e-9
+        return q
+
+    def frequencies(self, q, count=2):
+        stiffness, mass = self.stiffness(q), np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.data, mass)
+        return np.sqrt(eigh(0.5 * (stiffness + stiffness.T), mass, eigvals_only=True)[:count]) / (2.0 * math.pi)
+
+    @property
+    def tip(self):
+        return self.data.sensor("tip").data[:2].copy()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_shapes_and_first_frequency_are_those_of_the_rod(name):
+    scene = SCENES[name]
+    rod = solve_elastica(scene)
+    exact = natural_frequencies(scene.finger, rod, 1)
+    off = []
+    for hinges in (20, 40):
+        chain = Chain(scene, hinges)
+        q = chain.equilibrium()
+        off.append(np.linalg.norm(chain.tip - rod.tip))
+    length = scene.finger.profile.length
+    assert off[1] < 0.01 * length
+    if name != "fifty notches":  # whose parts per hinge differ from number to number
+        assert 3.3 < off[0] / off[1] < 5.0
+    # A following load has no energy, and a stiffness that is not symmetric.
+    if not any(getattr(load, "follows", False) for load in scene.loads) and name != "fifty notches":
+        assert chain.frequencies(q, 1) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("rod", [*RODS.values(), MANY_STEPS], ids=[*RODS, "fifty notches"])
+def test_a_straight_chain_has_the_frequencies_of_beam_theory(rod):
+    off = []
+    for hinges in (20, 40):
+        chain = Chain(graded_scene(rod, gravity=NONE), hinges)
+        found = chain.frequencies(np.zeros(hinges))
+        assert chain.chain.first_frequency == pytest.approx(found[0], rel=1e-6)
+        off.append(2.0 * math.pi * found / rod.frequencies - 1.0)
+    assert np.abs(off[1][0]) < 0.01
+    assert off[0] == pytest.approx(4.0 * off[1], rel=0.3)
+
+
+def test_links_have_the_mass_of_the_rod():
+    scene = rod_scene(UNIT, tip_mass=0.3)
+    links = lump(scene.finger, 7)
+    # The first half element is clamped.
+    assert links.mass.sum() == pytest.approx(1.3 - 0.5 / 7, rel=1e-12)
+    assert links.mass @ links.center == pytest.approx(0.5 * (1.0 - (0.5 / 7) ** 2) + 0.3, rel=1e-12)
+    second = links.inertia.sum() + links.mass @ links.center**2
+    assert second == pytest.approx((1.0 - (0.5 / 7) ** 3) / 3.0 + 0.3, rel=1e-12)
+
+
+def test_a_released_chain_moves_like_the_rod():
+    scene = cg.load("configs/simulate/nitinol_release_020g.yaml", {"time.duration": 0.2})
+    motion = cg.simulate(scene)
+    chain = Chain(scene, 40)
+    mujoco.mj_resetDataKeyframe(chain.model, chain.data, 0)
+    chain.model.opt.timestep = 1e-4
+    tips = []
+    for _ in motion.t[1:]:
+        mujoco.mj_step(chain.model, chain.data, nstep=10)
+        tips.append(chain.tip)
+    assert np.abs(np.array(tips) - motion.tip[1:]).max() < 2e-3
+    assert np.ptp(motion.tip[:, 1]) > 0.1
+
+
+def test_the_written_step_is_stable_and_half_as_long_as_what_is_not(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs there that a motion is unstable
+    scene = rod_scene(UNIT, gravity=NONE)
+    chain = Chain(scene, 12)
+    chain.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    longest = lump(scene.finger, 12).longest_step()
+    assert chain.chain.timestep <= 0.5 * longest
+
+    def reach(step):
+        chain.model.opt.timestep = step
+        mujoco.mj_resetData(chain.model, chain.data)
+        chain.data.qpos[-1] = 1e-9
+        mujoco.mj_step(chain.model, chain.data, nstep=4000)
+        return np.abs(chain.data.qpos).max()
+
+    assert reach(0.98 * longest) < 1e-6
+    assert not reach(1.02 * longest) < 1e-6
+
+
+def test_controls_over_time(tmp_path):
+    chain = cg.export_mjcf("configs/simulate/tendon_step.yaml", tmp_path / "step.xml", hinges=10)
+    assert [file.name for file in chain.files] == ["step.xml", "step.csv"]
+    with open(chain.files[1], encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(rows[k]["tendon_1"]) for k in (0, 1000)] == [2.0, 12.0]
+    assert rows[50]["time"] == "0.05"
+    model = mujoco.MjModel.from_xml_path(str(chain.files[0]))
+    assert model.actuator(0).dynprm[0] == pytest.approx(0.04)
+    assert model.actuator(0).ctrlrange == pytest.approx([1.0, 60.0])
+
+
+@pytest.mark.parametrize(("side", "stopped"), [("both", (1, -1)), ("left", (1,)), ("right", (-1,))])
+def test_stops_have_the_bilinear_law(side, stopped):
+    finger = {"stops": {"curvature": 1.2, "stiffness_ratio": 20.0, "side": side}}
+    for sign in (1, -1):
+        scene = rod_scene(UNIT, "clothoid", gravity=NONE, finger=finger, actuation={"tip_moment": 2.0 * sign})
+        # EI = 1: 2.0 = k + 19 (k - 1.2) beyond the stop.
+        bend = sign * ((2.0 + 19.0 * 1.2) / 20.0 if sign in stopped else 2.0)
+        chain = Chain(scene, 10)
+        assert chain.equilibrium().sum() == pytest.approx(bend, rel=1e-9)
+
+
+def test_a_body_at_the_tip_is_part_of_the_last_link():
+    body = {"mass": 0.7, "rotary_inertia": 0.02, "center_of_mass": [0.1, 0.2]}
+    bare, heavy = (lump(rod_scene(UNIT, finger=f).finger, 6) for f in ({}, {"tip_body": body}))
+    mass = np.array([bare.mass[-1], 0.7])
+    places = np.array([[0.0, bare.center[-1]], [0.1, 1.2]])
+    center = mass @ places / mass.sum()
+    assert (heavy.mass[-1], heavy.across[-1], heavy.center[-1]) == pytest.approx((mass.sum(), *center), rel=1e-12)
+    spread = bare.inertia[-1] + 0.02 + mass @ np.sum((places - center) ** 2, axis=1)
+    assert heavy.inertia[-1] == pytest.approx(spread, rel=1e-12)
+    chain = Chain(rod_scene(UNIT, gravity=NONE, finger={"tip_body": body}), 6)
+    assert chain.chain.first_frequency == pytest.approx(chain.frequencies(np.zeros(6), 1)[0], rel=1e-6)
+
+
+def test_positive_tension_on_tendon_one_bends_towards_minus_x():
+    chain = Chain(rod_scene(UNIT, gravity=NONE, **pulled(60.0, 5.0)), 20)
+    assert chain.equilibrium().sum() == pytest.approx(55.0 * 0.02, rel=0.01)
+
+
+def moved(scene, duration):
+    """A chain of few links after some time under the controls of its scene."""
+    chain = Chain(scene, 12)
+    mujoco.mj_resetDataKeyframe(chain.model, chain.data, 0)
+    while chain.data.time < duration - 1e-9:
+        chain.data.ctrl = chain.chain.controls(chain.data.time)[0]
+        mujoco.mj_step(chain.model, chain.data)
+    mujoco.mj_forward(chain.model, chain.data)  # a step leaves places as they were at its start
+    return chain
+
+
+def test_a_finger_comes_to_rest_against_a_disc():
+    scene = cg.load("configs/simulate/swing_against_disc.yaml")
+    chain = moved(scene, 1.0)
+    assert chain.data.ncon > 0
+    # It touches with all of its length, the scene's finger at two stations.
+    assert chain.tip == pytest.approx(cg.simulate(scene).tip[-1], abs=2e-3)
+
+
+SHAPES = {
+    "circle": ({"shape": "circle", "diameter": 0.2}, 0.1),
+    "stadium": ({"shape": "stadium", "length": 0.3, "radius": 0.05}, 0.05),
+    "box": ({"shape": "box", "width": 0.3, "height": 0.16}, 0.08),
+    "ellipse": ({"shape": "ellipse", "width": 0.3, "height": 0.12}, 0.06),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_object_falls_and_rests_on_a_wall(shape):
+    fields, height = SHAPES[shape]
+    scene = rod_scene(
+        UNIT,
+        gravity=(0.0, -10.0),
+        object={**fields, "mass": 2.0, "position": [3.0, -0.6]},
+        object_moves=True,
+        supports={"floor": {"type": "palm", "point": [0.0, -1.0], "normal_angle": 0.5 * math.pi}},
+        contact_law={"stiffness": 1e4, "friction": 0.3},
+        time={"duration": 1.0, "step": 0.001},
+        initial={"pose": "straight"},
+    )
+    falling, resting = moved(scene, 0.1), moved(scene, 1.0)
+    h = falling.model.opt.timestep
+    assert falling.data.body("object").xpos[1] == pytest.approx(-0.6 - 5.0 * 0.1 * (0.1 + h), abs=1e-9)
+    assert resting.data.body("object").xpos[:2] == pytest.approx([3.0, height - 1.0], abs=2e-3)
+    assert resting.data.ncon > 0
+
+
+@pytest.mark.parametrize(
+    ("config", "changes", "key"),
+    [
+        ("hold_mug", {}, "out_of_plane_gravity"),
+        ("tendon_step", {"finger.tendons.friction": 0.1}, "finger.tendons"),
+    ],
+)
+def test_what_a_chain_cannot_have_is_refused(config, changes, key):
+    with pytest.raises(InputError, match=key):
+        cg.export_mjcf(cg.load(f"configs/simulate/{config}.yaml", changes))
+
+
+def test_too_few_and_too_many_hinges_are_refused():
+    scene = SCENES["cone, tendons that end inside"]
+    with pytest.raises(InputError, match="hinges: expected 2 at least"):
+        cg.export_mjcf(scene, hinges=1)
+    thin = cg.load("configs/simulate/hanging.yaml", {"finger.rod.diameter": 1e-4, "finger.masses": []})
+    with pytest.raises(InputError, match="take fewer"):
+        cg.export_mjcf(thin, hinges=1000)
