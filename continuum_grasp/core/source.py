@@ -14,6 +14,7 @@ import casadi as ca
 
 from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
+from continuum_grasp.core.sweeps import with_loops
 
 _PLACE = re.compile(r"<<(\w+)>>")
 _BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
@@ -87,7 +88,7 @@ def generated(name: str, *functions: ca.Function) -> str:
     generator = ca.CodeGenerator(f"{name}.c", options)
     for function in functions:
         generator.add(function)
-    return str(generator.dump())
+    return with_loops(str(generator.dump()), _fill)
 
 
 def lane_prelude(real: str) -> str:

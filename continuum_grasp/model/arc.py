@@ -13,7 +13,10 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.model.family import Array, Family, Pattern, Pieces, Rod, overlaps
 from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
@@ -190,6 +193,14 @@ class ArcFamily(Family):
             )
             for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True))
         ]
+
+    def pattern(self, rod: Rod) -> Pattern:
+        accuracy = self.accuracy or self.default_accuracy
+
+        def link(local: Sequence[Scalar], row: ca.SX) -> Arc:
+            return Arc(local[0], row[0], rod.linear_density, rod.rotary_inertia, max(rod.ranges), accuracy)
+
+        return Pattern(np.array(rod.lengths, dtype=float)[:, None], link)
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
         n = self.elements

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
+from continuum_grasp.model.family import Array, Family, Pattern, Pieces, Rod, overlaps
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import node_count
+from continuum_grasp.model.tabulated import TabulatedLink
 
 
 class Clothoid(CollocatedLink):
@@ -101,6 +104,19 @@ class ClothoidFamily(Family):
             )
             links.append(LoadedLink(link, tuple(carried)))
         return links
+
+    def pattern(self, rod: Rod) -> Pattern:
+        runtime = not isinstance(rod.linear_density, float)
+        plain = replace(rod, linear_density=1.0, masses=()) if runtime else replace(rod, masses=())
+        links = [loaded.link for loaded in self.links([0.0] * self.size, plain)]
+        tables = [link.table for link in links if isinstance(link, Clothoid)]
+        reach = np.max([link.reach for link in links if isinstance(link, Clothoid)], axis=0).tolist()
+        density = rod.linear_density if runtime else 1.0
+
+        def link(local: Sequence[Scalar], row: ca.SX) -> TabulatedLink:
+            return TabulatedLink(local, tables[0].filled(row), reach, density, rod.rotary_inertia)
+
+        return Pattern(np.array([table.numbers for table in tables]), link)
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
         matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]

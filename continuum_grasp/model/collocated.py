@@ -26,6 +26,7 @@ from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.quadrature import collocation
 from continuum_grasp.model.stumpff import rotation
+from continuum_grasp.model.tabulated import LinkTable
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,18 @@ class CollocatedLink(Link):
             sum((self._length * (b - a) * q for a, b, q in zip(before, after, self._local, strict=True)), 0.0)
             for before, after in itertools.pairwise(angles)
         ]
+
+    @property
+    def table(self) -> LinkTable:
+        """The link as numbers, without rotary inertia; its length and density must be numbers."""
+        h, rule = float(self._length), self._rule
+        places = h * np.array([self._angles(float(u)) for u in (0.0, *rule.nodes, 1.0)]).T
+        return LinkTable.of(places, h * rule.weights, self._kernel, self._mean, float(self._mass))
+
+    @property
+    def reach(self) -> list[float]:
+        """Greatest turns from node to node [rad]."""
+        return [self._angle_range * float(step) for step in self._rule.steps]
 
     # -- kinematics ----------------------------------------------------------------------------------------------
 

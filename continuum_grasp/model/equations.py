@@ -19,6 +19,7 @@ from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Section
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
 from continuum_grasp.model.structure import Structure
+from continuum_grasp.model.sweep import Builder, sweep_function
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -106,13 +107,20 @@ class Equations:
     # -- geometry ------------------------------------------------------------------------------------------------
 
     @cached_property
+    def rod(self) -> Rod:
+        """What the family needs to know of the rod."""
+        par, made = self._par, self._structure
+        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in made.masses())
+        # One kernel serves all links of a sweep: they then have the series and nodes of the one that bends most.
+        ranges = (max(made.ranges),) * len(made.ranges) if made.sweeps else made.ranges
+        return Rod(self.lengths, ranges, par["linear_density"], par["rotary_inertia"], masses)
+
+    @cached_property
     def chain(self) -> Chain:
         """The chain of links."""
-        family, par = self._family, self._par
-        masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
-        rod = Rod(self.lengths, self._structure.ranges, par["linear_density"], par["rotary_inertia"], masses)
+        family = self._family
         local = [family.local(k) for k in range(len(self.lengths))]
-        return Chain(family.links(self.full, rod), local, family.size)
+        return Chain(family.links(self.full, self.rod), local, family.size)
 
     @cached_property
     def turn(self) -> Rotation:
@@ -258,9 +266,22 @@ class Equations:
     @cached_property
     def rest(self) -> list[Scalar]:
         """Integral of the rest curvature times the curvature shapes."""
-        if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
+        if self._par.is_runtime("element_lengths"):
             return [self._tip_rest * r for r in self._family.rest_uniform(self.lengths)]
-        return list(self._family.rest(self._structure.lengths, self._structure.finger.curvature_pieces))
+        return [self.rest_factor * r for r in self.rest_numbers]
+
+    @cached_property
+    def rest_factor(self) -> Scalar:
+        """Factor of ``rest_numbers``: a uniform rest curvature that is a run-time argument."""
+        return self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else 1.0
+
+    @cached_property
+    def rest_numbers(self) -> list[float]:
+        """The same integrals as numbers, of numeric element lengths."""
+        made = self._structure
+        if self._par.is_runtime("rest_curvature"):
+            return [float(r) for r in self._family.rest_uniform(made.lengths)]
+        return list(self._family.rest(made.lengths, made.finger.curvature_pieces))
 
     @cached_property
     def elastic(self) -> list[Scalar]:
@@ -309,11 +330,15 @@ class Equations:
         """Mass matrix of the unknowns."""
         return [row[: self._structure.n] for row in self.chain.mass_matrix[: self._structure.n]]
 
+    @property
+    def tip_acceleration(self) -> Scalar:
+        """Acceleration of a matched tip's coordinate."""
+        return self._per_stiffness(self.drive.acceleration) if self._structure.matched else 0.0
+
     @cached_property
     def tip_inertia_force(self) -> list[Scalar]:
         """Inertia of the matched tip's own motion, M_qN kappa_N'': without it, ramps of the moment cost millimeters."""
-        acceleration = self._per_stiffness(self.drive.acceleration) if self._structure.matched else 0.0
-        return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._structure.n]]
+        return [row[-1] * self.tip_acceleration for row in self.chain.mass_matrix[: self._structure.n]]
 
     @cached_property
     def bias(self) -> list[Scalar]:
@@ -355,6 +380,15 @@ class Equations:
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         rates += solve_ldl(self.mass_matrix, self.net_force)
         return [*rates, self.lag[1], self.lag_acceleration] if self._structure.lagged else rates
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether sweeps along the chain give the accelerations."""
+        return self._structure.sweeps
+
+    def sweep(self, *, moving: bool = True, implicit: bool = False) -> ca.Function:
+        """Rates of the unknowns' rates, and those of the lag, by sweeps; see ``model.sweep``."""
+        return sweep_function(Builder(self._structure, self, moving=moving, implicit=implicit))
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

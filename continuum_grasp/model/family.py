@@ -8,16 +8,18 @@ model but a function of its input.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.link import Link, LoadedLink
 from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.tabulated import TabulatedLink
 from continuum_grasp.scene.families import FAMILIES
 
 Array = NDArray[np.float64]
@@ -34,6 +36,14 @@ class Rod:
     linear_density: Scalar  # rho A [kg/m]
     rotary_inertia: Scalar  # rho I [kg m]
     masses: tuple[tuple[int, float, Scalar], ...]  # (element, fraction of its length, mass [kg])
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One link for all elements: what it needs to know of each is a row of numbers."""
+
+    rows: Array  # (N, T)
+    link: Callable[[Sequence[Scalar], ca.SX], Link | TabulatedLink]  # of local coordinates and a row (T,)
 
 
 class Family(ABC):
@@ -103,6 +113,10 @@ class Family(ABC):
     @abstractmethod
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
         """The chain's links."""
+
+    def pattern(self, rod: Rod) -> Pattern | None:
+        """One link for all, without point masses, of numeric lengths; None where there is none."""
+        return None
 
     @abstractmethod
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:

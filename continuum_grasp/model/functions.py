@@ -79,7 +79,18 @@ class Functions(Remade, Summarized):
         commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
         return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
-    forward_dynamics = named("x u w p", xd=lambda eq: eq.state_rate)
+    @cached_property
+    def forward_dynamics(self) -> ca.Function:
+        """(x, u, w, p) -> xd; the class describes them."""
+        eq = self._equations
+        if not eq.sweeps:
+            return self._function("forward_dynamics", "x u w p", xd=eq.state_rate)
+        x, u, w, p = arguments = [ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp"]
+        rates, lagging = eq.sweep()(x, u, w, p)
+        n = eq.q.numel()
+        xd = ca.vertcat(x[n : 2 * n], rates, lagging)
+        return ca.Function("forward_dynamics", arguments, [xd], ["x", "u", "w", "p"], ["xd"])
+
     linearization = named(
         "x u w p",
         A=lambda eq: ca.jacobian(column(eq.state_rate), eq.x),

@@ -21,6 +21,11 @@ from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.simulate import Initial, Scene
 
 
+FEWEST_SWEPT = 16
+"""Elements from which on sweeps are taken [1]: with 8 they take 0.8 to 1.1 times the instructions of the dense solution
+as one straight program, with 16 half of them; ``python -m benchmarks.bench_elements``."""
+
+
 class Structure:
     """The resolved structure of a model; arguments and errors as in ``FingerModel``."""
 
@@ -107,6 +112,27 @@ class Structure:
         """Whether tendon friction is modeled."""
         tendons = self.finger.tendons
         return tendons is not None and (tendons.friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
+
+    @property
+    def dense_because(self) -> str:
+        """Why the equations of motion are solved densely; empty where sweeps along the chain solve them."""
+        if len(self.lengths) < FEWEST_SWEPT:
+            return f"fewer than {FEWEST_SWEPT} elements"
+        if type(self.family).pattern is Family.pattern:
+            return f"family {self.family_name} has no pattern for all its links"
+        if self.parameters.is_runtime("element_lengths"):
+            return "element_lengths at run time"
+        for name, place in self.masses():
+            if place.fraction != 1.0:
+                return f"{name} inside an element"
+            if place != self.tip and self.parameters.is_runtime(name):
+                return f"{name} at run time"
+        return ""
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether sweeps along the chain solve the equations of motion."""
+        return not self.dense_because
 
     def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
         """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range."""
