@@ -3,37 +3,44 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.model.sweep import SECTION, SWEEPS, Kernels
 
 _FUNCTION = re.compile(r"^/\* (\w+):\(.*\*/\nstatic int (\w+)\((.*)\) \{\n", re.MULTILINE)
+_PRELUDE = "/* lanes */\n"
 
 
-def with_loops(source: str, fill: Callable[..., str]) -> str:
-    """CasADi's C with a loop in place of each sweep; ``fill`` is that of the templates."""
-    found = {match[1]: match for match in _FUNCTION.finditer(source)}
+def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
+    """CasADi's C with a loop in place of each sweep; ``fill`` is that of the templates,
+    ``prelude`` what lanes need."""
+    found = dict[str, re.Match[str]]()
+    for match in _FUNCTION.finditer(source):
+        found.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them
     # Backwards, so that the places of those before stay as they are.
     for name, match in reversed(found.items()):
         if name not in SWEEPS:
             continue
         made = SWEEPS[name]
-        calls = [found[f.name()][2] if f.name() in found else "" for f in made.functions]
+        symbols = {f.name(): found[f.name()][2] for f in made.functions if f.name() in found}
         end = source.index("\n}\n", match.end()) + 3
         head = source[match.start() : match.end()].rstrip("{\n").replace("* w,", "* work,")
-        source = f"{source[: match.start()]}{head}\n{fill('sweep.c', **_words(made, calls))}\n{source[end:]}"
-    return source
+        body = f"{_PRELUDE}{lane_function(made.outward)}\n{head}\n{fill('sweep.c', **_words(made, symbols))}\n"
+        source = f"{source[: match.start()]}{body}{source[end:]}"
+    return source.replace(_PRELUDE, prelude, 1).replace(_PRELUDE, "")
 
 
-def _words(made: Kernels, calls: list[str]) -> dict[str, object]:
-    head, outward, loads, inward, root, onward = made.functions
+def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
+    head, carry, outward, _, _, inward, root, _ = made.functions
     sizes = {
         "drive": head.size1_out("drive"),
         "end": head.size1_out("end"),
         "start": root.size1_out("start"),
-        "spin": outward.size1_in("spin"),
+        "spin": carry.size1_in("spin"),
+        "p": outward.size1_in("p"),
         "shape": outward.size1_out("shape"),
         "body": outward.size1_out("body"),
         "gain": inward.size1_out("gain"),
@@ -45,7 +52,11 @@ def _words(made: Kernels, calls: list[str]) -> dict[str, object]:
     return {
         # Arrays have an entry at least.
         **{name: max(size, 1) for name, size in sizes.items()},
-        **dict(zip(("head", "outward", "load", "inward", "root", "onward"), calls, strict=True)),
+        **{f"{f.name().partition('_')[0]}_of": symbols.get(f.name(), "") for f in made.functions},
+        "outward": outward.name(),
+        "widest": max(outward.size1_in(k) for k in range(5)) or 1,
+        "drives": sizes["drive"],
+        "ps": sizes["p"],
         "rows": ",\n".join(f"{{{', '.join(map(repr, row))}}}" for row in np.asarray(made.rows).tolist() if row),
         "loaded": ", ".join(map(str, made.loaded)),
         "loads": len(made.loaded),

@@ -386,6 +386,11 @@ class Equations:
         """Whether sweeps along the chain give the accelerations."""
         return self._structure.sweeps
 
+    @property
+    def sweep_instructions(self) -> int:
+        """Instructions of the sweeps that give the accelerations."""
+        return Builder(self._structure, self).kernels().instructions
+
     def sweep(self, *, moving: bool = True, implicit: bool = False) -> ca.Function:
         """Rates of the unknowns' rates, and those of the lag, by sweeps; see ``model.sweep``."""
         return sweep_function(Builder(self._structure, self, moving=moving, implicit=implicit))

@@ -4,7 +4,7 @@ A body hinged to others is eliminated from the equations of those before it (art
 Rigid Body Dynamics Algorithms, 2008, doi:10.1007/978-1-4899-7560-7, chapter 7). Here a body is a flexible link and what
 is eliminated are its bending coordinates. Three kernels are functions of one link:
 
-    outward     shape, inertia and forces of the link
+    outward     shape, inertia and forces of the link, of all links side by side
     inward      inertia P and force g that the start of the link feels of all that is beyond, coordinates eliminated
     onward      accelerations, from the start of the link to its end
 
@@ -49,16 +49,19 @@ class Kernels:
     | function | inputs                              | outputs                                  |
     |----------|-------------------------------------|------------------------------------------|
     | head     | lag, u, p                           | drive, tip, tip_rate, end, base, lagging |
-    | outward  | spin, q, qd, r, row, drive, p, part | spun, shape, body                        |
-    | loads    | spins, x, u, w, p                   | force                                    |
+    | carry    | spin, q, qd, row                    | spun                                     |
+    | outward  | spin, q, qd, r, row, drive, p, part | shape, body                              |
+    | turn     | turn, shape                         | turned                                   |
+    | loads    | turns, x, u, w, p                   | force                                    |
     | inward   | end, shape, body, row, p, force     | handed, gain                             |
     | root     | end, base                           | start                                    |
     | onward   | start, shape, gain, row             | following, rates                         |
 
-    q, qd and r are the local entries of full vectors, ``row`` describes the link, ``end`` is what the inward sweep
-    hands on, ``start`` the accelerations at the start of a link, ``rates`` those of the coordinates that it does not
-    share with the link before. ``spins`` are those at the start of the loaded links, one after the other, ``force``
-    has a column per load. Inputs of no use are empty.
+    q, qd and r are the local entries of full vectors, ``row`` describes the link, ``spin`` is what motion and friction
+    at its start depend on of the links before, ``turn`` its rotation, ``end`` what the inward sweep hands on, ``start``
+    the accelerations at the start of a link, ``rates`` those of the coordinates that it does not share with the link
+    before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load. Inputs of no
+    use are empty.
 
     Attributes
     ----------
@@ -72,7 +75,9 @@ class Kernels:
     """
 
     head: ca.Function
+    carry: ca.Function
     outward: ca.Function
+    turn: ca.Function
     loads: ca.Function
     inward: ca.Function
     root: ca.Function
@@ -100,13 +105,13 @@ class Kernels:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All of them."""
-        return self.head, self.outward, self.loads, self.inward, self.root, self.onward
+        return self.head, self.carry, self.outward, self.turn, self.loads, self.inward, self.root, self.onward
 
     @cached_property
     def instructions(self) -> int:
         """Instructions of an evaluation."""
-        repeated = (self.outward, self.inward, self.onward)
-        return sum(int(f.n_instructions()) * (self.links if f in repeated else 1) for f in self.functions)
+        once = {f.name() for f in (self.head, self.loads, self.root)}
+        return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
 
 
 class Builder:
@@ -164,7 +169,9 @@ class Builder:
         """All kernels."""
         return Kernels(
             self._head(),
+            self._carry(),
             self._outward(),
+            self._turn(),
             self._load_forces(),
             self._inward(),
             self._root(),
@@ -182,13 +189,32 @@ class Builder:
         return ca.Function(f"{name}_{_digest(ca.Function(name, *arguments).serialize().encode())}", *arguments)
 
     @property
-    def _turned(self) -> bool:
-        """Whether forces need the rotation of the links."""
-        return bool(self._loads)
-
-    @property
     def _rubs(self) -> bool:
         return self.moving and self._made.has_tendon_friction
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """What is carried to a link, its coordinates and their rates."""
+        spin = ca.SX.sym("spin", int(self.moving) + self._rubs)
+        return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local if self.moving else 0)
+
+    def _carry(self) -> ca.Function:
+        spin, q, qd = self._symbols()
+        following: list[Scalar] = []
+        if self.moving:
+            shape = q + self._own["steps"]
+            bends = column(list(self._pattern.link([0.0] * self._local, self._numbers).end.angles))
+            following.append(spin[0] + ca.dot(bends, qd))
+            if self._rubs:
+                following.append(friction_step(0.0, spin[1], ca.dot(bends, shape), self._own["share"])[1])
+        return self._function("carry", {"spin": spin, "q": q, "qd": qd, "row": self.row}, {"spun": following})
+
+    def _turn(self) -> ca.Function:
+        turn, shape = ca.SX.sym("turn", 2 * bool(self._loads)), ca.SX.sym("shape", 4 + 2 * self._local + 2)
+        turned: list[Scalar] = []
+        if self._loads:
+            after = Rotation(turn[0], turn[1]) @ Rotation(shape[0], shape[1])
+            turned = [after.c, after.s]
+        return self._function("turn", {"turn": turn, "shape": shape}, {"turned": turned})
 
     def _head(self) -> ca.Function:
         eq, size = self.equations, SECTION + self._shared
@@ -220,16 +246,14 @@ class Builder:
 
     def _outward(self) -> ca.Function:
         size, par, moving = self._local, self._par, self.moving
-        q, qd = ca.SX.sym("q", size), ca.SX.sym("qd", size if moving else 0)
+        spin, q, qd = self._symbols()
         r = ca.SX.sym("r", size * self.implicit * (1 if moving else 2))
-        spin = ca.SX.sym("spin", int(moving) + 2 * self._turned + self._rubs)
         drive, part = ca.SX.sym("drive", 2 * moving), ca.SX.sym("part", int(self.implicit))
         shape = q + self._own["steps"]
         link = self._pattern.link([shape[a] for a in range(size)], self._numbers)
         end, inertia = link.end, link.inertia
         block = _symmetric(self._own["stiffness"], size)
         bends = column(list(end.angles))
-        following: list[Scalar] = []
         force = ca.SX.zeros(SECTION)
         beta = ZERO
         stiffness, damping, per_arc = (par[k] for k in ("bending_stiffness", "material_damping", "per_arc_damping"))
@@ -241,15 +265,9 @@ class Builder:
             own = column(list(bias.generalized)) - elastic
             own -= ca.mtimes(block, damping * qd) + bends * (per_arc * ca.dot(bends, qd))
             moment = drive[0]
-            following.append(omega + ca.dot(bends, qd))
-            if self._turned:
-                turned = Rotation(spin[1], spin[2]) @ end.rotation
-                following += [turned.c, turned.s]
             if self._rubs:
                 bend, share = ca.dot(bends, shape), self._own["share"]
-                factor, total = friction_step(par["tendon_friction"], spin[-1], bend, share)
-                moment = factor * moment
-                following.append(total)
+                moment = friction_step(par["tendon_friction"], spin[1], bend, share)[0] * moment
             own += bends * (moment + drive[1])
             force = column([bias.force.y, -bias.force.x, bias.moment])
         else:
@@ -277,23 +295,22 @@ class Builder:
                 "p": self.equations.p,
                 "part": part,
             },
-            {"spun": following, "shape": spots, "body": body},
+            {"shape": spots, "body": body},
         )
 
     def _load_forces(self) -> ca.Function:
         """Generalized forces of point loads on the section and the coordinates of their links."""
-        eq, entries = self.equations, 1 + 2 * self._turned + self._rubs
-        spins = ca.SX.sym("spins", entries * len(self._loads))
+        eq, turns = self.equations, ca.SX.sym("turns", 2 * len(self._loads))
         forces: list[Scalar] = []
         for j, load in enumerate(self._loads):
             section = eq.chain.links[load.place.link].link.section(load.place.fraction)
-            turn = Rotation(spins[entries * j + 1], spins[entries * j + 2])
+            turn = Rotation(turns[2 * j], turns[2 * j + 1])
             force = (section.rotation if load.follows else turn.transposed()).apply(load.force)
             forces += [force.y, -force.x, section.position.cross(force) + load.couple]
             for arm, angle in zip(section.arms, section.angles, strict=True):
                 forces.append(arm.cross(force) + angle * load.couple)
         return self._function(
-            "loads", {"spins": spins, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces}
+            "loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces}
         )
 
     def _inward(self) -> ca.Function:
@@ -491,14 +508,23 @@ def sweep_function(builder: Builder) -> ca.Function:
     q = windows(x[:n], tip)
     qd = windows(x[n : 2 * n], tip_rate) if builder.moving else empty
     r = ca.vertcat(empty, *[windows(inputs[key], none) for key in ("r", "v") if key in inputs])
-    rows, start = ca.MX(ca.DM(made.rows.T)), ca.DM([0.0, 1.0, 0.0, 0.0][: made.outward.size1_in("spin")])
+    rows = ca.MX(ca.DM(made.rows.T))
     part = inputs.get("part", ca.MX(0, 1))
     same = [ca.repmat(each, 1, count) for each in (drive, p, part)]
-    spins, shape, body = made.outward.mapaccum(count)(start, q, qd, r, rows, *same)
+
+
+    def from_base(state: ca.DM, function: ca.Function, *given: ca.MX) -> ca.MX:
+        """What a function accumulates, at the start of every link."""
+        if not state.numel():
+            return empty
+        return ca.horzcat(state, function.mapaccum(count)(state, *given)[:, :-1])
+
+    spins = from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows)
+    shape, body = made.outward.map(count)(spins, q, qd, r, rows, *same)
     force = ca.MX(made.inward.size1_in("force"), count)
     if made.loaded:
-        before = ca.horzcat(ca.MX(start), spins[:, :-1])
-        found = made.loads(ca.vec(before[:, list(made.loaded)]), x, u, w, p)
+        turns = from_base(ca.DM([1.0, 0.0]), made.turn, shape)
+        found = made.loads(ca.vec(turns[:, list(made.loaded)]), x, u, w, p)
         columns: list[ca.MX] = [ca.MX.zeros(force.shape[0])] * count
         for link, load in zip(made.loaded, ca.horzsplit(ca.reshape(found, force.shape[0], -1)), strict=True):
             columns[link] = columns[link] + load
