@@ -70,7 +70,7 @@ ALLOWED = {
 """Modules by who imports them; ``cli`` and the package itself may import everything."""
 DRAWING = {"matplotlib", "typer", "rich"}
 OUTSIDE = {
-    "scene": {"casadi", "numpy", "scipy", *DRAWING},
+    "scene": {"casadi", *DRAWING},
     "rod": {"casadi", "yaml", *DRAWING},
     **{
         module: {"yaml", *DRAWING}
@@ -165,6 +165,20 @@ def test_drawing_is_imported_when_needed(importer):
         if module_of(file) == importer
         for module, line, at_load in imports(file)
         if at_load and inside(module) == "plotting"
+    ]
+    assert not wrong
+
+
+def test_scenes_are_read_without_numpy():
+    """Which loads with the curves of a finger, when these are asked for."""
+    curves = {PACKAGE / "scene" / name for name in ("profile.py", "graded_profile.py")}
+    heavy = {"numpy", "scipy", *(f"continuum_grasp.scene.{file.stem}" for file in curves)}
+    wrong = [
+        f"{file.relative_to(PACKAGE)}:{line}: {module}"
+        for file in FILES
+        if module_of(file) == "scene" and file not in curves
+        for module, line, at_load in imports(file)
+        if at_load and (module in heavy or module.split(".")[0] in heavy)
     ]
     assert not wrong
 

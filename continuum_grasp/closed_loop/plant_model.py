@@ -15,8 +15,9 @@ from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.finger import PointMass, Rod
+from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
@@ -33,7 +34,7 @@ def plant_scene(scene: ControlScene) -> Scene:
     rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendons, finger.masses
     # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
     # does not depend on its number of elements.
-    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
+    elements = element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)
     material = damping.material + damping.per_arc * rod.length / len(elements)
     stiffer = Rod(
         length=rod.length,

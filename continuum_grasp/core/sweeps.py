@@ -15,8 +15,10 @@ _PRELUDE = "/* lanes */\n"
 
 
 def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
-    """CasADi's C with a loop in place of each sweep; ``fill`` is that of the templates,
-    ``prelude`` what lanes need."""
+    """CasADi's C with a loop in place of each sweep.
+
+    ``fill`` is that of the templates, ``prelude`` is what lanes need.
+    """
     found = dict[str, re.Match[str]]()
     for match in _FUNCTION.finditer(source):
         found.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them

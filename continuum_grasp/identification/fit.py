@@ -16,7 +16,8 @@ from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.identification.unknowns import DEADBAND
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
-from continuum_grasp.scene.finger import PointMass, Rod
+from continuum_grasp.scene.finger import PointMass
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]

@@ -66,6 +66,15 @@ class Link(ABC):
     def section(self, fraction: Scalar) -> Section:
         """The section at a fraction of the length, 0 at the start and 1 at the end."""
 
+    @abstractmethod
+    def bend(self, fraction: Scalar) -> Scalar:
+        """Bending angle from the start to the section at a fraction of the length [rad]."""
+
+    @property
+    @abstractmethod
+    def curvatures(self) -> list[Scalar]:
+        """Curvature [1/m] at the ``places`` of the family, then wherever else it may be greatest."""
+
     @property
     @abstractmethod
     def waypoints(self) -> tuple[tuple[float, Vec], ...]:

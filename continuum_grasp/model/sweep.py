@@ -26,6 +26,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import friction_step
 from continuum_grasp.model.link import is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
@@ -114,6 +115,27 @@ class Kernels:
         return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
 
 
+FEWEST_ELEMENTS = 16
+"""Elements from which on sweeps are taken [1]: fewer are one straight program, which vector lanes and derivatives take
+as it is (``python -m benchmarks.bench_elements``)."""
+
+
+def why_dense(made: Structure) -> str:
+    """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
+    if len(made.lengths) < FEWEST_ELEMENTS:
+        return f"fewer than {FEWEST_ELEMENTS} elements"
+    if made.parameters.is_runtime("element_lengths"):
+        return "element_lengths at run time"
+    if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:
+        return "a known moment that ends inside an element"
+    for name, place in made.masses():
+        if not is_end(place.fraction):
+            return f"{name} inside an element"
+        if place != made.tip and made.parameters.is_runtime(name):
+            return f"{name} at run time"
+    return ""
+
+
 class Builder:
     """Writes the kernels of a model.
 
@@ -125,10 +147,11 @@ class Builder:
         self._made, self._par = made, made.parameters
         self.equations, self.moving, self.implicit = equations, moving, implicit
         self._family = family = made.family
-        local = [family.local(k) for k in range(len(made.lengths))]
-        self._local = len(local[0])
-        self._shared = len(set(local[0]) & set(local[1]))
-        self._pattern = family.pattern(equations.rod)
+        self._local = len(family.local(0))
+        self._shared = len(set(family.local(0)) & set(family.local(1)))
+        if equations.pattern is None:
+            raise InputError("these equations of motion are solved densely")
+        self._pattern = equations.pattern
         self._loads = equations.loads if moving else []
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
@@ -138,24 +161,25 @@ class Builder:
 
     @property
     def _splits(self) -> list[int]:
-        sizes = (self._local, self._local, self._local * (self._local + 1) // 2, 1, 1)
+        size, sources = self._local, len(self._made.sources)
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, 1)
         return [0, *np.cumsum(sizes).tolist()]
 
     def _described(self) -> tuple[ca.SX, Array]:
         """The row of a link as expressions, and the rows of numbers of those entries that are not the same for all."""
         made, family, size = self._made, self._family, self._local
-        single = type(family)(1, family.accuracy)
-        masses = {place.link: name for name, place in made.masses() if place is not made.tip}
-        rest, rows = self.equations.rest_numbers, []
+        masses = {place.link: name for name, place in made.masses() if place != made.tip}
+        rows = []
         for k, h in enumerate(made.lengths):
-            block = single.stiffness([h])
+            local, block = family.local(k), family.block(k, h)
             lower = [block[a][b] for a in range(size) for b in range(a + 1)]
-            places = family.local(k)
-            # A coordinate that neighbors share belongs to the earlier link; the base's to the first.
-            own = [0.0 if k and a < self._shared else rest[place] for a, place in enumerate(places)]
-            steps = family.shape(k, [0.0] * family.size)
+            if family.nodal is None:
+                driven = [family.work(k, made.lengths, source.shape)[a] for a in local for source in made.sources]
+            else:
+                driven = [*np.vstack([family.nodal, family.known[:1]])[list(local)].ravel()]
+            bends = [family.work(k, made.lengths)[a] for a in local]
             mass = float(self._par[masses[k]]) if k in masses else 0.0
-            rows.append([*self._pattern.rows[k], *steps, *own, *lower, mass, h / made.length])
+            rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, h / made.length])
         numbers = np.array(rows, dtype=float)
         varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
         symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
@@ -201,11 +225,10 @@ class Builder:
         spin, q, qd = self._symbols()
         following: list[Scalar] = []
         if self.moving:
-            shape = q + self._own["steps"]
-            bends = column(list(self._pattern.link([0.0] * self._local, self._numbers).end.angles))
-            following.append(spin[0] + ca.dot(bends, qd))
+            following.append(spin[0] + ca.dot(self._own["bends"], qd))
             if self._rubs:
-                following.append(friction_step(0.0, spin[1], ca.dot(bends, shape), self._own["share"])[1])
+                bend = self._pattern.link(ca.vertsplit(q), self._numbers).whole_bend
+                following.append(friction_step(0.0, spin[1], bend, self._own["share"])[1])
         return self._function("carry", {"spin": spin, "q": q, "qd": qd, "row": self.row}, {"spun": following})
 
     def _turn(self) -> ca.Function:
@@ -218,19 +241,25 @@ class Builder:
 
     def _head(self) -> ca.Function:
         eq, size = self.equations, SECTION + self._shared
-        drive: list[Scalar] = [eq.drive.moment, eq.drive.couple] if self.moving else []
         held = self._made.matched
+        if not self.moving:
+            drive = []
+        elif held:
+            drive = [eq.per_stiffness([1.0], [each.total]) for each in eq.drives]
+        else:
+            # Friction wears the moments of the tendons, not the couples.
+            drive = [v for each in eq.drives for v in ((each.moment, each.couple) if self._rubs else (each.total,))]
         tip: list[Scalar] = [eq.full[-1]] if held else []
         tip_rate: list[Scalar] = [eq.full_rates[-1]] if held and self.moving else []
-        carried = [self._par[name] for name, place in self._made.masses() if place is self._made.tip]
+        carried = [self._par[name] for name, place in self._made.masses() if place == self._made.tip]
         mass = sum(carried, 0.0)
         # A point mass moves with the section and does not turn with it.
         end: list[Scalar] = [mass if a == b and a < 2 else 0.0 for a in range(size) for b in range(a + 1)]
         end += [0.0] * size
         if held:
-            end += [0.0, eq.tip_acceleration if self.moving else 0.0]
+            end += [0.0, eq.known_accelerations[0] if self.moving else 0.0]
         weight = eq.gravity_vector.perp() if self.moving else ZERO
-        lagging = [eq.lag[1], eq.lag_acceleration] if self.moving and self._made.lagged else []
+        lagging = eq.lag_rates if self.moving else []
         return self._function(
             "head",
             {"lag": eq.lag, "u": eq.u, "p": eq.p},
@@ -248,27 +277,28 @@ class Builder:
         size, par, moving = self._local, self._par, self.moving
         spin, q, qd = self._symbols()
         r = ca.SX.sym("r", size * self.implicit * (1 if moving else 2))
-        drive, part = ca.SX.sym("drive", 2 * moving), ca.SX.sym("part", int(self.implicit))
-        shape = q + self._own["steps"]
-        link = self._pattern.link([shape[a] for a in range(size)], self._numbers)
+        sources = len(self._made.sources)
+        drive, part = ca.SX.sym("drive", sources * (1 + self._rubs) * moving), ca.SX.sym("part", int(self.implicit))
+        link = self._pattern.link(ca.vertsplit(q), self._numbers)
         end, inertia = link.end, link.inertia
-        block = _symmetric(self._own["stiffness"], size)
-        bends = column(list(end.angles))
+        block, bends = _symmetric(self._own["stiffness"], size), self._own["bends"]
+        driven = ca.reshape(self._own["driven"], sources, size).T
         force = ca.SX.zeros(SECTION)
         beta = ZERO
-        stiffness, damping, per_arc = (par[k] for k in ("bending_stiffness", "material_damping", "per_arc_damping"))
+        stiffness, per_arc, damping = par["bending_stiffness"], par["per_arc_damping"], self.equations.viscosity
         if moving:
             omega = spin[0]
             bias = link.bias(omega, [qd[a] for a in range(size)])
             beta = bias.end.perp()
-            elastic = stiffness * (ca.mtimes(block, shape) - self.equations.rest_factor * self._own["rest"])
-            own = column(list(bias.generalized)) - elastic
-            own -= ca.mtimes(block, damping * qd) + bends * (per_arc * ca.dot(bends, qd))
-            moment = drive[0]
+            # What the input bends is subtracted from the coordinates where it is known.
+            above = q - ca.mtimes(driven, drive) if self._made.matched else q
+            own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
+            own -= bends * (per_arc * ca.dot(bends, qd))
             if self._rubs:
-                bend, share = ca.dot(bends, shape), self._own["share"]
-                moment = friction_step(par["tendon_friction"], spin[1], bend, share)[0] * moment
-            own += bends * (moment + drive[1])
+                factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
+                own += ca.mtimes(driven, factor * drive[::2] + drive[1::2])
+            elif not self._made.matched:
+                own += ca.mtimes(driven, drive)
             force = column([bias.force.y, -bias.force.x, bias.moment])
         else:
             own = ca.SX.zeros(size)
@@ -309,9 +339,7 @@ class Builder:
             forces += [force.y, -force.x, section.position.cross(force) + load.couple]
             for arm, angle in zip(section.arms, section.angles, strict=True):
                 forces.append(arm.cross(force) + angle * load.couple)
-        return self._function(
-            "loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces}
-        )
+        return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
 
     def _inward(self) -> ca.Function:
         size, shared, state = self._local, self._shared, SECTION + self._shared
@@ -319,12 +347,12 @@ class Builder:
         end = ca.SX.sym("end", packed + state + 2 * matched)
         shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", self._body_size)
         force = ca.SX.sym("force", (SECTION + size) * bool(self._loads))
-        link = self._pattern.link([0.0] * size, self._numbers)
-        inertia, bends = link.inertia, link.end.angles
+        inertia, bends = self._pattern.link([0.0] * size, self._numbers).inertia, ca.vertsplit(self._own["bends"])
         turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
         # What is beyond, with the mass at the end of the link, in the axes of the link.
-        beyond = [[_symmetric(end[:packed], state)[i, j] for j in range(state)] for i in range(state)]
-        felt = [end[packed + i] for i in range(state)]
+        whole = _symmetric(end[:packed], state)
+        beyond: list[list[Scalar]] = [[whole[i, j] for j in range(state)] for i in range(state)]
+        felt: list[Scalar] = [end[packed + i] for i in range(state)]
         for k in range(2):
             beyond[k][k] += self._own["mass"]
         beyond = _rotated(beyond, turn)
@@ -396,7 +424,7 @@ class Builder:
         size, state = self._local, SECTION + self._shared
         start, shape = ca.SX.sym("start", state), ca.SX.sym("shape", 4 + 2 * size + 2)
         gain = ca.SX.sym("gain", sum(b + 1 for b in range(state, SECTION + size)))
-        bends = self._pattern.link([0.0] * size, self._numbers).end.angles
+        bends = ca.vertsplit(self._own["bends"])
         turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
         found: list[Scalar] = [start[k] for k in range(state)]
         at = 0
@@ -417,9 +445,10 @@ class Builder:
         )
 
 
-_OWN = ("steps", "rest", "stiffness", "mass", "share")
-"""What a row has beside the numbers of the family: steps of the shape at rest, force at rest and stiffness per EI, mass
-at the end [kg], share of the finger's length [1]."""
+_OWN = ("stiffness", "driven", "bends", "mass", "share")
+"""What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
+where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; share of the
+finger's length [1]."""
 
 
 def _digest(content: bytes) -> str:
@@ -511,7 +540,6 @@ def sweep_function(builder: Builder) -> ca.Function:
     rows = ca.MX(ca.DM(made.rows.T))
     part = inputs.get("part", ca.MX(0, 1))
     same = [ca.repmat(each, 1, count) for each in (drive, p, part)]
-
 
     def from_base(state: ca.DM, function: ca.Function, *given: ca.MX) -> ca.MX:
         """What a function accumulates, at the start of every link."""

@@ -31,6 +31,7 @@ class LinkTable:
     """
 
     turns: Any  # (L, m + 1) bend from node to node, from the start to the end, per local coordinate
+    rest: Any  # (m + 1,) the same at rest
     shape: Any  # (L, m) bending angle of the nodes
     bends: Any  # (L,) of the end
     position: Any  # (m,) end position per tangent of the nodes
@@ -42,14 +43,16 @@ class LinkTable:
     swing: Any  # (L, 1 + ...)
     matrix: Any  # (L (L + 1) / 2, 1 + ...) lower triangle by rows
     sines: Any  # (m (m - 1) / 2,) kernel of the kinetic energy
-    turning: Any  # (1 + L + L (L + 1) / 2,) integrals of 1, of the shapes and of their products, for rotary inertia
+    rotary: Any  # (1 + L + L (L + 1) / 2,) rotary inertia: integrals of 1, of the shapes and of their products
 
     @staticmethod
-    def of(places: Array, weights: Array, kernel: Array, mean: Array, mass: float) -> LinkTable:
-        """The table of bends ``places`` (L, m + 2) at the start, the nodes and the end.
+    def of(
+        places: Array, rest: Array, weights: Array, kernel: Array, mean: Array, mass: float, rotary: Array
+    ) -> LinkTable:
+        """The table of bends ``places`` (L, m + 2) at the start, the nodes and the end, and of those at rest (m + 1,).
 
         ``weights`` (m,) [m] integrate along the link, ``kernel`` (m, m) [kg m2] and ``mean`` (m,) [kg m] are those of
-        its kinetic energy and of its first moment.
+        its kinetic energy and of its first moment, ``rotary`` (1 + L, 1 + L) [kg m2] the rotary inertia.
         """
         shape, pairs = places[:, 1:-1], list(itertools.combinations(range(len(weights)), 2))
         one = np.ones(len(weights))
@@ -62,6 +65,7 @@ class LinkTable:
         lower = [(a, b) for a in range(len(shape)) for b in range(a + 1)]
         return LinkTable(
             turns=np.diff(places, axis=1),
+            rest=rest,
             shape=shape,
             bends=places[:, -1],
             position=weights,
@@ -73,9 +77,7 @@ class LinkTable:
             swing=np.array([form(one, f) for f in shape]),
             matrix=np.array([form(shape[a], shape[b]) for a, b in lower]),
             sines=np.array([kernel[pair] for pair in pairs]),
-            turning=np.array(
-                [weights.sum(), *(shape @ weights), *[(shape[a] * shape[b]) @ weights for a, b in lower]]
-            ),
+            rotary=np.array([*rotary[0], *[rotary[1 + a, 1 + b] for a, b in lower]]),
         )
 
     @property
@@ -98,16 +100,22 @@ class LinkTable:
 class TabulatedLink:
     """A link of the ``local`` coordinates, as far as its end and its kinetics go; see ``Link``.
 
-    ``reach`` (m + 1,) [rad] are the greatest turns from node to node, ``density`` the factor on the mass, ``rotary``
-    rho I [kg m].
+    ``reach`` (m + 1,) [rad] are the greatest turns from node to node; ``density``, ``rotary`` and ``rest`` factors of
+    the mass, of the rotary inertia and of the bend at rest.
     """
 
     def __init__(
-        self, local: Sequence[Scalar], table: LinkTable, reach: Sequence[float], density: Scalar, rotary: Scalar
+        self,
+        local: Sequence[Scalar],
+        table: LinkTable,
+        reach: Sequence[float],
+        density: Scalar,
+        rotary: Scalar,
+        rest: Scalar,
     ) -> None:
-        self._local, self._table = ca.vertcat(*local), table
-        self._density, self._rotary = density, rotary
-        turns = ca.mtimes(table.turns.T, self._local)
+        self._table, self._density, self._rotary = table, density, rotary
+        turns = ca.mtimes(table.turns.T, ca.vertcat(*local)) + rest * table.rest
+        self.whole_bend = ca.dot(table.bends, ca.vertcat(*local)) + rest * ca.sum1(table.rest)
         self._turns = [rotation(turns[k], angle) for k, angle in enumerate(reach)]
         self._count = len(reach) - 1
         self._size = len(local)
@@ -161,11 +169,11 @@ class TabulatedLink:
         """Mass integrals."""
         table, size = self._table, self._size
         cosines = ca.vertcat(1.0, *[turn.c for turn in self._between])
-
-        turning = self._rotary * table.turning
+        turning = self._rotary * table.rotary
 
         def form(row: ca.SX, at: int) -> Scalar:
-            return self._density * ca.dot(row, cosines) + turning[at]
+            value: ca.SX = self._density * ca.dot(row, cosines) + turning[at]
+            return value
 
         lower = [(a, b) for a in range(size) for b in range(a + 1)]
         entries = {pair: form(table.matrix[k, :].T, 1 + size + k) for k, pair in enumerate(lower)}

@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import Finger as Finger
     from continuum_grasp.scene.finger import PiecewiseCurvature as PiecewiseCurvature
     from continuum_grasp.scene.finger import PointMass as PointMass
-    from continuum_grasp.scene.finger import Rod as Rod
     from continuum_grasp.scene.finger import Tendons as Tendons
+    from continuum_grasp.scene.graded import RodSamples as RodSamples
+    from continuum_grasp.scene.graded import RodSection as RodSection
+    from continuum_grasp.scene.graded import SpiRob as SpiRob
     from continuum_grasp.scene.grasp import GraspScene as GraspScene
     from continuum_grasp.scene.grasp_options import Disturbances as Disturbances
     from continuum_grasp.scene.grasp_options import FingerContacts as FingerContacts
@@ -71,6 +73,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.plan import PlanInput as PlanInput
     from continuum_grasp.scene.plan import PlanScene as PlanScene
     from continuum_grasp.scene.plan import PlanSolver as PlanSolver
+    from continuum_grasp.scene.rod import Rod as Rod
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
     from continuum_grasp.scene.simulate import Scene as Scene

@@ -62,6 +62,8 @@ class MomentLoad(Value):
     """Position along the finger [m]."""
     moment: Annotated[Real | Samples, Unit("N m")]
     """Moment [N m]."""
+    input: bool = False
+    """Whether the moment is an input of the model, beside tension or tip moment, whose bending shape it then knows."""
 
 
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]

@@ -106,9 +106,16 @@ class Value(BaseModel):
 
     __str__ = __repr__
 
+    def __copy__(self) -> Self:
+        # What was computed of the fields belongs to these: a copy may be given others.
+        copied = super().__copy__()
+        for name in [name for name in copied.__dict__ if name not in type(self).model_fields]:
+            del copied.__dict__[name]
+        return copied
+
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
-        return type(self)(**{**dict(self), **fields})
+        return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **fields})
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]

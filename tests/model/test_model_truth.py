@@ -12,10 +12,10 @@ import pytest
 
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.chain import Chain, Place
-from continuum_grasp.model.clothoid import Clothoid
 from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.moment_linear import Clothoid
 from continuum_grasp.model.planar import ZERO, Vec, column
-from continuum_grasp.model.quadrature import _ERRORS, RANGES
+from continuum_grasp.model.quadrature import _ERRORS, RANGES, collocation
 from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
 from continuum_grasp.scene import BasePose, Damping, PointMass, Tendons
 from tests.finger_cases import (
@@ -255,7 +255,7 @@ def test_arcs_as_accurate_as_asked_for(accuracy, reach):
 def element(reach: float, nodes: int) -> ca.Function:
     """Mass matrix, bias, gravity and end point of one clothoid of length and density 1 along X."""
     q, qd, g = ca.SX.sym("q", 2), ca.SX.sym("qd", 2), ca.SX.sym("g", 2)
-    link = LoadedLink(Clothoid([q[0], q[1]], 1.0, 1.0, 0.0, reach, nodes), ())
+    link = LoadedLink(Clothoid([q[0], q[1]], 1.0, 1.0, 0.0, reach, collocation(nodes)), ())
     chain = Chain([link], [(0, 1)], 2)
     mass = ca.vertcat(*[ca.horzcat(*row) for row in chain.mass_matrix])
     bias = -column(chain.motion_forces([qd[0], qd[1]], ZERO))

@@ -28,7 +28,8 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
         part = _GAMMA * h
         first = model.implicit()(x, u[0], w[0], p, part)
         second = model.relaxed()(x, u[0], p, part, f(x + h * first, u[2], w[2], p) - 2.0 * first)
-        return x + 1.5 * h * first + 0.5 * h * second
+        following: ca.MX = x + 1.5 * h * first + 0.5 * h * second
+        return following
     n = model.internal.size1_out(0)
     mass, stiffness, damping = model.internal(x, u[0], p)
     part, solve = _GAMMA * h, _ldl_solver(n)

@@ -1,0 +1,211 @@
+"""What a graded rod is given by: sections, samples, or a straightened spiral."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, NamedTuple, TypeAlias, TypeVar
+
+from pydantic import Field
+
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Real, Value
+
+_Number = TypeVar("_Number")
+Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=False)]
+"""A number, or its values at the base end and at the tip end, linear between."""
+Modulus = Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa")]
+Density = Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")]
+Stiffness = Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")]
+LinearDensity = Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")]
+RotaryInertia = Annotated[NonNegative, Unit("kg m")]
+Curvature = Annotated[Real, Unit("1/m")]
+
+_MOST_UNIT = 0.5 * math.pi
+"""Greatest turn of one unit of a spiral [rad]: a spiral of fewer than four units a turn is none."""
+
+
+class Positioned(NamedTuple):
+    """What is known of a rod at a position, to be checked; ``key`` is where the user states it."""
+
+    key: str
+    at: float  # [m]
+    thickness: float | None  # [m]
+    bending_stiffness: float | None  # [N m2]
+
+
+def ends(value: float | tuple[float, float]) -> tuple[float, float]:
+    """Values at the base end and at the tip end."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
+class RodSection(Value):
+    """A part of a rod; each value is a number, or ``[from, to]`` for one that changes linearly from base to tip side.
+
+    Give ``thickness`` and ``width`` (a rectangle), or ``diameter`` (round), with the modulus and density of the
+    material; or ``bending_stiffness`` and ``linear_density``. A ``thickness`` or ``diameter`` beside these sets only
+    how thick the finger is and where the strain limit is reached.
+    """
+
+    to: Length
+    """Where it ends [m]; the last section ends at the rod's length."""
+    thickness: Annotated[Varying[Extent] | None, Field(examples=[0.02, "20 mm"])] = None
+    """Thickness in the plane of bending [m]."""
+    width: Varying[Extent] | None = None
+    """Width across the plane of bending [m]."""
+    diameter: Varying[Extent] | None = None
+    """Diameter of a solid round section [m]."""
+    youngs_modulus: Varying[Modulus] | None = None
+    """Young's modulus E [Pa]; that of the rod where not given."""
+    density: Varying[Density] | None = None
+    """Density [kg/m3]; that of the rod where not given."""
+    bending_stiffness: Varying[Stiffness] | None = None
+    """Bending stiffness E I [N m2]."""
+    linear_density: Varying[LinearDensity] | None = None
+    """Mass per length, rho A [kg/m]."""
+    rotary_inertia: Varying[RotaryInertia] | None = None
+    """Rotary inertia per length, rho I [kg m]; where not given that of the rod, or of the shape, or none."""
+    rest_curvature: Varying[Curvature] | None = None
+    """Curvature of the unloaded section [1/m], positive towards -X; none where not given."""
+
+    @property
+    def shaped(self) -> bool:
+        """Whether stiffness and mass follow from its shape."""
+        return self.bending_stiffness is None
+
+    @property
+    def thick(self) -> float | tuple[float, float] | None:
+        """Its thickness or diameter [m], where known."""
+        return self.thickness if self.diameter is None else self.diameter
+
+    def _check(self) -> None:
+        if self.thickness is not None and self.diameter is not None:
+            raise ValueError("diameter and thickness exclude each other: a section is round or rectangular")
+        linear = [key for key in ("bending_stiffness", "linear_density") if getattr(self, key) is not None]
+        if len(linear) == 1:
+            missing = "linear_density" if linear[0] == "bending_stiffness" else "bending_stiffness"
+            raise ValueError(f"{linear[0]} needs {missing} beside it")
+        if linear:
+            for key in ("width", "youngs_modulus", "density"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} has no effect beside bending_stiffness and linear_density")
+        elif self.diameter is None and (self.thickness is None or self.width is None):
+            raise ValueError(
+                "a section needs thickness and width, or diameter, or bending_stiffness and linear_density"
+            )
+        elif self.diameter is not None and self.width is not None:
+            raise ValueError("width has no effect beside diameter: the section is round")
+
+    def completed(self, rod: Mapping[str, float | None]) -> RodSection:
+        """With what the rod states for those of its sections that do not, where it concerns them."""
+        keys = ("youngs_modulus", "density", "rotary_inertia") if self.shaped else ("rotary_inertia",)
+        return self.model_copy(update={key: rod[key] for key in keys if getattr(self, key) is None})
+
+    def positioned(self, start: float, key: str) -> list[Positioned]:
+        """What is known at its two ends."""
+        unknown = (None, None)
+        thickness = unknown if self.thick is None else ends(self.thick)
+        stiffness = unknown if self.bending_stiffness is None else ends(self.bending_stiffness)
+        places = (start, self.to)
+        return [Positioned(key, at, h, b) for at, h, b in zip(places, thickness, stiffness, strict=True)]
+
+
+class RodSamples(Value):
+    """A rod by samples at positions along it, between which the values are smooth and monotone.
+
+    Interpolated by monotone cubics (PCHIP: Fritsch and Butland, doi:10.1137/0905021), those of stiffness and mass
+    through the logarithm, so that neither overshoots nor is negative anywhere.
+    """
+
+    at: Annotated[tuple[Distance, ...], Field(strict=False, min_length=2, max_length=1000), Increasing]
+    """Positions along the rod, increasing from 0 to the length [m]."""
+    bending_stiffness: Annotated[tuple[Stiffness, ...], Field(strict=False)]
+    """Bending stiffness E I at each [N m2]."""
+    linear_density: Annotated[tuple[LinearDensity, ...], Field(strict=False)]
+    """Mass per length rho A at each [kg/m]."""
+    rotary_inertia: Annotated[tuple[RotaryInertia, ...], Field(strict=False)] | None = None
+    """Rotary inertia per length rho I at each [kg m]; none where not given."""
+    rest_curvature: Annotated[tuple[Curvature, ...], Field(strict=False)] | None = None
+    """Curvature of the unloaded rod at each [1/m], positive towards -X."""
+    thickness: Annotated[tuple[Extent, ...], Field(strict=False)] | None = None
+    """Thickness at each [m]: how thick the finger is, and where the strain limit is reached."""
+
+    def _check(self) -> None:
+        if self.at[0] != 0.0:
+            raise ValueError(f"at[0] = {self.at[0]} m: the first sample must be at 0")
+        for key in ("bending_stiffness", "linear_density", "rotary_inertia", "rest_curvature", "thickness"):
+            values = getattr(self, key)
+            if values is not None and len(values) != len(self.at):
+                raise ValueError(f"{key} must have one entry per position ({len(self.at)}), got {len(values)}")
+
+    @property
+    def positioned(self) -> list[Positioned]:
+        """What is known at each sample."""
+        thickness = self.thickness or (None,) * len(self.at)
+        values = zip(self.at, thickness, self.bending_stiffness, strict=True)
+        return [Positioned(f"samples.at[{k}]", at, h, b) for k, (at, h, b) in enumerate(values)]
+
+
+class SpiRob(Value):
+    """A logarithmic spiral, cut into units along its central line and straightened.
+
+    Two boundaries ``r = a exp(b angle)``, one turn apart, have the central line ``r = a (exp(2 pi b) + 1) / 2 exp(b
+    angle)`` and the thickness ``h = a (exp(2 pi b) - 1) exp(b angle)`` between them (Wang, Freris and Wei, SpiRobs,
+    doi:10.1016/j.device.2024.100646). Distance from the apex along the central line and thickness both grow as
+    ``exp(b angle)``: straightened, the spiral is a linear taper with ``dh/ds = -2 b tanh(pi b) / sqrt(1 + b^2)``, from
+    which b follows. A curvature of ``2 tanh(pi b) / (sqrt(1 + b^2) h)`` closes its gaps and restores the spiral.
+
+    An elastic layer in the middle bends; the units beside it are rigid but not bonded to each other, so that the
+    stiffness is that of the layer and mass and rotary inertia are those of the full thickness, gaps included. The
+    model is that of many units.
+    """
+
+    base_thickness: Extent
+    """Thickness at the base [m]."""
+    tip_thickness: Extent
+    """Thickness at the tip [m]."""
+    units: Annotated[int, Field(ge=2, le=1000)]
+    """Number of units, each of which turns by the same angle where its gap is closed."""
+    core: Annotated[float, Field(ge=1e-3, le=1.0, examples=[0.12, "12 %"]), Unit("1")]
+    """Thickness of the elastic layer per thickness [1]."""
+    width: Varying[Extent] | None = None
+    """Width across the plane of bending [m]; as the thickness where not given."""
+
+    def _check(self) -> None:
+        if self.tip_thickness >= self.base_thickness:
+            raise ValueError(
+                f"tip_thickness = {self.tip_thickness} m is not below base_thickness = {self.base_thickness} m: a "
+                "spiral tapers"
+            )
+
+    def growth(self, length: float) -> float:
+        """The exponent b of the spiral ``r = a exp(b angle)`` [1] that a straightened length [m] has."""
+        taper = (self.base_thickness - self.tip_thickness) / length
+        low, high = 0.0, 1.0
+        # The taper grows with b; thickness above a third of the length, which is refused, begins below b = 0.3.
+        for _ in range(60):
+            b = 0.5 * (low + high)
+            low, high = (b, high) if 2 * b * math.tanh(math.pi * b) < taper * math.sqrt(1 + b * b) else (low, b)
+        return 0.5 * (low + high)
+
+    def unit_angle(self, length: float) -> float:
+        """How far each unit turns where its gap is closed [rad], for a straightened length [m]."""
+        return math.log(self.base_thickness / self.tip_thickness) / (self.growth(length) * self.units)
+
+    def edges(self, length: float) -> tuple[float, ...]:
+        """Where units begin and end [m], from 0 to the length."""
+        base, tip, n = self.base_thickness, self.tip_thickness, self.units
+        inside = (length * (base - base * (tip / base) ** (k / n)) / (base - tip) for k in range(1, n))
+        return (0.0, *inside, length)
+
+    def positioned(self, length: float) -> list[Positioned]:
+        """What is known at its two ends."""
+        if self.unit_angle(length) > _MOST_UNIT:
+            raise ValueError(
+                f"spirob.units = {self.units}: each would turn by {math.degrees(self.unit_angle(length)):.0f} degrees; "
+                f"take more units, so that it is {math.degrees(_MOST_UNIT):.0f} degrees at most"
+            )
+        return [
+            Positioned("spirob.base_thickness", 0.0, self.base_thickness, None),
+            Positioned("spirob.tip_thickness", length, self.tip_thickness, None),
+        ]

@@ -1,0 +1,279 @@
+"""The elastic rod: uniform, in sections, by samples, or a straightened spiral."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Protocol
+
+from pydantic import Field
+
+from continuum_grasp.scene.graded import Modulus, Positioned, RodSamples, RodSection, SpiRob
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.profile import Profile
+
+_SECTION_KEYS = ("diameter", "density", "youngs_modulus")
+_LINEAR_KEYS = ("linear_density", "bending_stiffness")
+_GRADED_KEYS = ("sections", "samples", "spirob")
+_LEAST_GAP = 1e-6
+"""Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
+_LEAST_THICKNESS = 1e-3
+"""Least thickness per that of the base [1]: towards a tip that is a point the curvature has no bound."""
+_LEAST_STIFFNESS = 1e-12
+"""Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
+_MOST_THICKNESS = 1.0 / 3.0
+"""Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
+
+
+class _Placed(Protocol):
+    """Something at a position along the finger."""
+
+    @property
+    def at(self) -> float: ...
+
+
+class Rod(Value):
+    """An inextensible, unshearable elastic rod, uniform or graded.
+
+    A uniform rod has either ``diameter``, ``density`` and ``youngs_modulus`` (a solid round section), or
+    ``linear_density``, ``bending_stiffness`` and, where it matters, ``rotary_inertia``; a ``diameter`` beside these
+    sets nothing but where the strain limit is reached and, without ``half_thickness``, how thick the finger is. A
+    graded rod has ``sections``, ``samples`` or ``spirob``.
+
+    Examples
+    --------
+    >>> from continuum_grasp.scene import Rod
+    >>> taper = Rod(
+    ...     length=0.25,
+    ...     youngs_modulus=2e6,
+    ...     density=1100.0,
+    ...     sections=[{"to": 0.1, "diameter": 0.02}, {"to": 0.25, "diameter": [0.016, 0.004]}],
+    ... )
+    >>> stiffness = taper.profile.bending_stiffness
+    >>> stiffness([0.0, 0.1, 0.25]).round(9)  # [N m2]; at a jump the value of the base side
+    array([1.5707963e-02, 1.5707963e-02, 2.5133000e-05])
+    """
+
+    length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
+    """Length L [m]."""
+    diameter: Annotated[Extent | None, Field(examples=[0.0012, "1.2 mm"])] = None
+    """Diameter of a solid round section [m]; smaller than the length."""
+    density: Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")] | None = None
+    """Density [kg/m3]."""
+    youngs_modulus: Modulus | None = None
+    """Young's modulus E [Pa]."""
+    linear_density: Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")] | None = None
+    """Mass per length, rho A [kg/m]."""
+    bending_stiffness: Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")] | None = None
+    """Bending stiffness E I [N m2]."""
+    rotary_inertia: Annotated[NonNegative, Unit("kg m")] | None = None
+    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the shape of the
+    section, or none beside ``linear_density``."""
+    sections: Annotated[tuple[RodSection, ...], Field(strict=False, min_length=1, max_length=1000)] | None = None
+    """Sections from base to tip; values may change linearly inside a section and jump from one to the next. What a
+    section does not state of ``youngs_modulus``, ``density`` and ``rotary_inertia`` is the rod's."""
+    samples: RodSamples | None = None
+    """Stiffness and mass at positions along the finger, interpolated between."""
+    spirob: SpiRob | None = None
+    """A logarithmic spiral, straightened; needs ``youngs_modulus`` and ``density``."""
+
+    def _check(self) -> None:
+        graded = [k for k in _GRADED_KEYS if getattr(self, k) is not None]
+        if graded:
+            self._check_graded(graded)
+        else:
+            self._check_uniform()
+        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
+        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
+        doubt_outside("rod.diameter", self.diameter, 0.0, 0.3, too_large)
+        # From soft gels to graphene, and from foams to osmium.
+        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
+        doubt_outside("rod.youngs_modulus", self.youngs_modulus, 1e3, 2e12, no_material)
+        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
+        doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
+
+    def _check_uniform(self) -> None:
+        # The diameter may stand beside both: it says where the strain limit is reached.
+        section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
+        linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
+        if section and linear:
+            raise ValueError(
+                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, "
+                f"not both; got {', '.join(section + linear)}"
+            )
+        wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
+        missing = [k for k in wanted if getattr(self, k) is None]
+        if missing:
+            raise ValueError(
+                f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}"
+                + ("" if linear else " (or give sections, samples or spirob)")
+            )
+        if self.diameter is not None and self.diameter >= self.length:
+            raise ValueError(
+                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
+            )
+
+    def _check_graded(self, graded: list[str]) -> None:
+        kind = graded[0]
+        if len(graded) > 1:
+            raise ValueError(f"{graded[1]} and {kind} exclude each other")
+        for key in ("diameter", *_LINEAR_KEYS):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key} is of a uniform rod; beside {kind} it has no effect")
+        if self.sections is not None:
+            self._check_section_keys(self.sections)
+        elif self.samples is not None:
+            for key in ("youngs_modulus", "density", "rotary_inertia"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} has no effect beside samples, which give stiffness and mass")
+        else:
+            missing = [key for key in ("youngs_modulus", "density") if getattr(self, key) is None]
+            if missing:
+                raise ValueError(f"spirob needs {' and '.join(missing)} of the rod")
+        self._check_values(self._positioned)
+
+    def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
+        for k, (one, two) in enumerate(pairwise(sections), 1):
+            if two.to <= one.to:
+                raise ValueError(f"sections[{k}].to = {two.to} m is not beyond {one.to} m, where the one before ends")
+        if not math.isclose(sections[-1].to, self.length, rel_tol=1e-9):
+            last = f"sections[{len(sections) - 1}].to = {sections[-1].to} m"
+            raise ValueError(f"{last}: the last section must end at the length of {self.length} m")
+        for key in ("youngs_modulus", "density"):
+            for k, section in enumerate(sections):
+                if section.shaped and getattr(section, key) is None and getattr(self, key) is None:
+                    raise ValueError(f"sections[{k}] needs {key}, its own or the rod's, since it is given by its shape")
+            if getattr(self, key) is not None and not any(s.shaped and getattr(s, key) is None for s in sections):
+                raise ValueError(f"{key}: no section needs it")
+        if self.rotary_inertia is not None and all(s.rotary_inertia is not None for s in sections):
+            raise ValueError("rotary_inertia: no section needs it")
+        known = [section.thick is not None for section in sections]
+        if any(known) and not all(known):
+            raise ValueError(
+                f"sections[{known.index(False)}] needs a thickness or diameter, as other sections have one"
+            )
+
+    def _check_values(self, values: list[Positioned]) -> None:
+        """Refuse what cannot be a rod; ``values`` are at ends of sections, and at samples."""
+        places = [one.at for one in values]
+        for a, b in pairwise(sorted(set(places))):
+            if b - a < _LEAST_GAP * self.length:
+                raise ValueError(
+                    f"{values[places.index(b)].key}: {a} m and {b} m are closer than {_LEAST_GAP:g} of the length"
+                )
+        base = values[0]
+        for one in values:
+            if one.thickness is not None and base.thickness is not None:
+                if one.thickness > _MOST_THICKNESS * self.length:
+                    raise ValueError(
+                        f"{one.key}: a thickness of {one.thickness} m is more than a third of the length of "
+                        f"{self.length} m: not a thin rod"
+                    )
+                if one.thickness < _LEAST_THICKNESS * base.thickness:
+                    raise ValueError(
+                        f"{one.key}: a thickness of {one.thickness} m is less than {_LEAST_THICKNESS:g} of that of the "
+                        f"base, {base.thickness} m: at a point the curvature has no bound; cut the tip off"
+                    )
+            stiffness, most = one.bending_stiffness, base.bending_stiffness
+            if stiffness is not None and most is not None and stiffness < _LEAST_STIFFNESS * most:
+                raise ValueError(
+                    f"{one.key}: a bending stiffness of {stiffness} N m2 is less than {_LEAST_STIFFNESS:g} of that of "
+                    f"the base, {most} N m2"
+                )
+
+    @property
+    def _positioned(self) -> list[Positioned]:
+        if self.samples is not None:
+            if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
+                raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
+            return self.samples.positioned
+        if self.spirob is not None:
+            return self.spirob.positioned(self.length)
+        starts = [0.0, *(one.to for one in self.sections or ())]
+        return [
+            one
+            for k, (section, start) in enumerate(zip(self.sections or (), starts, strict=False))
+            for one in section.positioned(start, f"sections[{k}]")
+        ]
+
+    def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
+        """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
+        for k, one in enumerate(placed):
+            if one.at > self.length * (1 + 1e-12):
+                raise ValueError(f"{key}[{k}].at = {one.at} m is beyond the finger's length of {self.length} m")
+
+    def check_sections(self, key: str, positions: Iterable[float]) -> None:
+        """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
+        for k, at in enumerate(positions):
+            if at > self.length * (1 + 1e-9):
+                raise ValueError(f"{key}.at[{k}] = {at} m is beyond the finger")
+
+    @property
+    def graded(self) -> bool:
+        """Whether it is given by sections, samples or a spiral."""
+        return any(getattr(self, key) is not None for key in _GRADED_KEYS)
+
+    @property
+    def own_rest_curvature(self) -> bool:
+        """Whether its sections or samples give a rest curvature."""
+        if self.samples is not None:
+            return self.samples.rest_curvature is not None
+        return any(section.rest_curvature is not None for section in self.sections or ())
+
+    @property
+    def own_thickness(self) -> bool:
+        """Whether its thickness is known: that of its section, where strain is greatest."""
+        if self.graded:
+            return self._positioned[0].thickness is not None
+        return self.diameter is not None
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length rho A [kg/m], at the base."""
+        return float(self.profile.linear_density(0.0))
+
+    @property
+    def stiffness(self) -> float:
+        """Bending stiffness E I [N m2], at the base."""
+        return float(self.profile.bending_stiffness(0.0))
+
+    @property
+    def inertia_per_length(self) -> float:
+        """Rotary inertia per length rho I [kg m], at the base."""
+        return float(self.profile.rotary_inertia(0.0))
+
+    @property
+    def mass(self) -> float:
+        """Its whole mass [kg]."""
+        return self.profile.linear_density.integral()
+
+    @cached_property
+    def profile(self) -> Profile:
+        """Stiffness, mass, rest curvature and thickness along its length."""
+        from continuum_grasp.scene.graded_profile import of_samples, of_sections, of_spiral
+        from continuum_grasp.scene.profile import Curve, Profile
+
+        if self.samples is not None:
+            return of_samples(self.length, self.samples)
+        own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
+        if self.spirob is not None:
+            return of_spiral(self.length, self.spirob, **own)
+        if self.sections is not None:
+            return of_sections(self.length, [section.completed(own) for section in self.sections])
+        # A uniform rod has either of the two groups of keys, as its _check sees to.
+        diameter, density = self.diameter or 0.0, self.density or 0.0
+        second_moment = math.pi * diameter**4 / 64
+        values = (
+            self.bending_stiffness or (self.youngs_modulus or 0.0) * second_moment,
+            self.linear_density or density * math.pi * diameter**2 / 4,
+            density * second_moment if self.rotary_inertia is None else self.rotary_inertia,
+            0.0,
+            0.5 * diameter,
+        )
+        stiffness, mass, inertia, rest, half = (Curve.uniform(self.length, value) for value in values)
+        return Profile(self.length, stiffness, mass, inertia, rest, half, None if self.diameter is None else half)
