@@ -235,7 +235,7 @@ class _Run:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
         reached = (len(motion.states) - 1) / self._stepper.steps
         excess = motion.time_error / (self._time.tolerance * reached)
-        # Error goes with step^order on smooth motions, and with the step where there are contacts and kinks: so many more
+        # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
         # sub-steps; a multiple of four for steps of four times the length.
         factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
         least, most = _GROWTH
