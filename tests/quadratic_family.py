@@ -88,5 +88,10 @@ class QuadraticFamily(Family):
             found[a] = value * weight * lengths[element]
         return found
 
+    def shapes_at(self, element: int, s: Array) -> Array:
+        u = (s - self.mesh.ends[element]) / self.mesh.lengths[element]
+        rest = mean(self.mesh, element, self.mesh.rest)
+        return np.vstack([_SHAPES @ np.array([u**0, u, u**2]), np.full(len(s), rest)])
+
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         return np.eye(self.size).reshape(self.elements, 3, self.size)

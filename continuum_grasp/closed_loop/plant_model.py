@@ -31,7 +31,7 @@ def plant_scene(scene: ControlScene) -> Scene:
     know.
     """
     finger, plant = scene.finger, scene.plant
-    rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendons, finger.masses
+    rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendon_pair, finger.masses
     # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
     # does not depend on its number of elements.
     elements = element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)
@@ -106,7 +106,7 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         finger = self.scene.finger
-        tendons = finger.tendons
+        tendons = finger.tendon_pair
         moment_lag = scene.plant.time_constant or scene.controller.input.time_constant
         self._lag = moment_lag if tendons is None else tendons.time_constant
         self._order = scene.plant.drive_order
@@ -184,7 +184,7 @@ class PlantModel(Remade):
         """Entries of x by name; of a drive of first order also the tip moment that acts and its rate."""
         found = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
         if self._order == 1:
-            tendons = self.scene.finger.tendons
+            tendons = self.scene.finger.tendon_pair
             moment = ca.DM([[1.0]] if tendons is None else [[tendons.offset, -tendons.offset]])
             found["tip_moment [N m]"] = ca.mtimes(moment, self._acting)
             found["tip_moment_rate [N m/s]"] = ca.mtimes(moment, self._drive)
@@ -278,7 +278,7 @@ class PlantModel(Remade):
             return self._u
         if self._order == 1:
             return self._x[-self.nu :]
-        tendons = self.scene.finger.tendons
+        tendons = self.scene.finger.tendon_pair
         if tendons is None:
             return self._x[-2]
         # The tip moment is the first state of the system after q and qd.

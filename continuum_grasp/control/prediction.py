@@ -88,7 +88,7 @@ class Prediction(Remade):
         moved = "object_position" in scene.disturbances
         self._own_lag = scene.lag if finger.tendons is None else None
         # By tendon friction the tip moment depends on the shape, and without a lag it jumps: a matched tip has neither.
-        has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
+        has_friction = finger.has_tendon_friction
         family = fidelity.family or default_family(free_tip=has_friction or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and scene.lag is None:
@@ -250,7 +250,7 @@ class Prediction(Remade):
 
 def rest_input(scene: ControlScene) -> Array:
     """Return the least tensions, or no moment (nu)."""
-    tendons = scene.finger.tendons
+    tendons = scene.finger.tendon_pair
     return np.zeros(1) if tendons is None else np.full(2, tendons.min_tension)
 
 

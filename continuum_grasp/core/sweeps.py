@@ -36,10 +36,10 @@ def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
 
 
 def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
-    head, carry, outward, _, _, inward, root, _ = made.functions
+    head, carry, last, outward, _, _, inward, root, _ = made.functions
     sizes = {
         "drive": head.size1_out("drive"),
-        "end": head.size1_out("end"),
+        "end": last.size1_out("end"),
         "start": root.size1_out("start"),
         "spin": carry.size1_in("spin"),
         "p": outward.size1_in("p"),
@@ -72,6 +72,7 @@ def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
         "full": made.unknowns + tip,
         "tip": tip,
         "spun": sizes["spin"],
+        "still": not sizes["spin"],
         "lagged": head.size1_out("lagging"),
         "implicit": implicit,
         "explicit": not implicit,

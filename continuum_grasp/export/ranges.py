@@ -67,7 +67,7 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
 
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
     """Entries of the input: tensions from zero on, up to the greatest where the finger has one."""
-    tendons = model.finger.tendons
+    tendons = model.finger.tendon_pair
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for field in _fields(model, model.u_names):

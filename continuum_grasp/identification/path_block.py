@@ -109,7 +109,7 @@ class PathBlock(Block):
             # the lagging moment of the tendons begins as their tensions give it
             u = self._signals.u(0.0)[0]
             offsets = [k for k, one in enumerate(self._unknowns) if one.target == "tendon_offset"]
-            tendons = self._scene.finger.tendons
+            tendons = self._scene.finger.tendon_pair
             offset = values[offsets[0]] if offsets else (tendons.offset if tendons is not None else 0.0)
             x[2 * n] = (u[0] - u[1]) * offset
             slope[2 * n, offsets] = u[0] - u[1]

@@ -15,10 +15,11 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.finger import BasePose, Finger, Tendons
+from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.tendons import Tendons
 
 Array = NDArray[np.float64]
 
@@ -80,19 +81,19 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     given = mission.grasp.setups[0].finger
     base, pose = posture.base.tolist(), found.object_pose.tolist()
     finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
-    if mission.drive_tension is not None and finger.tendons is not None:
-        finger = finger.replaced(tendons=finger.tendons.replaced(max_tension=mission.drive_tension))
+    if mission.drive_tension is not None and finger.tendon_pair is not None:
+        finger = finger.replaced(tendons=finger.tendon_pair.replaced(max_tension=mission.drive_tension))
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
     control = _control_scene(mission, finger, body, middle.station, force)
     resistance = found.quality.resistance if found.quality is not None else None
-    if finger.tendons is None or resistance is None:
+    if finger.tendon_pair is None or resistance is None:
         raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Tendon 1 bends the finger positively, tendon 2 the other way: one of them closes it.
     side = 1.0 if tensions[0] >= tensions[1] else -1.0
-    moment = side * _about_to_touch(finger, finger.tendons, body, side)
-    rest = np.full(2, finger.tendons.min_tension)
-    pull = np.array([max(moment, 0.0), max(-moment, 0.0)]) / finger.tendons.offset
+    moment = side * _about_to_touch(finger, finger.tendon_pair, body, side)
+    rest = np.full(2, finger.tendon_pair.min_tension)
+    pull = np.array([max(moment, 0.0), max(-moment, 0.0)]) / finger.tendon_pair.offset
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.cumsum([0.0, *lengths])
     factors = np.minimum(np.asarray(resistance.factors), _LARGEST)
@@ -116,7 +117,7 @@ def _control_scene(
     asked = mission.controller
     before, after = asked.elements
     lengths = (*[middle / before] * before, *[(finger.rod.length - middle) / after] * after)
-    tendons = finger.tendons
+    tendons = finger.tendon_pair
     most = 0.0 if tendons is None else tendons.max_tension * tendons.offset / finger.rod.stiffness
     reach = min(max(lengths) * min(_MARGIN * most, finger.curvature_limit), _MOST_BEND)
     cost = Cost(

@@ -12,17 +12,23 @@ from dataclasses import replace
 from functools import cached_property, reduce
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.model.actuation import Drive, friction_factors
 from continuum_grasp.model.chain import Chain, Load, Place
-from continuum_grasp.model.family import Rod
+from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import Section
+from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.pattern import Pattern, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.sweep import Builder, sweep_function, why_dense
 from continuum_grasp.scene.loads import ForceLoad
+
+_STOP_NODES = 3
+"""Points per element at which links may touch [1]: as good as dense ones."""
+_STOP_ROUNDING = 0.005
+"""Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
 
 
 class Equations:
@@ -138,7 +144,18 @@ class Equations:
         """The chain of links."""
         family = self._family
         local = [family.local(k) for k in range(len(self.lengths))]
-        return Chain(family.links(self.full, self.rod), local, family.size)
+        *links, last = family.links(self.full, self.rod)
+        return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
+
+    @property
+    def tip_body(self) -> EndBody | None:
+        """The rigid body at the tip."""
+        body = self._structure.finger.tip_body
+        if body is None:
+            return None
+        across, along = body.center_of_mass
+        # The chain's axes have X along the finger and -Y across.
+        return EndBody(body.mass, body.rotary_inertia, Vec(along, -across))
 
     @cached_property
     def turn(self) -> Rotation:
@@ -290,8 +307,48 @@ class Equations:
 
     @cached_property
     def elastic(self) -> list[Scalar]:
-        """Gradient of the elastic energy; equation (32)."""
-        return _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
+        """Gradient of the elastic energy, that of stops included; equation (32)."""
+        bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
+        if self._structure.finger.stops is None:
+            return bent
+        total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
+        return list(ca.vertsplit(total))
+
+    def touching(self) -> list[Array]:
+        """Per element where links may touch: rows of the shapes there, of the rest curvature, of the curvature at which
+        they do [1/m] and of the energy per square beyond it [m]; none without stops.
+        """
+        finger, found = self._structure.finger, list[Array]()
+        limit = finger.stop_curvature
+        if finger.stops is None or limit is None:
+            return found
+        nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
+        for k, h in enumerate(self._structure.lengths):
+            s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
+            extra = 0.5 * (finger.stops.stiffness_ratio - 1.0) * self._structure.mesh.stiffness(s)
+            found.append(np.vstack([self._family.shapes_at(k, s), limit(s), 0.5 * h * weights * extra]))
+        return found
+
+    def stop_energy(self, local: Sequence[Scalar], numbers: ca.SX) -> Scalar:
+        """Energy of links that touch on one element [J] of ``touching``, smooth within a share of the curvature."""
+        stops, total = self._structure.finger.stops, ca.SX(0.0)
+        runtime = self._par.is_runtime("rest_curvature")
+        for j in range(numbers.shape[1] if stops is not None else 0):
+            *shapes, rest, touch, energy = ca.vertsplit(numbers[:, j])
+            kappa = _dot(shapes, local) + (self._par["rest_curvature"] if runtime else rest)
+            rounding = _STOP_ROUNDING * touch
+            for sign in stops.signs if stops is not None else ():
+                beyond = sign * kappa - touch
+                share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
+                total += energy * share * share
+        return self._par["bending_stiffness"] * total
+
+    @cached_property
+    def _stop_energy(self) -> Scalar:
+        """Energy of all links that touch [J]."""
+        local = [[self.full[a] for a in self._family.local(k)] for k in range(len(self.lengths))]
+        parts = zip(local, self.touching(), strict=False)
+        return sum((self.stop_energy(own, ca.SX(ca.DM(numbers))) for own, numbers in parts), 0.0)
 
     @property
     def viscosity(self) -> Scalar:
@@ -436,7 +493,7 @@ class Equations:
     def potential_energy(self) -> Scalar:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
-        elastic = self._par["bending_stiffness"] * _dot(product, self.full)
+        elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position

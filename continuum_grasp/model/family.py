@@ -186,6 +186,13 @@ class Family(ABC):
         """
 
     @abstractmethod
+    def shapes_at(self, element: int, s: Array) -> Array:
+        """Shapes (K, M) of the K coordinates that bend an element at positions (M,) on it [m].
+
+        One row more is the rest curvature [1/m].
+        """
+
+    @abstractmethod
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         """Derivative (N, degree + 1, size) of the curvature at the places with respect to the full coordinates."""
 

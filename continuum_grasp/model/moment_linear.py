@@ -216,8 +216,11 @@ class MomentLinearFamily(Family):
     def _hats(self, element: int) -> Shapes:
         """Shapes of a clothoid."""
         start, end = self.mesh.ends[element : element + 2]
-        one, none = Curve.uniform(self.mesh.ends[-1], 1.0), Curve.uniform(self.mesh.ends[-1], 0.0)
-        return Shapes(start, end, one, none, ((start, end),), ((1.0, 0.0), (0.0, 1.0)), (None, None), one, one)
+        one, hats = Curve.uniform(self.mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
+        return Shapes(start, end, one, self.mesh.rest, ((start, end),), hats, (None, None), one, one)
+
+    def shapes_at(self, element: int, s: Array) -> Array:
+        return (self._elements[element] or self._hats(element)).on(s)
 
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         shapes = np.zeros((self.elements, 2, self.size))

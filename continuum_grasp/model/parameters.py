@@ -9,7 +9,8 @@ import casadi as ca
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger, Tendons
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.tendons import Tendons
 
 _UNITS = {
     "base_angle": "rad",
@@ -103,8 +104,11 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
             values[f"mass_{k}"] = [mass.mass]
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
-    if finger.tendons is not None:
-        values["tendon_friction"] = [finger.tendon_friction]
+    frictions = sorted({tendon.friction for tendon in finger.tendon_list})
+    if len(frictions) > 1:
+        raise InputError(f"expected one friction coefficient for all tendons, got {frictions}", key="finger.tendons")
+    if frictions:
+        values["tendon_friction"] = frictions
     if finger.profile.rest_curvature.constant is not None:
         values["rest_curvature"] = [finger.profile.rest_curvature.constant]
     return {name: [float(v) for v in value] for name, value in values.items()}

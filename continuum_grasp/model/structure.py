@@ -121,8 +121,12 @@ class Structure:
     @property
     def has_tendon_friction(self) -> bool:
         """Whether tendon friction is modeled."""
-        friction = self.finger.tendon_friction
-        return self.finger.tendons is not None and (friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
+        return self.finger.has_tendon_friction or self.parameters.is_runtime("tendon_friction")
+
+    @property
+    def needs_free_tip(self) -> bool:
+        """Whether what the input bends is not known beforehand."""
+        return self.finger.needs_free_tip or self.has_tendon_friction
 
     def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
         """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range.
@@ -183,8 +187,13 @@ class Structure:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
-        jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        free = self.has_tendon_friction or self._tip_couple_varies() or jumps or unknown
+        jumps = (
+            scene is not None
+            and scene.time is not None
+            and scene.initial.coordinates is None
+            and tip_moment_jumps(scene)
+        )
+        free = self.needs_free_tip or self._tip_couple_varies() or jumps or unknown
         return default_family(free_tip=free)
 
     def _tip_couple_varies(self) -> bool:
@@ -200,10 +209,12 @@ class Structure:
         return any(isinstance(value, Samples) for value in inputs)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
-        if self.matched and self.has_tendon_friction:
+        if self.matched and self.needs_free_tip:
+            why = {"tendon friction": self.has_tendon_friction, "stops": self.finger.stops is not None}
+            what = next((word for word, there in why.items() if there), "a body at the tip that turns with it")
             raise InputError(
-                f"{self.family_name} cannot carry tendon friction (the moment at the tip then depends on the whole "
-                f"shape): use family {default_family(free_tip=True)}",
+                f"{self.family_name} cannot carry {what} (the moment at the tip then depends on the whole motion): use "
+                f"family {default_family(free_tip=True)}",
                 key="family",
             )
         if input_rates and not self.matched:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import friction_step
-from continuum_grasp.model.link import is_end
+from continuum_grasp.model.link import EndBody, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
 from continuum_grasp.model.structure import Structure
 
@@ -49,8 +49,9 @@ class Kernels:
 
     | function | inputs                              | outputs                                  |
     |----------|-------------------------------------|------------------------------------------|
-    | head     | lag, u, p                           | drive, tip, tip_rate, end, base, lagging |
+    | head     | lag, u, p                           | drive, tip, tip_rate, base, lagging      |
     | carry    | spin, q, qd, row                    | spun                                     |
+    | tip      | spin, lag, u, p                     | end                                      |
     | outward  | spin, q, qd, r, row, drive, p, part | shape, body                              |
     | turn     | turn, shape                         | turned                                   |
     | loads    | turns, x, u, w, p                   | force                                    |
@@ -77,6 +78,7 @@ class Kernels:
 
     head: ca.Function
     carry: ca.Function
+    tip: ca.Function
     outward: ca.Function
     turn: ca.Function
     loads: ca.Function
@@ -106,12 +108,12 @@ class Kernels:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All of them."""
-        return self.head, self.carry, self.outward, self.turn, self.loads, self.inward, self.root, self.onward
+        return self.head, self.carry, self.tip, self.outward, self.turn, self.loads, self.inward, self.root, self.onward
 
     @cached_property
     def instructions(self) -> int:
         """Instructions of an evaluation."""
-        once = {f.name() for f in (self.head, self.loads, self.root)}
+        once = {f.name() for f in (self.head, self.tip, self.loads, self.root)}
         return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
 
 
@@ -153,6 +155,7 @@ class Builder:
             raise InputError("these equations of motion are solved densely")
         self._pattern = equations.pattern
         self._loads = equations.loads if moving else []
+        self._touching = np.array(equations.touching() if moving else [])
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
         self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], self._splits), strict=True))
@@ -162,7 +165,7 @@ class Builder:
     @property
     def _splits(self) -> list[int]:
         size, sources = self._local, len(self._made.sources)
-        sizes = (size * (size + 1) // 2, size * sources, size, 1, 1)
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, 1, self._touching.size // len(self._made.lengths))
         return [0, *np.cumsum(sizes).tolist()]
 
     def _described(self) -> tuple[ca.SX, Array]:
@@ -180,6 +183,8 @@ class Builder:
             bends = [family.work(k, made.lengths)[a] for a in local]
             mass = float(self._par[masses[k]]) if k in masses else 0.0
             rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, h / made.length])
+            if self._touching.size:
+                rows[-1] += self._touching[k].T.ravel().tolist()
         numbers = np.array(rows, dtype=float)
         varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
         symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
@@ -194,6 +199,7 @@ class Builder:
         return Kernels(
             self._head(),
             self._carry(),
+            self._tip(),
             self._outward(),
             self._turn(),
             self._load_forces(),
@@ -221,6 +227,21 @@ class Builder:
         spin = ca.SX.sym("spin", int(self.moving) + self._rubs)
         return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local if self.moving else 0)
 
+    def _tip(self) -> ca.Function:
+        """Inertia and force at the end of the last link: what is carried there."""
+        eq, size = self.equations, SECTION + self._shared
+        spin = self._symbols()[0]
+        mass = sum((self._par[name] for name, place in self._made.masses() if place == self._made.tip), 0.0)
+        body = eq.tip_body or EndBody(0.0, 0.0, ZERO)
+        first = body.center.scaled(body.mass)
+        second = body.rotary_inertia + first.dot(body.center)
+        own = [[mass + body.mass], [0.0, mass + body.mass], [first.x, first.y, second], *[[0.0] * 4] * self._shared]
+        pull = first.scaled(spin[0] * spin[0]) if self.moving else ZERO
+        end = [entry for row in own for entry in row] + [pull.y, -1.0 * pull.x, *[0.0] * (size - 2)]
+        if self._made.matched:
+            end += [0.0, eq.known_accelerations[0] if self.moving else 0.0]
+        return self._function("tip", {"spin": spin, "lag": eq.lag, "u": eq.u, "p": eq.p}, {"end": end})
+
     def _carry(self) -> ca.Function:
         spin, q, qd = self._symbols()
         following: list[Scalar] = []
@@ -240,7 +261,7 @@ class Builder:
         return self._function("turn", {"turn": turn, "shape": shape}, {"turned": turned})
 
     def _head(self) -> ca.Function:
-        eq, size = self.equations, SECTION + self._shared
+        eq = self.equations
         held = self._made.matched
         if not self.moving:
             drive = []
@@ -251,13 +272,6 @@ class Builder:
             drive = [v for each in eq.drives for v in ((each.moment, each.couple) if self._rubs else (each.total,))]
         tip: list[Scalar] = [eq.full[-1]] if held else []
         tip_rate: list[Scalar] = [eq.full_rates[-1]] if held and self.moving else []
-        carried = [self._par[name] for name, place in self._made.masses() if place == self._made.tip]
-        mass = sum(carried, 0.0)
-        # A point mass moves with the section and does not turn with it.
-        end: list[Scalar] = [mass if a == b and a < 2 else 0.0 for a in range(size) for b in range(a + 1)]
-        end += [0.0] * size
-        if held:
-            end += [0.0, eq.known_accelerations[0] if self.moving else 0.0]
         weight = eq.gravity_vector.perp() if self.moving else ZERO
         lagging = eq.lag_rates if self.moving else []
         return self._function(
@@ -267,7 +281,6 @@ class Builder:
                 "drive": drive,
                 "tip": tip,
                 "tip_rate": tip_rate,
-                "end": end,
                 "base": [weight.x, weight.y],
                 "lagging": lagging,
             },
@@ -293,6 +306,9 @@ class Builder:
             # What the input bends is subtracted from the coordinates where it is known.
             above = q - ca.mtimes(driven, drive) if self._made.matched else q
             own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
+            if self._touching.size:
+                numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
+                own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
             own -= bends * (per_arc * ca.dot(bends, qd))
             if self._rubs:
                 factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
@@ -445,10 +461,10 @@ class Builder:
         )
 
 
-_OWN = ("stiffness", "driven", "bends", "mass", "share")
+_OWN = ("stiffness", "driven", "bends", "mass", "share", "stops")
 """What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
 where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; share of the
-finger's length [1]."""
+finger's length [1]; where links may touch."""
 
 
 def _digest(content: bytes) -> str:
@@ -526,7 +542,7 @@ def sweep_function(builder: Builder) -> ca.Function:
         inputs |= {"part": ca.MX.sym("part"), "r": ca.MX.sym("r", n)}
     if not builder.moving:
         inputs["v"] = ca.MX.sym("v", n)
-    drive, tip, tip_rate, end, base, lagging = made.head(x[2 * n :], u, p)
+    drive, tip, tip_rate, base, lagging = made.head(x[2 * n :], u, p)
 
     def windows(vector: ca.MX, tip: ca.MX) -> ca.MX:
         """Local entries of every link (L, N)."""
@@ -542,12 +558,13 @@ def sweep_function(builder: Builder) -> ca.Function:
     same = [ca.repmat(each, 1, count) for each in (drive, p, part)]
 
     def from_base(state: ca.DM, function: ca.Function, *given: ca.MX) -> ca.MX:
-        """What a function accumulates, at the start of every link."""
+        """What a function accumulates, at the start of every link and at the tip."""
         if not state.numel():
-            return empty
-        return ca.horzcat(state, function.mapaccum(count)(state, *given)[:, :-1])
+            return ca.MX(0, count + 1)
+        return ca.horzcat(state, function.mapaccum(count)(state, *given))
 
-    spins = from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows)
+    *starts, last = ca.horzsplit(from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows))
+    spins, end = ca.horzcat(*starts), made.tip(last, x[2 * n :], u, p)
     shape, body = made.outward.map(count)(spins, q, qd, r, rows, *same)
     force = ca.MX(made.inward.size1_in("force"), count)
     if made.loaded:

@@ -84,7 +84,7 @@ class Motion:
         return _Scales(x, u, u / time, time, objective)
 
     def _unit(self, k: int, input_range: float, time: float) -> float:
-        n, tendons = len(self.reach), self.scene.finger.tendons
+        n, tendons = len(self.reach), self.scene.finger.tendon_pair
         name, unit = self.prediction.x_names[k].rstrip("]").split(" [")
         if k < n:
             return float(self.reach[k])

@@ -149,7 +149,7 @@ def _draw_grasp(ax: Axes, mission: MissionRun, shape: Array, pose: Array, **styl
     mark = np.array([pose[:2], pose[:2] + reach * np.array([np.cos(pose[2]), np.sin(pose[2])])])
     return [
         *bodies.draw_object(ax, outlines, **style),
-        bodies.draw_body(ax, bodies.finger_outline(shape, mission.scene.finger.thickness_radius), **style),
+        bodies.draw_body(ax, bodies.finger_outline(shape, mission.scene.finger), **style),
         *ax.plot(*shape.T, color=BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style),
         *ax.plot(*mark.T, color=EDGE, linewidth=1.2, zorder=Z.MARK, **style),
     ]

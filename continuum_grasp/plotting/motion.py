@@ -73,7 +73,7 @@ def plot_snapshots(
     for k, some in enumerate(outlines):
         bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
     if outlines:
-        bodies.draw_body(ax, bodies.finger_outline(shapes[-1], scene.finger.thickness_radius))
+        bodies.draw_body(ax, bodies.finger_outline(shapes[-1], scene.finger))
     lines = axes.draw_timed(ax, shapes, t[indices], t)
     bodies.draw_clamp(ax, shapes[0], length)
     masses = bodies.masses_of(scene.finger)
@@ -121,9 +121,8 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
         if outlines:
-            half = scene.finger.thickness_radius
             passing += bodies.draw_object(ax, outlines[k], animated=True)
-            passing.append(bodies.draw_body(ax, bodies.finger_outline(shapes[k], half), animated=True))
+            passing.append(bodies.draw_body(ax, bodies.finger_outline(shapes[k], scene.finger), animated=True))
         return finger(k), passing
 
     return film.frames(back, moving)

@@ -81,7 +81,7 @@ class RodProblem:
             following=tuple((placed(at), value * force) for at, value in following if value != 0.0),
             couples=tuple((placed(at), value * moment) for at, value in couples if value != 0.0),
             drive=tip_moment * moment,
-            friction=finger.tendons.friction if finger.tendons is not None else 0.0,
+            friction=finger.tendon_pair.friction if finger.tendon_pair is not None else 0.0,
             rest=tuple((placed(a), placed(b), k * length) for a, b, k in pieces),
         )
 
@@ -111,7 +111,7 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
 
 def _tip_moment(scene: Scene) -> float:
     """Moment of the actuation at time zero [N m]; equation (42) for tendons."""
-    actuation, tendons = scene.actuation, scene.finger.tendons
+    actuation, tendons = scene.actuation, scene.finger.tendon_pair
     if actuation is None:
         return 0.0
     if actuation.tensions is not None and tendons is not None:

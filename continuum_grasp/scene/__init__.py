@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import Finger as Finger
     from continuum_grasp.scene.finger import PiecewiseCurvature as PiecewiseCurvature
     from continuum_grasp.scene.finger import PointMass as PointMass
-    from continuum_grasp.scene.finger import Tendons as Tendons
+    from continuum_grasp.scene.finger import Stops as Stops
+    from continuum_grasp.scene.finger import TipBody as TipBody
     from continuum_grasp.scene.graded import RodSamples as RodSamples
     from continuum_grasp.scene.graded import RodSection as RodSection
     from continuum_grasp.scene.graded import SpiRob as SpiRob
@@ -85,6 +86,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.surroundings import ContactLaw as ContactLaw
     from continuum_grasp.scene.surroundings import Surroundings as Surroundings
     from continuum_grasp.scene.sweep import Sweep as Sweep
+    from continuum_grasp.scene.tendons import Tendon as Tendon
+    from continuum_grasp.scene.tendons import Tendons as Tendons
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]

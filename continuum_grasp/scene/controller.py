@@ -119,7 +119,7 @@ class InputLimits(Value):
 
     def lag(self, finger: Finger) -> float | None:
         """Time constant of the drive [s]; None: the input acts at once."""
-        return self.time_constant if finger.tendons is None else finger.tendons.time_constant
+        return self.time_constant if finger.tendon_pair is None else finger.tendon_pair.time_constant
 
 
 class Horizon(Value):

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
     Distance,
-    Friction,
     Increasing,
     Length,
     Mass,
@@ -24,7 +26,6 @@ from continuum_grasp.scene.value import (
     Position,
     Positive,
     Real,
-    TimeConstant,
     Value,
     doubt,
     doubt_outside,
@@ -33,14 +34,15 @@ from continuum_grasp.scene.value import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from continuum_grasp.scene.profile import Array, Channel, Profile
+    from continuum_grasp.scene.profile import Array, Channel, Curve, Profile
 
 
 class Damping(Value):
     """Internal damping; both kinds may be given and add up."""
 
     material: Annotated[NonNegative, Unit("N m2 s")] = 0.0
-    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh."""
+    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh;
+    of a graded rod that at the base, and along it in the ratio of its bending stiffness."""
     per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
     """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
 
@@ -52,6 +54,34 @@ class PointMass(Value):
     """Position along the finger [m]."""
     mass: Mass
     """Mass [kg]."""
+
+
+class TipBody(Value):
+    """A rigid body fastened to the tip."""
+
+    mass: Annotated[float, Field(ge=1e-12, le=1e12), Unit("kg")]
+    """Mass [kg]."""
+    rotary_inertia: Annotated[NonNegative, Unit("kg m2")] = 0.0
+    """Moment of inertia about its center of mass [kg m2]."""
+    center_of_mass: Position = (0.0, 0.0)
+    """Center of mass in the axes of the tip's section [m]: X across, Y along, from the tip on."""
+
+
+class Stops(Value):
+    """Links that touch where the finger is bent far: beyond a curvature it is stiffer."""
+
+    curvature: Varying[Annotated[Positive, Unit("1/m")]] | None = None
+    """Curvature from which on links touch [1/m], a magnitude, or its values at base and tip; None: that which closes
+    the gaps of ``rod.spirob``."""
+    stiffness_ratio: Annotated[float, Field(gt=1.0, le=1e6, examples=[50.0]), Unit("1")]
+    """Bending stiffness beyond it per that before it [1]."""
+    side: Literal["both", "left", "right"] = "both"
+    """Where there are stops: left, against bending towards -X (positive curvature); right, against the other."""
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """Signs of the curvatures that are stopped."""
+        return {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[self.side]
 
 
 class PiecewiseCurvature(Value):
@@ -67,26 +97,6 @@ class PiecewiseCurvature(Value):
             raise ValueError(
                 f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
             )
-
-
-class Tendons(Value):
-    """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
-
-    offset: Annotated[Length, Field(examples=[0.005, "5 mm"])]
-    """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
-    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
-    """Least tension [N]."""
-    max_tension: Annotated[Positive, Unit("N")]
-    """Greatest tension [N]."""
-    friction: Friction = 0.0
-    """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
-    time_constant: TimeConstant | None = None
-    """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
-    second-order lag. None: the tension is what is commanded."""
-
-    def _check(self) -> None:
-        if self.min_tension >= self.max_tension:
-            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
 
 
 class BasePose(Value):
@@ -118,25 +128,23 @@ class Finger(Value):
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
     masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
     """Point masses beside the rod's own mass."""
-    tendons: Tendons | None = None
-    """None: the input is the tip moment itself."""
+    tip_body: TipBody | None = None
+    """A body fastened to the tip; None: none."""
+    stops: Stops | None = None
+    """Where links of the finger touch; None: nowhere."""
+    tendons: Tendons | TendonList | None = None
+    """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
+    itself."""
     base: BasePose = BasePose()
     """Where the base is clamped, and in which direction."""
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses", self.masses)
-        offset = None if self.tendons is None else self.tendons.offset
-        for key, value in (("tendons.offset", offset), ("half_thickness", half)):
-            if value is not None and value >= length:
-                raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
+        if half is not None and half >= length:
+            raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
         if self.strain_limit is not None and not self.rod.own_thickness:
             raise ValueError("strain_limit needs rod.diameter, or a thickness of a graded rod")
-        if offset is not None and half is not None and 0.0 < half < offset:
-            doubt(
-                f"tendons.offset = {offset:g} m is more than half_thickness = {half:g} m: "
-                "the tendons run outside the finger"
-            )
         if self.rest_curvature != 0.0 and self.rod.own_rest_curvature:
             raise ValueError("rest_curvature is given by the rod already")
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
@@ -149,6 +157,53 @@ class Finger(Value):
             if m.mass > 1e3 * self.rod.mass:
                 own = f"{self.rod.mass:.2g} kg"
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
+
+        self._check_tendons()
+        if self.stops is not None:
+            self._check_stops(self.stops)
+
+    def _check_stops(self, stops: Stops) -> None:
+        if stops.curvature is None and self.rod.spirob is None:
+            raise ValueError("stops.curvature is needed: only that of rod.spirob follows from its shape")
+        if stops.curvature is not None and self.rod.spirob is not None:
+            raise ValueError("stops.curvature is given by rod.spirob already: its gaps close there")
+        limit, rest = self.stop_curvature, self.profile.rest_curvature
+        if limit is None or rest.constant == 0.0:
+            return
+        # Both are monotone between the edges of their pieces.
+        for at, tip_side, sign in product(sorted((*rest.edges, *limit.edges)), (False, True), stops.signs):
+            least, bent = float(limit(at, tip_side=tip_side)), float(rest(at, tip_side=tip_side))
+            if sign * bent >= least:
+                raise ValueError(
+                    f"stops: at {at:g} m along the finger they touch from {sign * least:g} 1/m on, which is not "
+                    f"beyond the rest curvature of {bent:g} 1/m"
+                )
+
+    def _check_tendons(self) -> None:
+        check_tendons(self.tendons, self.rod.length)
+        for k, tendon in enumerate(self.tendon_list):
+            key = f"tendons[{k}].offset" if isinstance(self.tendons, tuple) else "tendons.offset"
+            most, half = max(map(abs, ends(tendon.offset))), self.half_thickness
+            if half is not None and 0.0 < half < most:
+                doubt(
+                    f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
+                )
+            # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
+            if half is None and self.rod.graded and self.rod.own_thickness:
+                self._check_inside_thickness(key, tendon)
+
+    def _check_inside_thickness(self, key: str, tendon: Tendon) -> None:
+        """Refuse a tendon that runs outside the finger; both are monotone between the edges of pieces."""
+        half, to = self.profile.half_thickness, self.rod.length if tendon.to is None else tendon.to
+        (first, last), edges = ends(tendon.offset), [0.0, to, *(at for at in half.edges if at < to)]
+        for at in sorted(edges):
+            offset = abs(first + (last - first) * at / to)
+            least = min(float(half(at)), float(half(at, tip_side=at < to)))
+            if offset > least * (1 + 1e-9):
+                raise ValueError(
+                    f"{key}: {offset:.4g} m at {at:g} m along the finger is more than half its thickness there, "
+                    f"{least:.4g} m; with guides outside the rod, give half_thickness too"
+                )
 
     @property
     def thickness_radius(self) -> float:
@@ -196,21 +251,66 @@ class Finger(Value):
         return replace(own, rest_curvature=rest, half_thickness=half)
 
     @cached_property
+    def stop_curvature(self) -> Curve | None:
+        """Curvature from which on links touch [1/m], a magnitude; None without stops."""
+        from continuum_grasp.scene.graded_profile import line, touching
+
+        if self.stops is None:
+            return None
+        if self.stops.curvature is not None:
+            return line(self.rod.length, self.stops.curvature)
+        return None if self.rod.spirob is None else touching(self.rod.length, self.rod.spirob)
+
+    @cached_property
+    def tendon_list(self) -> tuple[Tendon, ...]:
+        """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
+        return single_tendons(self.tendons)
+
+    @property
+    def tendon_pair(self) -> Tendons | None:
+        """The tendons where they are a pair; `InputError` where they are a list, which what reads this cannot do."""
+        if isinstance(self.tendons, tuple):
+            raise InputError("expected a pair of tendons (a mapping) here, got a list", key="finger.tendons")
+        return self.tendons
+
+    @property
+    def has_tendon_friction(self) -> bool:
+        """Whether a tendon has friction."""
+        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
+
+    @property
+    def needs_free_tip(self) -> bool:
+        """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
+        return self.has_tendon_friction or self.stops is not None or self._tip_bears_moments
+
+    @property
+    def _tip_bears_moments(self) -> bool:
+        """Whether the motion of a body at the tip bends the finger there."""
+        return self.tip_body is not None and (
+            self.tip_body.rotary_inertia > 0.0 or self.tip_body.center_of_mass != (0.0, 0.0)
+        )
+
+    def check_family(self, key: str, family: str) -> None:
+        """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does."""
+        if FAMILIES[family].matches_tip and self.needs_free_tip:
+            why = {"tendon friction": self.has_tendon_friction, "stops": self.stops is not None}
+            what = next((word for word, there in why.items() if there), "a body at the tip that turns with it")
+            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
+            raise ValueError(f"{key}: {family} cannot carry {what}; use {free}")
+
+    def with_tendons(self, **changes: float | None) -> Self:
+        """The same with changes of every tendon; of a finger without tendons, itself."""
+        tendons = self.tendons
+        if isinstance(tendons, tuple):
+            return self.replaced(tendons=tuple(tendon.replaced(**changes) for tendon in tendons))
+        return self if tendons is None else self.replaced(tendons=tendons.replaced(**changes))
+
+    @property
+    def tension_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest tension of each tendon [N]."""
+        return tuple(t.min_tension for t in self.tendon_list), tuple(t.max_tension for t in self.tendon_list)
+
+    @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """The shapes of the moments by which tendons bend the finger; none without tendons."""
-        from continuum_grasp.scene.profile import Channel, Curve
-
-        if self.tendons is None:
-            return ()
-        whole, offset = Curve.uniform(self.rod.length, 1.0), self.tendons.offset
-        return (Channel(whole, self.rod.length, (offset, -offset), self.tendons.time_constant),)
-
-    @property
-    def tendon_friction(self) -> float:
-        """Capstan friction coefficient of the tendons [1]."""
-        return 0.0 if self.tendons is None else self.tendons.friction
-
-    @property
-    def tendon_list(self) -> tuple[float, ...]:
-        """To be replaced by that of the scene."""
-        return () if self.tendons is None else (self.tendons.offset, -self.tendons.offset)
+        return channels(self.rod.length, self.tendon_list)

@@ -21,13 +21,17 @@ def line(length: float, value: Varying) -> Curve:
     return Curve((0.0, length), (_line(value, length),))
 
 
-def reciprocal(thickness: Curve, edges: Sequence[float], factor: float) -> Curve:
-    """``factor / thickness`` of a linear taper: cubics in the logarithm that have its values and slopes at edges."""
+def touching(length: float, spiral: SpiRob) -> Curve:
+    """Curvature that closes the gaps of a spiral [1/m]: that which it has, ``-dh/ds / (b h)`` of its thickness h.
+
+    In the logarithm by cubics that have its values and slopes at the ends of units.
+    """
     from scipy.interpolate import CubicHermiteSpline
 
-    at = np.asarray(edges)
-    value, slope = thickness(at), thickness.coefficients[0][1]
-    return _of_spline(CubicHermiteSpline(at, math.log(factor) - np.log(value), -slope / value), exponential=True)
+    at, slope = np.asarray(spiral.edges(length)), (spiral.tip_thickness - spiral.base_thickness) / length
+    thickness = spiral.base_thickness + slope * at
+    values = np.log(-slope / (spiral.growth(length) * thickness))
+    return _of_spline(CubicHermiteSpline(at, values, -slope / thickness), exponential=True)
 
 
 def of_sections(length: float, sections: Sequence[RodSection]) -> Profile:

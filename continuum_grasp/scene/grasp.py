@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.finger import PiecewiseCurvature, Tendons
+from continuum_grasp.scene.finger import PiecewiseCurvature
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -27,6 +27,7 @@ from continuum_grasp.scene.grasp_options import (
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
+from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
@@ -61,7 +62,7 @@ class FingerSetup:
     @property
     def tendons(self) -> Tendons:
         """The finger's tendons, which every finger of a grasp has."""
-        return cast(Tendons, self.finger.tendons)
+        return cast(Tendons, self.finger.tendon_pair)
 
     @property
     def middle_names(self) -> tuple[str, ...]:
@@ -204,7 +205,6 @@ class GraspScene(Value):
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
-        has_friction = finger.tendons is not None and finger.tendons.friction > 0.0
         length = finger.rod.length
         return FingerSetup(
             name=name,
@@ -213,7 +213,7 @@ class GraspScene(Value):
             tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
-            family=fidelity.family or default_family(free_tip=has_friction),
+            family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
             # All elements together may bend by two turns, and each by 120 degrees at least.
             bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
             accuracy=fidelity.accuracy,
@@ -243,7 +243,7 @@ class GraspScene(Value):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
-        if finger.tendons_used != "both" and finger.tendons.min_tension > 0.0:
+        if finger.tendons_used != "both" and any(finger.tension_limits[0]):
             raise ValueError(
                 f"{where}.tendons.min_tension keeps the antagonist taut; with tendons_used: {finger.tendons_used} "
                 "there is none: set it to 0"
@@ -267,9 +267,7 @@ class GraspScene(Value):
                 "contacts.middle_after"
             )
         family = FAMILIES[setup.family]
-        if family.matches_tip and finger.tendons.friction > 0.0:
-            free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
-            raise ValueError(f"fidelity.family: {setup.family} cannot carry tendon friction; use {free}")
+        finger.check_family("fidelity.family", setup.family)
         if family.one_turn and setup.bending_range > ONE_TURN:
             wider = " or ".join(name for name, each in FAMILIES.items() if not each.one_turn)
             raise ValueError(

@@ -63,19 +63,20 @@ class MomentLoad(Value):
     moment: Annotated[Real | Samples, Unit("N m")]
     """Moment [N m]."""
     input: bool = False
-    """Whether the moment is an input of the model, beside tension or tip moment, whose bending shape it then knows."""
+    """True: the moment is an input of the model, as tensions are, and bends the finger by a known shape; false: it is
+    a load like others."""
 
 
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 
 class Actuation(Value):
-    """The input of the finger: the tip moment, or the two tendon tensions."""
+    """The input of the finger: the tip moment, or the tensions of its tendons."""
 
     tip_moment: Annotated[Real | Samples, Unit("N m")] | None = None
     """Tip moment [N m], for a finger without tendons."""
-    tensions: Annotated[tuple[Real | Samples, Real | Samples], Field(strict=False), Unit("N")] | None = None
-    """Tensions F1, F2 [N], for a finger with tendons."""
+    tensions: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N")] | None = None
+    """Tension of each tendon [N], for a finger with tendons: F1, F2 of a pair."""
 
     def _check(self) -> None:
         check_one_given(self, "tip_moment", "tensions")

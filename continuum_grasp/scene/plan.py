@@ -273,7 +273,7 @@ class PlanScene(FingerScene):
     @property
     def input_limits(self) -> tuple[float, float]:
         """Least and greatest tip moment [N m] or tension [N]."""
-        tendons = self.finger.tendons
+        tendons = self.finger.tendon_pair
         if tendons is not None:
             return tendons.min_tension, tendons.max_tension
         most = self.input.moment_max or 0.0

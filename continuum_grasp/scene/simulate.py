@@ -78,6 +78,8 @@ class Initial(Value):
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
         for k, load in enumerate(self.held_by):
+            if load.kind == "moment" and load.input:
+                raise ValueError(f"held_by[{k}].input has no effect: what holds the finger is released at time zero")
             value = load.force if load.kind == "force" else load.moment
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
@@ -149,6 +151,8 @@ class FingerScene(Surroundings):
                     f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
                 )
         check_increasing("contacts", self.contacts, " along the finger")
+        if self.fidelity.family is not None:
+            self.finger.check_family("fidelity.family", self.fidelity.family)
 
 
 class Scene(FingerScene):
@@ -178,16 +182,21 @@ class Scene(FingerScene):
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
 
     def _check_actuation(self, actuation: Actuation) -> None:
-        tendons = self.finger.tendons
-        if actuation.tensions is not None:
-            if tendons is None:
-                raise ValueError("actuation.tensions needs finger.tendons; without tendons give tip_moment")
-            for k, tension in enumerate(actuation.tensions):
-                for value in tension.values if isinstance(tension, Samples) else (tension,):
-                    if not tendons.min_tension <= value <= tendons.max_tension:
-                        raise ValueError(
-                            f"actuation.tensions[{k}] = {value} N is outside min_tension = {tendons.min_tension} N to "
-                            f"max_tension = {tendons.max_tension} N"
-                        )
-        elif tendons is not None:
-            raise ValueError("actuation.tip_moment needs a finger without tendons; give tensions")
+        tendons = self.finger.tendon_list
+        if actuation.tensions is None:
+            if tendons:
+                raise ValueError("actuation.tip_moment needs a finger without tendons; give tensions")
+            return
+        if not tendons:
+            raise ValueError("actuation.tensions needs finger.tendons; without tendons give tip_moment")
+        if len(actuation.tensions) != len(tendons):
+            raise ValueError(
+                f"actuation.tensions must have one entry per tendon ({len(tendons)}), got {len(actuation.tensions)}"
+            )
+        for k, (tension, tendon) in enumerate(zip(actuation.tensions, tendons, strict=True)):
+            for value in tension.values if isinstance(tension, Samples) else (tension,):
+                if not tendon.min_tension <= value <= tendon.max_tension:
+                    raise ValueError(
+                        f"actuation.tensions[{k}] = {value} N is outside min_tension = {tendon.min_tension} N to "
+                        f"max_tension = {tendon.max_tension} N"
+                    )

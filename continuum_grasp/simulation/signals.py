@@ -111,7 +111,7 @@ class Signals:
 
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
-        tendons = self._model.finger.tendons
+        tendons = self._model.finger.tendon_pair
         # The lag rounds off what the tensions do; a tenth of it resolves its exponential.
         lag = 0.0 if tendons is None else tendons.time_constant or 0.0
         drive = self._values[: self._model.structure.inputs.tendons] if step <= 0.1 * lag else []

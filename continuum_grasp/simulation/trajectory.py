@@ -252,7 +252,7 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     """Inputs (T, nu) that act on the shapes of states x (T, nx) under commands u (T, nu); see ``Trajectory.acting``."""
     if model.nx == 2 * model.n:
         return u
-    tendons = model.finger.tendons
+    tendons = model.finger.tendon_pair
     # Any tensions with the lagged moment give the same shape: all of it in the first.
     acting = u.copy()
     acting[:, 0] = x[:, 2 * model.n] / (tendons.offset if tendons else 1.0)

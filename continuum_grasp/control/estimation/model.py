@@ -194,7 +194,7 @@ class _Compared(NamedTuple):
 
 def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX) -> list[_Compared]:
     """List what the filter compares."""
-    tendons = scene.finger.tendons
+    tendons = scene.finger.tendon_pair
     found = []
     if asked.tip is not None:
         names = ("tip_x [m]", "tip_y [m]")

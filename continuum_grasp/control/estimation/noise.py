@@ -106,7 +106,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
 
 
 def _greatest_moment(scene: ControlScene) -> float:
-    tendons = scene.finger.tendons
+    tendons = scene.finger.tendon_pair
     if tendons is None:
         return scene.controller.input.moment_max or 0.0
     return (tendons.max_tension - tendons.min_tension) * tendons.offset
@@ -152,8 +152,8 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     if name in ("tip_x [m]", "tip_y [m]"):
         base = finger.base.position["xy".index(name[4])]
         return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
-    if name.startswith("tension_") and finger.tendons is not None:
-        most = finger.tendons.max_tension
+    if name.startswith("tension_") and finger.tendon_pair is not None:
+        most = finger.tendon_pair.max_tension
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
     if name.startswith("angle_"):
         most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)

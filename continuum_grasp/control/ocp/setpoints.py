@@ -59,7 +59,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
         If a reference has another number of entries than its cost term, or if no term tracks it.
     """
     given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
-    tendons = outputs.model.scene.finger.tendons
+    tendons = outputs.model.scene.finger.tendon_pair
     # Tensions cannot be zero, so that effort is what exceeds the least ones.
     if given["input"] is None and tendons is not None:
         given["input"] = (tendons.min_tension,) * 2

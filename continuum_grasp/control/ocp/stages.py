@@ -221,7 +221,7 @@ def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array
 
 
 def _input_limits(scene: ControlScene) -> tuple[Array, Array]:
-    tendons = scene.finger.tendons
+    tendons = scene.finger.tendon_pair
     if tendons is not None:
         return np.full(2, tendons.min_tension), np.full(2, tendons.max_tension)
     most = scene.controller.input.moment_max or 0.0

@@ -13,7 +13,7 @@
   casadi_int i, k, l;
   {
     const casadi_real *in[] = {x + <<lag>>, u, p};
-    casadi_real *out[] = {drive, tip, tip_rate, ends[0], base, lagging};
+    casadi_real *out[] = {drive, tip, tip_rate, base, lagging};
     <<head_of>>(in, out, iw, work, mem);
   }
   for (i = 0; i < <<n>>; ++i) q[i] = x[i];
@@ -26,11 +26,16 @@
       r[k][i] = at < <<n>> ? arg[5 + i / <<local>>][at] : 0;
     }<<end>><<if spun>>
   for (i = 0; i < <<spin>>; ++i) spins[0][i] = 0;
-  for (k = 0; k < LAST; ++k) {
+  for (k = 0; k < N; ++k) {
     const casadi_real *in[] = {spins[k], q + k * <<stride>>, qd + k * <<stride>>, <<row_of>>};
     casadi_real *out[] = {spins[k + 1]};
     <<carry_of>>(in, out, iw, work, mem);
   }<<end>>
+  {
+    const casadi_real *in[] = {<<if spun>>spins[N]<<end>><<if still>>0<<end>>, x + <<lag>>, u, p};
+    casadi_real *out[] = {ends[0]};
+    <<tip_of>>(in, out, iw, work, mem);
+  }
   for (i = 0; i < <<drives>>; ++i) same_drive[i] = (cg_lanes){0} + drive[i];
   for (i = 0; i < <<ps>>; ++i) same_p[i] = (cg_lanes){0} + p[i];<<if implicit>>
   same_part[0] = (cg_lanes){0} + arg[4][0];<<end>>

@@ -17,9 +17,10 @@ import numpy as np
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.finger import Finger, PointMass, Tendons
+from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.tendons import Tendons
 
 ACCURACY = 1e-7
 """Relative accuracy of the model's quadrature by default; its positions are some ten times better."""

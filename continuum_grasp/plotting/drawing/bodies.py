@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
+from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.supports import VGroove
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.objects import GraspObject
     from continuum_grasp.scene.supports import Support
+    from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[Any]
 
@@ -34,18 +36,73 @@ CIRCLE = np.stack([np.cos(np.linspace(0.0, math.tau, 25)), np.sin(np.linspace(0.
 """Points of a unit circle: enough for limits of pictures and places of labels."""
 
 
-def finger_outline(backbone: Array, half: float, angle: Array | None = None) -> Array:
-    """Outline (points, 2) of a finger with a rounded end, half as thick as ``half``, round a backbone (points, 2).
+def finger_outline(
+    backbone: Array, finger: Finger, *, s: Array | None = None, angle: Array | None = None, unit: float = 1.0
+) -> Array:
+    """Outline (points, 2) of a finger as thick as it is, with a rounded end, round its backbone (points, 2).
 
-    ``angle`` (points,) [rad] is that of the sections' X axes; by differences of the backbone where not given.
+    ``s`` (points,) [m] are positions along the finger, evenly spaced where not given, ``angle`` (points,) [rad] those
+    of the sections' X axes; in the picture a meter is ``unit`` long.
     """
+    line, s, angle = _placed(backbone, finger, s, angle)
+    at, half = _thickness_line(finger, s)
+    half = unit * half
+    points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
+    turn = np.interp(at, s, angle)
+    across = half[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    cap = turn[-1] + np.linspace(0.0, math.pi, 25)
+    end = points[-1] + half[-1] * np.stack([np.cos(cap), np.sin(cap)], axis=1)
+    return np.concatenate([points + across, end, (points - across)[::-1]])
+
+
+def tendon_path(
+    tendon: Tendon,
+    backbone: Array,
+    finger: Finger,
+    *,
+    s: Array | None = None,
+    angle: Array | None = None,
+    unit: float = 1.0,
+) -> Array:
+    """Where a tendon runs (points, 2), from the base to its end; arguments as of `finger_outline`."""
+    line, s, angle = _placed(backbone, finger, s, angle)
+    (first, last), to = ends(tendon.offset), finger.rod.length if tendon.to is None else tendon.to
+    at = np.append(s[s < to], to)
+    turn = np.interp(at, s, angle)
+    # The X axis of a section points away from tendons of positive offset.
+    offset = -unit * (first + (last - first) * at / to)
+    points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
+    return np.asarray(points + offset[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+
+
+def _placed(backbone: Array, finger: Finger, s: Array | None, angle: Array | None) -> tuple[Array, Array, Array]:
+    """Backbone, positions along it [m], and angles of the X axes [rad]; by differences where not given."""
+    line = np.asarray(backbone)
+    if s is None:
+        s = np.linspace(0.0, finger.rod.length, len(line))
     if angle is None:
-        tangent = np.gradient(backbone, axis=0)
-        angle = np.arctan2(-tangent[:, 0], tangent[:, 1])  # the tangent is the sections' Y axis
-    across = half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    cap = angle[-1] + np.linspace(0.0, math.pi, 25)
-    end = backbone[-1] + half * np.stack([np.cos(cap), np.sin(cap)], axis=1)
-    return np.concatenate([backbone + across, end, (backbone - across)[::-1]])
+        tangent = np.gradient(line, s, axis=0)
+        # the tangent is the sections' Y axis
+        angle = np.unwrap(np.arctan2(-tangent[:, 0], tangent[:, 1]))
+    return line, s, angle
+
+
+def _thickness_line(finger: Finger, s: Array) -> tuple[Array, Array]:
+    """Positions along a finger and half its thickness there [m], with both sides of jumps and the cuts of a spiral."""
+    half, spiral = finger.profile.half_thickness, finger.rod.spirob
+    edges = np.array(half.edges[1:-1])
+    at = np.concatenate([s, edges, edges])
+    found = np.concatenate([half(s), half(edges), half(edges, tip_side=True)])
+    if spiral is not None and finger.half_thickness is None:
+        cuts = np.array(spiral.edges(finger.rod.length)[1:-1])
+        # Wedges down to the elastic layer, whose sides meet where the unit is turned by its angle.
+        wide = math.tan(0.5 * spiral.unit_angle(finger.rod.length)) * (1.0 - spiral.core) * half(cuts)
+        sides = np.concatenate([cuts - wide, cuts + wide])
+        inside = np.all([np.abs(at - cut) > one for cut, one in zip(cuts, wide, strict=True)], axis=0)
+        at = np.concatenate([at[inside], sides, cuts])
+        found = np.concatenate([found[inside], half(sides), spiral.core * half(cuts)])
+    order = np.argsort(at, kind="stable")
+    return at[order], found[order]
 
 
 def draw_body(ax: Axes, outline: Array, **style: Any) -> Polygon:

@@ -9,19 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
-from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports
+from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, tendon_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import GRAY, INK, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.graded import ends
+from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from continuum_grasp.grasp.result import Contact, GraspResult
+    from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[Any]
 
@@ -143,23 +145,26 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
     return found
 
 
+def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
+    """Tendons that are used and run in the body: beside it, on discs, they would be taken for its outline."""
+    sides = {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[finger.tendons_used]
+    first = [(tendon, ends(tendon.offset)[0]) for tendon in finger.tendon_list]
+    return [tendon for tendon, e in first if math.copysign(1.0, e) in sides and abs(e) < finger.thickness_radius]
+
+
 def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
     """Draw all fingers; returns their outlines and those of their clamps [mm]."""
     drawn: list[Array] = []
     for name, finger in view.fingers.items():
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
-        line, angle = backbone[:, 1:3], backbone[:, 3]
-        across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        line = backbone[:, 1:3]
         drawn += [body, draw_clamp(ax, line, MM * finger.rod.length)]
         edge, style = lighter(color, 0.25), "solid" if view.found else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
-        # tendons beside the body, on discs, would be taken for its outline
-        if tendons and finger.tendons is not None and finger.tendons.offset < finger.thickness_radius:
-            sides = {"both": (-1.0, 1.0), "left": (-1.0,), "right": (1.0,)}[finger.tendons_used]
-            for side in sides:
-                path = line + side * MM * finger.tendons.offset * across
-                ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
+        for tendon in _tendons_inside(finger) if tendons else ():
+            path = tendon_path(tendon, finger=finger, **view.path(name))
+            ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
         ax.plot(*line.T, color=edge, linewidth=1.5, zorder=Z.CENTERLINE)
         if view.found:  # dots where elements meet
             stations = MM * np.cumsum(view.result.fingers[name].lengths)[:-1]
@@ -246,8 +251,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, _margin(c)))))
     rows += [(("", INK),), (("tendons [N]", GRAY), ("left", GRAY), ("right", GRAY), ("of", GRAY))]
     for name, finger in view.result.fingers.items():
-        tendons = view.fingers[name].tendons
-        most = "" if tendons is None else f"{tendons.max_tension:g}"
+        most = " / ".join(dict.fromkeys(f"{tendon:g}" for tendon in view.fingers[name].tension_limits[1]))
         left, right = finger.tensions
         rows.append(((name, view.color(name)), (f"{left:.2f}", INK), (f"{right:.2f}", INK), (most, INK)))
     return rows

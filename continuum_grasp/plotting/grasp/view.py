@@ -76,8 +76,12 @@ class GraspView:
 
     def body(self, name: str) -> Array:
         """Outline of a finger with its rounded end, (points, 2) [mm]."""
+        return finger_outline(finger=self.fingers[name], **self.path(name))
+
+    def path(self, name: str) -> dict[str, Any]:
+        """The backbone of a finger, as what is drawn along it takes it."""
         backbone = self.backbones[name]
-        return finger_outline(backbone[:, 1:3], MM * self.fingers[name].thickness_radius, backbone[:, 3])
+        return {"backbone": backbone[:, 1:3], "s": backbone[:, 0] / MM, "angle": backbone[:, 3], "unit": MM}
 
     @cached_property
     def box(self) -> tuple[Array, Array]:

@@ -1,0 +1,147 @@
+"""Tendons: a pair at equal distances, or a list of single ones that end anywhere."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+from continuum_grasp.scene.graded import Varying, ends
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.profile import Channel
+
+MOST_SLOPE = 0.3
+"""Greatest change of a tendon's offset per length [1]: up to there the constant cosine of its law leaves errors of the
+tip below 5e-4 of the length."""
+_SAME = 1e-9
+"""Difference up to which two ratios of offsets, and two ends per length, are the same [1]: above their rounding."""
+_LEAST_OFFSET = 1e-6
+"""Least offset at the base [m], to which the shape of the moment is scaled; as of a length."""
+
+Offset = Annotated[float, Field(ge=-1e4, le=1e4), Unit("m")]
+
+
+class _Tensions(Value):
+    """What one tendon's drive and guides are."""
+
+    min_tension: Annotated[NonNegative, Unit("N")] = 0.0
+    """Least tension [N]."""
+    max_tension: Annotated[Positive, Unit("N")]
+    """Greatest tension [N]."""
+    friction: Friction = 0.0
+    """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
+    time_constant: TimeConstant | None = None
+    """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
+    second-order lag. None: the tension is what is commanded."""
+
+    def _check(self) -> None:
+        if self.min_tension >= self.max_tension:
+            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
+
+
+class Tendons(_Tensions):
+    """Two tendons at equal distances from the backbone; tendon 1 is on the -X side and bends the finger positively."""
+
+    offset: Annotated[Length, Field(examples=[0.005, "5 mm"])]
+    """Distance e of each tendon from the backbone [m]; tip moment = (F1 - F2) e, equation (42)."""
+
+
+class Tendon(_Tensions):
+    """One tendon, at a distance from the backbone that is constant or changes linearly from base to its end.
+
+    Its bending moment is ``T e(s)`` up to its end and none beyond; where it is inclined to the backbone by the slope
+    e', times the constant ``cos = 1 / sqrt(1 + e'^2)``: the virtual work of its length ``int sqrt((1 - e k)^2 + e'^2)
+    ds`` with e k small in the square root.
+    """
+
+    offset: Annotated[Varying[Offset], Field(examples=[0.008, "8 mm"])]
+    """Distance e from the backbone [m], or its values at the base and at the tendon's end; positive on the -X side,
+    where its tension bends the finger positively."""
+    to: Length | None = None
+    """Where it is fastened to the finger [m]; None: at the tip."""
+
+    def _check(self) -> None:
+        if abs(ends(self.offset)[0]) < _LEAST_OFFSET:
+            raise ValueError(f"offset = {ends(self.offset)[0]} m at the base: a tendon in the backbone bends nothing")
+
+    def slope(self, length: float) -> float:
+        """Change of its offset per length along a finger [1]."""
+        first, last = ends(self.offset)
+        return (last - first) / (length if self.to is None else self.to)
+
+
+TendonList = Annotated[tuple[Tendon, ...], Field(strict=False, min_length=1, max_length=16)]
+
+
+def single_tendons(tendons: Tendons | tuple[Tendon, ...] | None) -> tuple[Tendon, ...]:
+    """Single tendons: those of a list, or the two of a pair, that on the -X side first."""
+    if not isinstance(tendons, Tendons):
+        return tendons or ()
+    own = {name: getattr(tendons, name) for name in _Tensions.model_fields}
+    return tuple(Tendon(offset=side * tendons.offset, **own) for side in (1.0, -1.0))
+
+
+def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -> None:
+    """Refuse tendons that do not fit a finger of a length [m]."""
+    singles = single_tendons(tendons)
+    keys = [f"tendons[{k}]" if isinstance(tendons, tuple) else "tendons" for k in range(len(singles))]
+    for key, tendon in zip(keys, singles, strict=True):
+        offset, slope = max(map(abs, ends(tendon.offset))), abs(tendon.slope(length))
+        if offset >= length:
+            raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
+        if tendon.to is not None and tendon.to > length * (1 + 1e-12):
+            raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
+        if slope > MOST_SLOPE:
+            raise ValueError(
+                f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
+                "for tendons that are nearly parallel to the backbone"
+            )
+    for first, *others in alike(singles, length):
+        for k in others:
+            if singles[k].time_constant != singles[first].time_constant:
+                raise ValueError(
+                    f"{keys[k]}.time_constant differs from that of {keys[first]}, which runs alike: their moments add "
+                    "up before they lag"
+                )
+
+
+def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:
+    """Numbers of the tendons whose moments have the same shape up to a factor, in groups."""
+    shapes: list[tuple[float, float]] = []
+    groups: list[list[int]] = []
+    for k, tendon in enumerate(tendons):
+        first, last = ends(tendon.offset)
+        shape = (last / first, length if tendon.to is None else tendon.to)
+        for group, known in zip(groups, shapes, strict=True):
+            if abs(shape[0] - known[0]) <= _SAME and abs(shape[1] - known[1]) <= _SAME * length:
+                group.append(k)
+                break
+        else:
+            shapes.append(shape)
+            groups.append([k])
+    return groups
+
+
+def channels(length: float, tendons: tuple[Tendon, ...]) -> tuple[Channel, ...]:
+    """One channel per shape of moment along a finger of a length [m]."""
+    return tuple(_channel(length, tendons, group) for group in alike(tendons, length))
+
+
+def _channel(length: float, tendons: tuple[Tendon, ...], group: list[int]) -> Channel:
+    from continuum_grasp.scene.profile import Channel, Curve
+
+    like = tendons[group[0]]
+    (first, last), to = ends(like.offset), length if like.to is None else like.to
+    shape = (1.0,) if first == last else (1.0, (last / first - 1.0) / to)
+    ending = to < length * (1 - 1e-9)
+    curve = Curve((0.0, to, length), (shape, (0.0,))) if ending else Curve((0.0, length), (shape,))
+    arms = tuple(
+        # The constant cosine between a tendon and the backbone.
+        ends(tendon.offset)[0] / math.sqrt(1.0 + tendon.slope(length) ** 2) if k in group else 0.0
+        for k, tendon in enumerate(tendons)
+    )
+    return Channel(curve, to if ending else length, arms, like.time_constant)
