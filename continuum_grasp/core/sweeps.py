@@ -11,6 +11,9 @@ from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.model.sweep import SECTION, SWEEPS, Kernels
 
 _FUNCTION = re.compile(r"^/\* (\w+):\(.*\*/\nstatic int (\w+)\((.*)\) \{\n", re.MULTILINE)
+_STATIC = re.compile(r"^/\* \w+:\([^\n]*\*/\nstatic int (casadi_f\d+)\(.*?^}\n", re.MULTILINE | re.DOTALL)
+_NAME = re.compile(r"\bcasadi_f\d+\b")
+_MACRO = re.compile(r"^#define .*\n", re.MULTILINE)
 _PRELUDE = "/* lanes */\n"
 
 
@@ -32,7 +35,24 @@ def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
         head = source[match.start() : match.end()].rstrip("{\n").replace("* w,", "* work,")
         body = f"{_PRELUDE}{lane_function(made.outward)}\n{head}\n{fill('sweep.c', **_words(made, symbols))}\n"
         source = f"{source[: match.start()]}{body}{source[end:]}"
-    return source.replace(_PRELUDE, prelude, 1).replace(_PRELUDE, "")
+    return _used(source).replace(_PRELUDE, prelude, 1).replace(_PRELUDE, "") if _PRELUDE in source else source
+
+
+def _used(source: str) -> str:
+    """The source without the functions of CasADi that nothing calls any more."""
+    parts, rest, last = dict[str, str](), "", 0
+    for match in _STATIC.finditer(source):
+        parts[match[1]] = match[0]
+        rest += source[last : match.start()]
+        last = match.end()
+    rest += source[last:]
+    # A macro gives each of them a prefix.
+    calls = {name: set(_NAME.findall(text)) & parts.keys() - {name} for name, text in parts.items()}
+    used, found = set[str](), set(_NAME.findall(_MACRO.sub("", rest))) & parts.keys()
+    while found:
+        used |= found
+        found = {called for name in found for called in calls[name]} - used
+    return _STATIC.sub(lambda match: match[0] if match[1] in used else "", source)
 
 
 def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:

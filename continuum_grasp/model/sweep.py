@@ -235,7 +235,9 @@ class Builder:
         body = eq.tip_body or EndBody(0.0, 0.0, ZERO)
         first = body.center.scaled(body.mass)
         second = body.rotary_inertia + first.dot(body.center)
-        own = [[mass + body.mass], [0.0, mass + body.mass], [first.x, first.y, second], *[[0.0] * 4] * self._shared]
+        total = mass + body.mass
+        own: list[list[Scalar]] = [[total], [0.0, total], [first.x, first.y, second]]
+        own += [[0.0, 0.0, 0.0, 0.0] for _ in range(self._shared)]
         pull = first.scaled(spin[0] * spin[0]) if self.moving else ZERO
         end = [entry for row in own for entry in row] + [pull.y, -1.0 * pull.x, *[0.0] * (size - 2)]
         if self._made.matched:
