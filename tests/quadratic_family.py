@@ -78,13 +78,8 @@ class QuadraticFamily(Family):
             links.append(LoadedLink(link, tuple((at, mass) for element, at, mass in rod.masses if element == k)))
         return links
 
-    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
-        matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
-        for k, h in enumerate(lengths):
-            for i in range(3):
-                for j in range(3):
-                    matrix[3 * k + i][3 * k + j] = float(_GRAM[i, j]) * h
-        return matrix
+    def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
+        return [[float(weight) * length for weight in row] for row in _GRAM]
 
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
         found: list[Scalar] = [0.0] * self.size

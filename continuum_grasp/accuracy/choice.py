@@ -64,7 +64,7 @@ class Choice:
     @cached_property
     def instructions(self) -> int:
         """Instructions of the forward dynamics."""
-        return int(self.model.forward_dynamics.n_instructions())
+        return self.model.instructions
 
     def with_accuracy(self, accuracy: float) -> Choice:
         """The same with another accuracy of evaluation."""

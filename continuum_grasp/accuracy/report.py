@@ -298,7 +298,7 @@ class ReportRows:
         model, full = choice.with_accuracy(accuracy).model, choice.with_accuracy(1e-15).model
         name = f"{choice.elements} {choice.family}"
         error = evaluation_error(model.forward_dynamics, full)
-        return (name, accuracy, int(model.forward_dynamics.n_instructions()), evaluation_ns(model), error)
+        return (name, accuracy, model.instructions, evaluation_ns(model), error)
 
     def _precision(self, choice: Choice, real: str) -> tuple[Any, ...] | None:
         core = Core(choice.model, precision="double")

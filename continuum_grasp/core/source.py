@@ -14,6 +14,7 @@ import casadi as ca
 
 from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
+from continuum_grasp.core.sweeps import with_loops
 
 _PLACE = re.compile(r"<<(\w+)>>")
 _BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
@@ -87,7 +88,9 @@ def generated(name: str, *functions: ca.Function) -> str:
     generator = ca.CodeGenerator(f"{name}.c", options)
     for function in functions:
         generator.add(function)
-    return str(generator.dump())
+    # The type of lanes is that of the source, which ``single`` may change.
+    prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
+    return with_loops(str(generator.dump()), _fill, prelude)
 
 
 def lane_prelude(real: str) -> str:
@@ -104,6 +107,11 @@ def _in_lanes(function: ca.Function, real: str) -> str:
 def batch_source(function: ca.Function, real: str = "double") -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
     inputs, outputs = _sizes(function)
+    if not function.is_a("SXFunction"):  # has loops of its own, which lanes cannot take together
+        sizes = {"from": len(inputs), "to": len(outputs), "sizes": ", ".join(map(str, outputs))}
+        work = {"sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
+        rows = _fill("rows.c", **_names(function), **sizes, **work, entry=entry(function, real))
+        return f"{function_source(function, real)}\n{rows}"
     gather = "    if (!b || stride[{k}]) cg_gather(in[{k}] + b * stride[{k}], stride[{k}], m, {size}, i{k});"
     return f"{_in_lanes(function, real)}\n" + _fill(
         "batch.c",

@@ -96,8 +96,13 @@ def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]
     factors: list[Scalar] = []
     total: Scalar = 0.0
     for bend, share in zip(bends, shares, strict=True):
-        square, rounding = bend * bend, _BEND_ROUNDING * share
-        size = square / ca.sqrt(square + rounding * rounding)
-        factors.append(ca.exp(-friction * (total + 0.5 * size)))
-        total += size
+        factor, total = friction_step(friction, total, bend, share)
+        factors.append(factor)
     return factors
+
+
+def friction_step(friction: Scalar, before: Scalar, bend: Scalar, share: Scalar) -> tuple[Scalar, Scalar]:
+    """Share in the middle of one element, and the bend up to its end; ``before`` is that up to its start."""
+    square, rounding = bend * bend, _BEND_ROUNDING * share
+    size = square / ca.sqrt(square + rounding * rounding)
+    return ca.exp(-friction * (before + 0.5 * size)), before + size

@@ -53,10 +53,15 @@ class Arc(Link):
         self._length = length
         self._linear_density = linear_density
         self._rotary_inertia = rotary_inertia
-        self._angle_range = angle_range
-        self._accuracy = accuracy
+        self.angle_range = angle_range
+        self.accuracy = accuracy
         # All integrals are combinations of these few: no sine, no division, and exact at theta = 0.
         self._c = stumpff(theta, angle_range, accuracy)
+
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """Angle [rad], length [m], rho A [kg/m] and rho I [kg m]."""
+        return self._theta, self._length, self._linear_density, self._rotary_inertia
 
     @cached_property
     def end(self) -> Section:
@@ -78,6 +83,11 @@ class Arc(Link):
         return self._theta if is_end(fraction) else fraction * self._theta
 
     @property
+    def whole_bend(self) -> Scalar:
+        """Bending angle of the end [rad]."""
+        return self._theta
+
+    @property
     def curvatures(self) -> list[Scalar]:
         return [self._theta / self._length]
 
@@ -97,8 +107,8 @@ class Arc(Link):
             fraction * self._length,
             self._linear_density,
             self._rotary_inertia,
-            self._angle_range,
-            self._accuracy,
+            self.angle_range,
+            self.accuracy,
         )
 
     @cached_property
@@ -219,11 +229,9 @@ class ArcFamily(Family):
         parts = tuple(mesh.panels(element, *densities))
         return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
-    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
+    def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
         # Of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.
-        n = self.elements
-        diagonal = [mean(self.mesh, k, self.mesh.stiffness) / h for k, h in enumerate(lengths)]
-        return [[diagonal[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
+        return [[mean(self.mesh, element, self.mesh.stiffness) / length]]
 
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
         value = 1.0 if moment is None else mean(self.mesh, element, moment)

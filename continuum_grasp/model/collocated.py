@@ -26,6 +26,7 @@ from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.quadrature import Collocation
 from continuum_grasp.model.stumpff import rotation
+from continuum_grasp.model.tabulated import Array, LinkTable
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,43 @@ class CollocatedLink(Link):
             sum((self._length * step * q for step, q in zip(shapes, self._local, strict=True)), rest)
             for *shapes, rest in steps
         ]
+
+    @property
+    def count(self) -> int:
+        """Number of nodes."""
+        return len(self._rule.nodes)
+
+    def table(self, count: int, *, straight: bool) -> LinkTable:
+        """The link as numbers, which its length and densities must be, as if it had ``count`` nodes.
+
+        The coordinates must be zero. A ``straight`` one has as rest what a curvature [1/m] bends that is one all along.
+        """
+        h, rule, more = float(self._length), self._rule, count - self.count
+        bends = [phi * h for phi in self._turned(1.0)[0]]
+        places = np.column_stack([np.zeros(len(bends)), h * self._shape, np.array(bends, dtype=float)])
+        rest = h * rule.steps if straight else np.array(self._turns(1.0), dtype=float)
+        one = np.vstack([np.ones(self.count), h * self._shape])
+        rotary = (float(self._rotary_inertia) * h * rule.rotary_weights * one) @ one.T
+
+        def longer(values: Array) -> Array:
+            """With nothing at further nodes, which are where the last one is."""
+            return np.pad(values, [(0, more)] * np.ndim(values))
+
+        last = np.repeat(places[:, -2:-1], more, axis=1)
+        return LinkTable.of(
+            np.column_stack([places[:, :-1], last, places[:, -1:]]),
+            np.concatenate([rest[:-1], np.zeros(more), rest[-1:]]),
+            longer(h * rule.weights),
+            longer(self._kernel),
+            longer(self._mean),
+            float(self._mass),
+            rotary,
+        )
+
+    def reach(self, count: int) -> list[float]:
+        """Greatest turns from node to node [rad], as if there were ``count`` nodes."""
+        *steps, last = (self._angle_range * float(step) for step in self._rule.steps)
+        return [*steps, *[0.0] * (count - self.count), last]
 
     # -- kinematics ----------------------------------------------------------------------------------------------
 

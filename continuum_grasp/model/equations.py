@@ -16,11 +16,13 @@ import numpy as np
 
 from continuum_grasp.model.actuation import Drive, friction_factors
 from continuum_grasp.model.chain import Chain, Load, Place
-from continuum_grasp.model.family import Rod
+from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import EndBody, Section
+from continuum_grasp.model.pattern import Pattern, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
 from continuum_grasp.model.structure import Structure
+from continuum_grasp.model.sweep import Builder, sweep_function, why_dense
 from continuum_grasp.scene.loads import ForceLoad
 
 _STOP_NODES = 3
@@ -111,9 +113,9 @@ class Equations:
 
     def _known(self, amplitudes: Sequence[Scalar]) -> list[Scalar]:
         """Full coordinates that are functions of the input, of amplitudes of its moments [N m]."""
-        return [self._per_stiffness(row, amplitudes) for row in self._family.known.tolist()]
+        return [self.per_stiffness(row, amplitudes) for row in self._family.known.tolist()]
 
-    def _per_stiffness(self, weights: Sequence[float], amplitudes: Sequence[Scalar]) -> Scalar:
+    def per_stiffness(self, weights: Sequence[float], amplitudes: Sequence[Scalar]) -> Scalar:
         """Weighted sum of amplitudes per factor of the stiffness."""
         stiffness = self._par["bending_stiffness"]
         terms = [(w, amplitude) for w, amplitude in zip(weights, amplitudes, strict=True) if w != 0.0]
@@ -130,20 +132,30 @@ class Equations:
     # -- geometry ------------------------------------------------------------------------------------------------
 
     @cached_property
-    def chain(self) -> Chain:
-        """The chain of links."""
-        family, par = self._family, self._par
+    def rod(self) -> Rod:
+        """What the family needs to know of the rod."""
+        par = self._par
         masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
-        rod = Rod(self.lengths, par["linear_density"], par["rotary_inertia"], rest, masses)
+        return Rod(self.lengths, par["linear_density"], par["rotary_inertia"], rest, masses)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The chain of links."""
+        family = self._family
         local = [family.local(k) for k in range(len(self.lengths))]
-        *links, last = family.links(self.full, rod)
+        *links, last = family.links(self.full, self.rod)
+        return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
+
+    @property
+    def tip_body(self) -> EndBody | None:
+        """The rigid body at the tip."""
         body = self._structure.finger.tip_body
-        if body is not None:
-            across, along = body.center_of_mass
-            # The chain's axes have X along the finger and -Y across.
-            last = replace(last, body=EndBody(body.mass, body.rotary_inertia, Vec(along, -across)))
-        return Chain([*links, last], local, family.size)
+        if body is None:
+            return None
+        across, along = body.center_of_mass
+        # The chain's axes have X along the finger and -Y across.
+        return EndBody(body.mass, body.rotary_inertia, Vec(along, -across))
 
     @cached_property
     def turn(self) -> Rotation:
@@ -297,50 +309,59 @@ class Equations:
     def elastic(self) -> list[Scalar]:
         """Gradient of the elastic energy, that of stops included; equation (32)."""
         bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
-        if not self._touching:
+        if self._structure.finger.stops is None:
             return bent
         total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
         return list(ca.vertsplit(total))
 
-    @cached_property
-    def _touching(self) -> list[tuple[Scalar, float, float]]:
-        """Where links may touch: curvature less that at which they do [1/m], that one, energy per square [N m3]."""
-        finger, family = self._structure.finger, self._family
+    def touching(self) -> list[Array]:
+        """Per element where links may touch: rows of the shapes there, of the rest curvature, of the curvature at which
+        they do [1/m] and of the energy per square beyond it [m]; none without stops.
+        """
+        finger, found = self._structure.finger, list[Array]()
         limit = finger.stop_curvature
         if finger.stops is None or limit is None:
-            return []
-        found: list[tuple[Scalar, float, float]] = []
+            return found
         nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
         for k, h in enumerate(self._structure.lengths):
             s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
             extra = 0.5 * (finger.stops.stiffness_ratio - 1.0) * self._structure.mesh.stiffness(s)
-            *shapes, rest = family.shapes_at(k, s).tolist()
-            local = [self.full[a] for a in family.local(k)]
-            for j, touch in enumerate(limit(s).tolist()):
-                fixed = self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else rest[j]
-                kappa = _dot([row[j] for row in shapes], local) + fixed
-                energy = 0.5 * h * float(weights[j] * extra[j])
-                found += [(sign * kappa - touch, touch, energy) for sign in finger.stops.signs]
+            found.append(np.vstack([self._family.shapes_at(k, s), limit(s), 0.5 * h * weights * extra]))
         return found
+
+    def stop_energy(self, local: Sequence[Scalar], numbers: ca.SX) -> Scalar:
+        """Energy of links that touch on one element [J] of ``touching``, smooth within a share of the curvature."""
+        stops, total = self._structure.finger.stops, ca.SX(0.0)
+        runtime = self._par.is_runtime("rest_curvature")
+        for j in range(numbers.shape[1] if stops is not None else 0):
+            *shapes, rest, touch, energy = ca.vertsplit(numbers[:, j])
+            kappa = _dot(shapes, local) + (self._par["rest_curvature"] if runtime else rest)
+            rounding = _STOP_ROUNDING * touch
+            for sign in stops.signs if stops is not None else ():
+                beyond = sign * kappa - touch
+                share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
+                total += energy * share * share
+        return self._par["bending_stiffness"] * total
 
     @cached_property
     def _stop_energy(self) -> Scalar:
-        """Energy of links that touch [J], smooth within a share of the curvature where they do."""
-        total: Scalar = 0.0
-        for beyond, touch, energy in self._touching:
-            rounding = _STOP_ROUNDING * touch
-            share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
-            total += energy * share * share
-        return self._par["bending_stiffness"] * total
+        """Energy of all links that touch [J]."""
+        local = [[self.full[a] for a in self._family.local(k)] for k in range(len(self.lengths))]
+        parts = zip(local, self.touching(), strict=False)
+        return sum((self.stop_energy(own, ca.SX(ca.DM(numbers))) for own, numbers in parts), 0.0)
+
+    @property
+    def viscosity(self) -> Scalar:
+        """Damping of the material, as a factor of the mesh's stiffness."""
+        # Kelvin-Voigt: moment eta times the rate of curvature, so the matrix of the elasticity, whatever the elements;
+        # eta is that at the base, and goes with the stiffness of the section.
+        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * self._par["material_damping"]
 
     @cached_property
     def damping(self) -> list[Scalar]:
         """Damping forces, positive against the motion."""
         rates, per_arc = self.full_rates, self._par["per_arc_damping"]
-        # Kelvin-Voigt: moment eta times the rate of curvature, so the matrix of the elasticity, whatever the elements;
-        # eta is that at the base, and goes with the stiffness of the section.
-        eta = 1.0 / float(self._structure.mesh.stiffness(0.0)) * self._par["material_damping"]
-        force = _product(self._family.stiffness(self.lengths), rates, eta)
+        force = _product(self._family.stiffness(self.lengths), rates, self.viscosity)
         if isinstance(per_arc, float) and per_arc == 0.0:
             return force
         # Equation (39): a moment per arc against the rate of its bending angle.
@@ -378,7 +399,7 @@ class Equations:
             return [e - a for e, a in zip(self.elastic, self.actuation, strict=True)][:n]
         # What the input bends is subtracted from the coordinates: the same, with fewer products and less cancellation.
         amplitudes = [drive.total for drive in self.drives]
-        above = [self.full[k] - self._per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
+        above = [self.full[k] - self.per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
         matrix = [row[:n] for row in self._family.stiffness(self.lengths)[:n]]
         return _product(matrix, above, self._par["bending_stiffness"])
 
@@ -389,11 +410,16 @@ class Equations:
         """Mass matrix of the unknowns."""
         return [row[: self._structure.n] for row in self.chain.mass_matrix[: self._structure.n]]
 
+    @property
+    def known_accelerations(self) -> list[Scalar]:
+        """Accelerations of the full coordinates that are functions of the input."""
+        return self._known([drive.acceleration for drive in self.drives])
+
     @cached_property
     def known_inertia_force(self) -> list[Scalar]:
         """Inertia of what moves with the input: without that of a matched tip, ramps of a moment cost millimeters."""
-        n, accelerations = self._structure.n, self._known([drive.acceleration for drive in self.drives])
-        return [_dot(row[n:], accelerations) for row in self.chain.mass_matrix[:n]]
+        n = self._structure.n
+        return [_dot(row[n:], self.known_accelerations) for row in self.chain.mass_matrix[:n]]
 
     @cached_property
     def bias(self) -> list[Scalar]:
@@ -431,11 +457,32 @@ class Equations:
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
-        rates += solve_ldl(self.mass_matrix, self.net_force)
-        for drive, source in zip(self.drives, self._structure.sources, strict=True):
-            if source.time_constant is not None:
-                rates += [drive.rate, drive.acceleration]
-        return rates
+        return [*rates, *solve_ldl(self.mass_matrix, self.net_force), *self.lag_rates]
+
+    @cached_property
+    def lag_rates(self) -> list[Scalar]:
+        """Derivative of what lags."""
+        lagged = zip(self.drives, self._structure.sources, strict=True)
+        return [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
+
+    @cached_property
+    def pattern(self) -> Pattern | None:
+        """One link for all elements; None where the equations of motion are solved densely (``model.sweep``)."""
+        return None if why_dense(self._structure) else pattern_of(self._family, self.rod)
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether sweeps along the chain give the accelerations."""
+        return self.pattern is not None
+
+    @property
+    def sweep_instructions(self) -> int:
+        """Instructions of the sweeps that give the accelerations."""
+        return Builder(self._structure, self).kernels().instructions
+
+    def sweep(self, *, moving: bool = True, implicit: bool = False) -> ca.Function:
+        """Rates of the unknowns' rates, and those of the lag, by sweeps; see ``model.sweep``."""
+        return sweep_function(Builder(self._structure, self, moving=moving, implicit=implicit))
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

@@ -166,8 +166,17 @@ class Family(ABC):
         """The chain's links."""
 
     @abstractmethod
+    def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
+        """Integral over an element of the mesh's stiffness times the products of the shapes of its coordinates."""
+
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
-        """Integral of the mesh's stiffness times the products of the curvature shapes."""
+        """The same over all elements, of all coordinates."""
+        matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
+        for k, h in enumerate(lengths):
+            for i, row in zip(self.local(k), self.block(k, h), strict=True):
+                for j, entry in zip(self.local(k), row, strict=True):
+                    matrix[i][j] += entry
+        return matrix
 
     @abstractmethod
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:

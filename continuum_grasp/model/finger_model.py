@@ -101,6 +101,7 @@ class FingerModel(Functions):
     | energy           | x, u, p             | kinetic, potential [J] |
     | bending          | q, u, p             | bend of each element [rad] |
     | range_use        | q, u, p             | use of the declared bending range, per element [1] |
+    | internal         | x, u, p             | M, K, D (n, n): inertia, elasticity, damping [Q s2/q, Q/q, Q s/q] |
     | statics          | q, u, w, p          | Q (n) [Q], K (n, n) [Q/q]: what is missing for equilibrium, and dQ/dq |
     | linearization    | x, u, w, p          | A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u] |
 

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.planar import Scalar, Vec, column
+from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.summary import Summarized
 
@@ -81,7 +81,59 @@ class Functions(Remade, Summarized):
         commanded = ca.vertcat(*(value for moment in lagged for value in (ca.SX(moment), 0.0)))
         return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
-    forward_dynamics = named("x u w p", xd=lambda eq: eq.state_rate)
+    @cached_property
+    def forward_dynamics(self) -> ca.Function:
+        """(x, u, w, p) -> xd; the class describes them."""
+        eq = self._equations
+        if not eq.sweeps:
+            return self._function("forward_dynamics", "x u w p", xd=eq.state_rate)
+        x, u, w, p = arguments = [ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp"]
+        rates, lagging = eq.sweep()(x, u, w, p)
+        n = eq.q.numel()
+        xd = ca.vertcat(x[n : 2 * n], rates, lagging)
+        return ca.Function("forward_dynamics", arguments, [xd], ["x", "u", "w", "p"], ["xd"])
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether sweeps along the chain give the accelerations, at a cost that grows with the number of elements."""
+        return self._equations.sweeps
+
+    @property
+    def instructions(self) -> int:
+        """Instructions of an evaluation of the forward dynamics."""
+        f = self.forward_dynamics
+        return self._equations.sweep_instructions if self.sweeps else int(f.n_instructions())
+
+    def implicit(self) -> ca.Function:
+        """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd of a model that sweeps.
+
+        A (nx, nx) is the Jacobian of the finger's elasticity and damping alone, ``part`` [s] a share of a step.
+        """
+        eq = self._equations
+        x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")
+        part, n = ca.MX.sym("part"), eq.q.numel()
+        rates, lagging = eq.sweep(implicit=True)(x, u, w, p, part, x[n : 2 * n])
+        k = ca.vertcat(x[n : 2 * n] + part * rates, rates, lagging)
+        return ca.Function("implicit", [x, u, w, p, part], [k], ["x", "u", "w", "p", "part"], ["k"])
+
+    def relaxed(self) -> ca.Function:
+        """``(x, u, p, part, right) -> k``: (1 - part A)^-1 right of a model that sweeps, with A as of ``implicit``."""
+        eq = self._equations
+        x, u, p, right = (ca.MX.sym(key, getattr(eq, key[0]).numel()) for key in ("x", "u", "p", "x_right"))
+        part, n = ca.MX.sym("part"), eq.q.numel()
+        moved, rates = right[:n], right[n : 2 * n]
+        # With rates v of its own, (M + part D + part^2 K) (k - v) = -part K moved - (part D + part^2 K) v.
+        change, _ = eq.sweep(moving=False, implicit=True)(x, u, ca.MX(eq.w.numel(), 1), p, part, moved, rates)
+        k = ca.vertcat(moved + part * (rates + change), rates + change, right[2 * n :])
+        return ca.Function("relaxed", [x, u, p, part, right], [k], ["x", "u", "p", "part", "right"], ["k"])
+
+    internal = named(
+        "x u p",
+        M=lambda eq: matrix(eq.mass_matrix),
+        # Elastic and damping forces are linear: their slopes are the matrices K and D.
+        K=lambda eq: ca.jacobian(column(eq.elastic[: eq.q.numel()]), eq.q),
+        D=lambda eq: ca.jacobian(column(eq.damping[: eq.q.numel()]), eq.qd),
+    )
     linearization = named(
         "x u w p",
         A=lambda eq: ca.jacobian(column(eq.state_rate), eq.x),

@@ -193,20 +193,13 @@ class MomentLinearFamily(Family):
             links.append(LoadedLink(link, tuple(carried)))
         return links
 
-    def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
-        matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
-        for k, (h, made) in enumerate(zip(lengths, self._elements, strict=True)):
-            local = self.local(k)
-            if made is None:
-                # Integrals of the products of the shapes 1 - u and u.
-                scale = mean(self.mesh, k, self.mesh.stiffness)
-                block = [[scale * (weight * h) for weight in row] for row in ((1 / 3, 1 / 6), (1 / 6, 1 / 3))]
-            else:
-                block = made.gram.tolist()
-            for i, row in zip(local, block, strict=True):
-                for j, entry in zip(local, row, strict=True):
-                    matrix[i][j] += entry
-        return matrix
+    def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
+        made = self._elements[element]
+        if made is not None:
+            return list(made.gram.tolist())
+        # Integrals of the products of the shapes 1 - u and u.
+        scale = mean(self.mesh, element, self.mesh.stiffness)
+        return [[scale * (weight * length) for weight in row] for row in ((1 / 3, 1 / 6), (1 / 6, 1 / 3))]
 
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
         found: list[Scalar] = [0.0] * self.size

@@ -16,7 +16,7 @@ from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.planar import Vec, column, matrix
+from continuum_grasp.model.planar import Vec, column
 from continuum_grasp.model.system_equations import OBJECT_PARAMETERS, SystemEquations
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
@@ -210,13 +210,6 @@ class System(Functions):
         names = ["x", "u", "w", "p", "press"]
         return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
 
-    internal = named(
-        "x u p",
-        M=lambda eq: matrix(eq.mass_matrix),
-        # Elastic and damping forces are linear: their slopes are the matrices K and D.
-        K=lambda eq: ca.jacobian(column(eq.elastic[: eq.q.numel()]), eq.q),
-        D=lambda eq: ca.jacobian(column(eq.damping[: eq.q.numel()]), eq.qd),
-    )
     tip = named("x u p", r=lambda eq: eq.tip_position)
     bending = named("x u p", bend=lambda eq: eq.bends)
     curvature = named("x u p", kappa=lambda eq: eq.curvature)

@@ -96,6 +96,11 @@ class SystemEquations(Equations):
     def _world_gravity(self) -> Vec:
         return Vec(*self._par.vector("gravity"))
 
+    @property
+    def sweeps(self) -> bool:
+        """Contact forces depend on the motion of all elements: a finger with an object is solved densely."""
+        return super().sweeps and self.body is None
+
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""

@@ -33,8 +33,9 @@ from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnin
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-_FAST, _STIFF = "rk4", "rodas"
-"""What ``time.method: auto`` chooses between; both have order 4, so that the error control serves both."""
+_FAST, _STIFF, _STIFF_SWEPT = "rk4", "rodas", "ros2"
+"""What ``time.method: auto`` chooses between; the last for models of many elements, whose Jacobian costs more with
+every element than the steps that it saves."""
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
 _MOST_SUBSTEPS = 10_000
@@ -43,15 +44,13 @@ _MOST_IMPLICIT = 256
 """Sub-steps per output step of an implicit method, which contacts need to be resolved."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
-_TARGET_ORDER = 4
-"""Order by which the next number of sub-steps is foreseen on smooth motions; 1 with contacts and kinks."""
 _GROWTH = (1.3, 16.0)
 """Least and greatest factor from one number of sub-steps to the next that keeps the tolerance."""
 _LONG_RADIUS = 2.0
 """Product of step and spectral radius up to which longer steps are compared with; they are stable up to 2.7."""
 _MARGIN = 1.25
 """Factor on the number of sub-steps that is foreseen."""
-_MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000}
+_MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000, _STIFF_SWEPT: 400_000}
 """Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
 
 
@@ -158,8 +157,13 @@ class _Run:
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
         if asked == "auto":
-            asked = _STIFF if wanted > _IMPLICIT_FROM else _FAST
+            asked = self._stiff if wanted > _IMPLICIT_FROM else _FAST
         return self._planned(asked, radius)
+
+    @property
+    def _stiff(self) -> str:
+        """The method for stiff motions."""
+        return _STIFF_SWEPT if self._core.model.sweeps else _STIFF
 
     def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:
         """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
@@ -185,7 +189,7 @@ class _Run:
         if error is None and radius * self._time.step / plan.substeps <= plan.stable:
             return None, None
         if self._time.method == "auto" and (wanted > _IMPLICIT_FROM or wanted <= plan.substeps):
-            return self._planned(_STIFF, radius), error
+            return self._planned(self._stiff, radius), error
         if plan.substeps < wanted <= _MOST_SUBSTEPS:
             return self._planned(plan.method, radius), error
         if wanted > _MOST_SUBSTEPS:
@@ -193,7 +197,7 @@ class _Run:
             message = (
                 f"stopped at t = {end:g} s: the scene is too stiff for {plan.method}, up to {radius:.3g} rad/s, which "
                 f"needs more than {_MOST_SUBSTEPS} sub-steps per time.step of {self._time.step:g} s: use "
-                f"time.method: {_STIFF} "
+                f"time.method: {self._stiff} "
                 "or a smaller time.step"
             )
             return None, NumericalError(message, time=end, state=states[-1])
@@ -231,8 +235,9 @@ class _Run:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
         reached = (len(motion.states) - 1) / self._stepper.steps
         excess = motion.time_error / (self._time.tolerance * reached)
-        # Error goes with step^order: so many more sub-steps; a multiple of four for steps of four times the length.
-        factor = _MARGIN * excess ** (1.0 / _TARGET_ORDER if self._smooth(plan) else 1.0)
+        # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
+        # sub-steps; a multiple of four for steps of four times the length.
+        factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
         least, most = _GROWTH
         wanted = 4 * math.ceil(0.25 * plan.substeps * float(np.clip(factor, least, most)))
         limit = max(plan.substeps, _MOST_WORK[plan.method] // self._stepper.steps)

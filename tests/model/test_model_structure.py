@@ -696,7 +696,7 @@ WRONG = {
     ),
     "elements as a text": (FULL, {"elements": "2"}, "elements: expected a whole number of elements"),
     "elements as a truth": (FULL, {"elements": True}, "elements: expected a whole number of elements"),
-    "very many elements": (FULL, {"elements": 10**9}, "elements: expected a number of elements from 1 to 64"),
+    "very many elements": (FULL, {"elements": 10**9}, "elements: expected a number of elements from 1 to 128"),
     "very many lengths": (FULL, {"elements": [0.6 / 65] * 65}, "elements: expected the lengths of up to 64"),
     "a length of no number": (FULL, {"elements": [0.3, math.nan]}, r"elements\[1\]: expected a finite number, got nan"),
     "a length next to nothing": (FULL, {"elements": [0.6, 1e-300]}, "elements: element lengths must be positive"),
@@ -768,7 +768,7 @@ IN_SCENE = {
     ),
     "boundaries": ({"fidelity": Fidelity(elements=(0.2, 0.4)), "contacts": (0.3,)}, {}, "contacts[0]", "boundary"),
     "range": ({"fidelity": Fidelity(bending_range=7.0)}, {}, "fidelity.bending_range", "beyond one turn"),
-    "a keyword": ({"fidelity": Fidelity(elements=3)}, {"elements": 0}, "elements", "from 1 to 64, got 0"),
+    "a keyword": ({"fidelity": Fidelity(elements=3)}, {"elements": 0}, "elements", "from 1 to 128, got 0"),
 }
 
 

@@ -30,7 +30,8 @@ def step_function(model: Any, method: str) -> ca.Function:
     following = import_module(f"{__name__}.{method}").step(model, x, u, w, p, h)
     names = ["x", "u0", "um", "u1", "w0", "wm", "w1", "p", "h"]
     step = ca.Function(f"{method}_step", [x, *u, *w, p, h], [following], names, ["xn"])
-    if INTEGRATORS[method].stable is not None and f.n_instructions() <= _EXPAND_UP_TO:
+    straight = f.is_a("SXFunction") and f.n_instructions() <= _EXPAND_UP_TO
+    if INTEGRATORS[method].stable is not None and straight:
         step = step.expand()
     return step
 

@@ -1,0 +1,102 @@
+"""C of sweeps along the chain: one loop over the links in place of CasADi's, which copies what it hands on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from continuum_grasp.core.lanes import lane_function
+from continuum_grasp.model.sweep import SECTION, SWEEPS, Kernels
+
+_FUNCTION = re.compile(r"^/\* (\w+):\(.*\*/\nstatic int (\w+)\((.*)\) \{\n", re.MULTILINE)
+_STATIC = re.compile(r"^/\* \w+:\([^\n]*\*/\nstatic int (casadi_f\d+)\(.*?^}\n", re.MULTILINE | re.DOTALL)
+_NAME = re.compile(r"\bcasadi_f\d+\b")
+_MACRO = re.compile(r"^#define .*\n", re.MULTILINE)
+_PRELUDE = "/* lanes */\n"
+
+
+def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
+    """CasADi's C with a loop in place of each sweep.
+
+    ``fill`` is that of the templates, ``prelude`` is what lanes need.
+    """
+    found = dict[str, re.Match[str]]()
+    for match in _FUNCTION.finditer(source):
+        found.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them
+    # Backwards, so that the places of those before stay as they are.
+    for name, match in reversed(found.items()):
+        if name not in SWEEPS:
+            continue
+        made = SWEEPS[name]
+        symbols = {f.name(): found[f.name()][2] for f in made.functions if f.name() in found}
+        end = source.index("\n}\n", match.end()) + 3
+        head = source[match.start() : match.end()].rstrip("{\n").replace("* w,", "* work,")
+        body = f"{_PRELUDE}{lane_function(made.outward)}\n{head}\n{fill('sweep.c', **_words(made, symbols))}\n"
+        source = f"{source[: match.start()]}{body}{source[end:]}"
+    return _used(source).replace(_PRELUDE, prelude, 1).replace(_PRELUDE, "") if _PRELUDE in source else source
+
+
+def _used(source: str) -> str:
+    """The source without the functions of CasADi that nothing calls any more."""
+    parts, rest, last = dict[str, str](), "", 0
+    for match in _STATIC.finditer(source):
+        parts[match[1]] = match[0]
+        rest += source[last : match.start()]
+        last = match.end()
+    rest += source[last:]
+    # A macro gives each of them a prefix.
+    calls = {name: set(_NAME.findall(text)) & parts.keys() - {name} for name, text in parts.items()}
+    used, found = set[str](), set(_NAME.findall(_MACRO.sub("", rest))) & parts.keys()
+    while found:
+        used |= found
+        found = {called for name in found for called in calls[name]} - used
+    return _STATIC.sub(lambda match: match[0] if match[1] in used else "", source)
+
+
+def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
+    head, carry, last, outward, _, _, inward, root, _ = made.functions
+    sizes = {
+        "drive": head.size1_out("drive"),
+        "end": last.size1_out("end"),
+        "start": root.size1_out("start"),
+        "spin": carry.size1_in("spin"),
+        "p": outward.size1_in("p"),
+        "shape": outward.size1_out("shape"),
+        "body": outward.size1_out("body"),
+        "gain": inward.size1_out("gain"),
+        "force": inward.size1_in("force"),
+        "row": made.rows.shape[1],
+        "r": outward.size1_in("r"),
+    }
+    implicit, tip = outward.size1_in("part") > 0, head.size1_out("tip") > 0
+    return {
+        # Arrays have an entry at least.
+        **{name: max(size, 1) for name, size in sizes.items()},
+        **{f"{f.name().partition('_')[0]}_of": symbols.get(f.name(), "") for f in made.functions},
+        "outward": outward.name(),
+        "widest": max(outward.size1_in(k) for k in range(5)) or 1,
+        "drives": sizes["drive"],
+        "ps": sizes["p"],
+        "rows": ",\n".join(f"{{{', '.join(map(repr, row))}}}" for row in np.asarray(made.rows).tolist() if row),
+        "loaded": ", ".join(map(str, made.loaded)),
+        "loads": len(made.loaded),
+        "links": made.links,
+        "local": made.local,
+        "shared": made.shared,
+        "stride": made.stride,
+        "section": SECTION,
+        "n": made.unknowns,
+        "lag": 2 * made.unknowns,
+        "full": made.unknowns + tip,
+        "tip": tip,
+        "spun": sizes["spin"],
+        "still": not sizes["spin"],
+        "lagged": head.size1_out("lagging"),
+        "implicit": implicit,
+        "explicit": not implicit,
+        "row_of": "rows[k]" if made.rows.size else "0",
+        "r_of": "r[k]" if implicit else "0",
+        "force_of": "force[k]" if made.loaded else "0",
+    }

@@ -1,0 +1,56 @@
+"""One link for all elements of a finger: what it needs to know of each of them is a row of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.model.arc import Arc
+from continuum_grasp.model.collocated import CollocatedLink
+from continuum_grasp.model.family import Array, Family, Rod
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.tabulated import TabulatedLink
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A link of local coordinates and of a row (T,), and the rows (N, T)."""
+
+    rows: Array
+    link: Callable[[Sequence[Scalar], ca.SX], TabulatedLink | Arc]
+
+
+def pattern_of(family: Family, rod: Rod) -> Pattern | None:
+    """The pattern of all elements, without their point masses; None where they are of several kinds.
+
+    Lengths must be numbers; factors of the densities and the curvature at rest may be run-time arguments.
+    """
+    density, rotary = (1.0 if isinstance(f, float) else f for f in (rod.linear_density, rod.rotary_inertia))
+    numeric = [f if isinstance(f, float) else 1.0 for f in (rod.linear_density, rod.rotary_inertia)]
+    plain = Rod(rod.lengths, numeric[0], numeric[1], None, ())
+    links = [loaded.link for loaded in family.links([0.0] * family.size, plain)]
+    arcs = [link for link in links if isinstance(link, Arc)]
+    if len(arcs) == len(links):
+        reach, accuracy = max(arc.angle_range for arc in arcs), min(arc.accuracy for arc in arcs)
+
+        def arc(local: Sequence[Scalar], row: ca.SX) -> Arc:
+            theta = local[0] + (row[0] if rod.rest is None else row[1] * rod.rest)
+            return Arc(theta, row[1], density * row[2], rotary * row[3], reach, accuracy)
+
+        return Pattern(np.array([arc.numbers for arc in arcs], dtype=float), arc)
+    collocated = [link for link in links if isinstance(link, CollocatedLink)]
+    if len(collocated) < len(links):
+        return None
+    # Links of fewer nodes get further ones of no weight.
+    count = max(link.count for link in collocated)
+    tables = [link.table(count, straight=rod.rest is not None) for link in collocated]
+    steps = np.max([link.reach(count) for link in collocated], axis=0).tolist()
+
+    def link(local: Sequence[Scalar], row: ca.SX) -> TabulatedLink:
+        rest = 1.0 if rod.rest is None else rod.rest
+        return TabulatedLink(local, tables[0].filled(row), steps, density, rotary, rest)
+
+    return Pattern(np.array([table.numbers for table in tables]), link)

@@ -1,0 +1,587 @@
+"""Forward dynamics of many elements at a cost that grows with their number, by sweeps along the chain of links.
+
+A body hinged to others is eliminated from the equations of those before it (articulated bodies; R. Featherstone,
+Rigid Body Dynamics Algorithms, 2008, doi:10.1007/978-1-4899-7560-7, chapter 7). Here a body is a flexible link and what
+is eliminated are its bending coordinates. Three kernels are functions of one link:
+
+    outward     shape, inertia and forces of the link, of all links side by side
+    inward      inertia P and force g that the start of the link feels of all that is beyond, coordinates eliminated
+    onward      accelerations, from the start of the link to its end
+
+The state of the sweep is that of a section: its velocity, stored like the arms of ``link`` before the turn by a right
+angle, its angular velocity, and the coordinates that its link shares with the one before. Weight is an acceleration of
+the base. Everything is in the axes of the link at hand. The accuracy is that of the dense solution: both lose the
+condition of the mass matrix.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.actuation import friction_step
+from continuum_grasp.model.link import EndBody, is_end
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
+from continuum_grasp.model.structure import Structure
+
+if TYPE_CHECKING:
+    from continuum_grasp.model.equations import Equations
+
+Array = NDArray[np.float64]
+
+SECTION = 3
+"""Entries of the velocity of a section: two of its position, one of its angle [1]."""
+_SAME = 1e-15
+"""Difference per size up to which the numbers of two links are the same [1]: rounding of their lengths."""
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """SX functions of which a sweep consists; all arguments are columns.
+
+    | function | inputs                              | outputs                                  |
+    |----------|-------------------------------------|------------------------------------------|
+    | head     | lag, u, p                           | drive, tip, tip_rate, base, lagging      |
+    | carry    | spin, q, qd, row                    | spun                                     |
+    | tip      | spin, lag, u, p                     | end                                      |
+    | outward  | spin, q, qd, r, row, drive, p, part | shape, body                              |
+    | turn     | turn, shape                         | turned                                   |
+    | loads    | turns, x, u, w, p                   | force                                    |
+    | inward   | end, shape, body, row, p, force     | handed, gain                             |
+    | root     | end, base                           | start                                    |
+    | onward   | start, shape, gain, row             | following, rates                         |
+
+    q, qd and r are the local entries of full vectors, ``row`` describes the link, ``spin`` is what motion and friction
+    at its start depend on of the links before, ``turn`` its rotation, ``end`` what the inward sweep hands on, ``start``
+    the accelerations at the start of a link, ``rates`` those of the coordinates that it does not share with the link
+    before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load. Inputs of no
+    use are empty.
+
+    Attributes
+    ----------
+    rows : (N, T) array
+        Numbers of each link.
+    loaded : tuple of int
+        The link of each load.
+    shared : int
+        Coordinates that neighbors share.
+    unknowns : int
+    """
+
+    head: ca.Function
+    carry: ca.Function
+    tip: ca.Function
+    outward: ca.Function
+    turn: ca.Function
+    loads: ca.Function
+    inward: ca.Function
+    root: ca.Function
+    onward: ca.Function
+    rows: Array
+    loaded: tuple[int, ...]
+    shared: int
+    unknowns: int
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return len(self.rows)
+
+    @property
+    def local(self) -> int:
+        """Local coordinates of a link."""
+        return int(self.outward.size1_in("q"))
+
+    @property
+    def stride(self) -> int:
+        """Coordinates from one link to the next."""
+        return self.local - self.shared
+
+    @property
+    def functions(self) -> tuple[ca.Function, ...]:
+        """All of them."""
+        return self.head, self.carry, self.tip, self.outward, self.turn, self.loads, self.inward, self.root, self.onward
+
+    @cached_property
+    def instructions(self) -> int:
+        """Instructions of an evaluation."""
+        once = {f.name() for f in (self.head, self.tip, self.loads, self.root)}
+        return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
+
+
+FEWEST_ELEMENTS = 16
+"""Elements from which on sweeps are taken [1]: fewer are one straight program, which vector lanes and derivatives take
+as it is (``python -m benchmarks.bench_elements``)."""
+
+
+def why_dense(made: Structure) -> str:
+    """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
+    if len(made.lengths) < FEWEST_ELEMENTS:
+        return f"fewer than {FEWEST_ELEMENTS} elements"
+    if made.parameters.is_runtime("element_lengths"):
+        return "element_lengths at run time"
+    if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:
+        return "a known moment that ends inside an element"
+    for name, place in made.masses():
+        if not is_end(place.fraction):
+            return f"{name} inside an element"
+        if place != made.tip and made.parameters.is_runtime(name):
+            return f"{name} at run time"
+    return ""
+
+
+class Builder:
+    """Writes the kernels of a model.
+
+    ``moving``: velocity products, weight, loads and inputs; without them the right side is that of the coordinates
+    alone. ``implicit``: the matrix is M + part D + part^2 K, with the stiffness K and damping D of the finger itself.
+    """
+
+    def __init__(self, made: Structure, equations: Equations, *, moving: bool = True, implicit: bool = False) -> None:
+        self._made, self._par = made, made.parameters
+        self.equations, self.moving, self.implicit = equations, moving, implicit
+        self._family = family = made.family
+        self._local = len(family.local(0))
+        self._shared = len(set(family.local(0)) & set(family.local(1)))
+        if equations.pattern is None:
+            raise InputError("these equations of motion are solved densely")
+        self._pattern = equations.pattern
+        self._loads = equations.loads if moving else []
+        self._touching = np.array(equations.touching() if moving else [])
+        self._row, self.rows = self._described()
+        self._numbers = self._row[: self._pattern.rows.shape[1]]
+        self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], self._splits), strict=True))
+
+    # -- what differs from link to link ---------------------------------------------------------------------------
+
+    @property
+    def _splits(self) -> list[int]:
+        size, sources = self._local, len(self._made.sources)
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, 1, self._touching.size // len(self._made.lengths))
+        return [0, *np.cumsum(sizes).tolist()]
+
+    def _described(self) -> tuple[ca.SX, Array]:
+        """The row of a link as expressions, and the rows of numbers of those entries that are not the same for all."""
+        made, family, size = self._made, self._family, self._local
+        masses = {place.link: name for name, place in made.masses() if place != made.tip}
+        rows = []
+        for k, h in enumerate(made.lengths):
+            local, block = family.local(k), family.block(k, h)
+            lower = [block[a][b] for a in range(size) for b in range(a + 1)]
+            if family.nodal is None:
+                driven = [family.work(k, made.lengths, source.shape)[a] for a in local for source in made.sources]
+            else:
+                driven = [*np.vstack([family.nodal, family.known[:1]])[list(local)].ravel()]
+            bends = [family.work(k, made.lengths)[a] for a in local]
+            mass = float(self._par[masses[k]]) if k in masses else 0.0
+            rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, h / made.length])
+            if self._touching.size:
+                rows[-1] += self._touching[k].T.ravel().tolist()
+        numbers = np.array(rows, dtype=float)
+        varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
+        symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
+        entries = [symbol[int(at[j])] if one else ca.SX(float(numbers[0, j])) for j, one in enumerate(varies)]
+        self.row = symbol
+        return ca.vertcat(*entries), numbers[:, varies]
+
+    # -- kernels --------------------------------------------------------------------------------------------------
+
+    def kernels(self) -> Kernels:
+        """All kernels."""
+        return Kernels(
+            self._head(),
+            self._carry(),
+            self._tip(),
+            self._outward(),
+            self._turn(),
+            self._load_forces(),
+            self._inward(),
+            self._root(),
+            self._onward(),
+            self.rows,
+            tuple(load.place.link for load in self._loads),
+            self._shared,
+            self._made.n,
+        )
+
+    def _function(self, name: str, inputs: dict[str, ca.SX], outputs: dict[str, Sequence[Scalar]]) -> ca.Function:
+        values = ca.cse([ca.densify(column(list(value))) for value in outputs.values()])
+        arguments = list(inputs.values()), values, list(inputs), list(outputs)
+        # One source may hold those of several models: they are named by their content.
+        return ca.Function(f"{name}_{_digest(ca.Function(name, *arguments).serialize().encode())}", *arguments)
+
+    @property
+    def _rubs(self) -> bool:
+        return self.moving and self._made.has_tendon_friction
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """What is carried to a link, its coordinates and their rates."""
+        spin = ca.SX.sym("spin", int(self.moving) + self._rubs)
+        return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local if self.moving else 0)
+
+    def _tip(self) -> ca.Function:
+        """Inertia and force at the end of the last link: what is carried there."""
+        eq, size = self.equations, SECTION + self._shared
+        spin = self._symbols()[0]
+        mass = sum((self._par[name] for name, place in self._made.masses() if place == self._made.tip), 0.0)
+        body = eq.tip_body or EndBody(0.0, 0.0, ZERO)
+        first = body.center.scaled(body.mass)
+        second = body.rotary_inertia + first.dot(body.center)
+        total = mass + body.mass
+        own: list[list[Scalar]] = [[total], [0.0, total], [first.x, first.y, second]]
+        own += [[0.0, 0.0, 0.0, 0.0] for _ in range(self._shared)]
+        pull = first.scaled(spin[0] * spin[0]) if self.moving else ZERO
+        end = [entry for row in own for entry in row] + [pull.y, -1.0 * pull.x, *[0.0] * (size - 2)]
+        if self._made.matched:
+            end += [0.0, eq.known_accelerations[0] if self.moving else 0.0]
+        return self._function("tip", {"spin": spin, "lag": eq.lag, "u": eq.u, "p": eq.p}, {"end": end})
+
+    def _carry(self) -> ca.Function:
+        spin, q, qd = self._symbols()
+        following: list[Scalar] = []
+        if self.moving:
+            following.append(spin[0] + ca.dot(self._own["bends"], qd))
+            if self._rubs:
+                bend = self._pattern.link(ca.vertsplit(q), self._numbers).whole_bend
+                following.append(friction_step(0.0, spin[1], bend, self._own["share"])[1])
+        return self._function("carry", {"spin": spin, "q": q, "qd": qd, "row": self.row}, {"spun": following})
+
+    def _turn(self) -> ca.Function:
+        turn, shape = ca.SX.sym("turn", 2 * bool(self._loads)), ca.SX.sym("shape", 4 + 2 * self._local + 2)
+        turned: list[Scalar] = []
+        if self._loads:
+            after = Rotation(turn[0], turn[1]) @ Rotation(shape[0], shape[1])
+            turned = [after.c, after.s]
+        return self._function("turn", {"turn": turn, "shape": shape}, {"turned": turned})
+
+    def _head(self) -> ca.Function:
+        eq = self.equations
+        held = self._made.matched
+        if not self.moving:
+            drive = []
+        elif held:
+            drive = [eq.per_stiffness([1.0], [each.total]) for each in eq.drives]
+        else:
+            # Friction wears the moments of the tendons, not the couples.
+            drive = [v for each in eq.drives for v in ((each.moment, each.couple) if self._rubs else (each.total,))]
+        tip: list[Scalar] = [eq.full[-1]] if held else []
+        tip_rate: list[Scalar] = [eq.full_rates[-1]] if held and self.moving else []
+        weight = eq.gravity_vector.perp() if self.moving else ZERO
+        lagging = eq.lag_rates if self.moving else []
+        return self._function(
+            "head",
+            {"lag": eq.lag, "u": eq.u, "p": eq.p},
+            {
+                "drive": drive,
+                "tip": tip,
+                "tip_rate": tip_rate,
+                "base": [weight.x, weight.y],
+                "lagging": lagging,
+            },
+        )
+
+    def _outward(self) -> ca.Function:
+        size, par, moving = self._local, self._par, self.moving
+        spin, q, qd = self._symbols()
+        r = ca.SX.sym("r", size * self.implicit * (1 if moving else 2))
+        sources = len(self._made.sources)
+        drive, part = ca.SX.sym("drive", sources * (1 + self._rubs) * moving), ca.SX.sym("part", int(self.implicit))
+        link = self._pattern.link(ca.vertsplit(q), self._numbers)
+        end, inertia = link.end, link.inertia
+        block, bends = _symmetric(self._own["stiffness"], size), self._own["bends"]
+        driven = ca.reshape(self._own["driven"], sources, size).T
+        force = ca.SX.zeros(SECTION)
+        beta = ZERO
+        stiffness, per_arc, damping = par["bending_stiffness"], par["per_arc_damping"], self.equations.viscosity
+        if moving:
+            omega = spin[0]
+            bias = link.bias(omega, [qd[a] for a in range(size)])
+            beta = bias.end.perp()
+            # What the input bends is subtracted from the coordinates where it is known.
+            above = q - ca.mtimes(driven, drive) if self._made.matched else q
+            own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
+            if self._touching.size:
+                numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
+                own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
+            own -= bends * (per_arc * ca.dot(bends, qd))
+            if self._rubs:
+                factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
+                own += ca.mtimes(driven, factor * drive[::2] + drive[1::2])
+            elif not self._made.matched:
+                own += ca.mtimes(driven, drive)
+            force = column([bias.force.y, -bias.force.x, bias.moment])
+        else:
+            own = ca.SX.zeros(size)
+        matrix = _lower(inertia.matrix)
+        if self.implicit:
+            # As if the step were implicit in the finger's own elasticity and damping; see ``core.integrators.ros2``.
+            slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T)) + part**2 * (stiffness * block)
+            own -= part * stiffness * ca.mtimes(block, r[:size])
+            if not moving:
+                own -= ca.mtimes(slowed, r[size:])
+            matrix = [m + k for m, k in zip(matrix, _lower(slowed), strict=True)]
+        spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, beta])]
+        body = [*_flat([inertia.first]), inertia.second, *_flat(inertia.arms), *inertia.swing, *matrix]
+        body += [force[k] for k in range(SECTION)] + [own[a] for a in range(size)]
+        return self._function(
+            "outward",
+            {
+                "spin": spin,
+                "q": q,
+                "qd": qd,
+                "r": r,
+                "row": self.row,
+                "drive": drive,
+                "p": self.equations.p,
+                "part": part,
+            },
+            {"shape": spots, "body": body},
+        )
+
+    def _load_forces(self) -> ca.Function:
+        """Generalized forces of point loads on the section and the coordinates of their links."""
+        eq, turns = self.equations, ca.SX.sym("turns", 2 * len(self._loads))
+        forces: list[Scalar] = []
+        for j, load in enumerate(self._loads):
+            section = eq.chain.links[load.place.link].link.section(load.place.fraction)
+            turn = Rotation(turns[2 * j], turns[2 * j + 1])
+            force = (section.rotation if load.follows else turn.transposed()).apply(load.force)
+            forces += [force.y, -force.x, section.position.cross(force) + load.couple]
+            for arm, angle in zip(section.arms, section.angles, strict=True):
+                forces.append(arm.cross(force) + angle * load.couple)
+        return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
+
+    def _inward(self) -> ca.Function:
+        size, shared, state = self._local, self._shared, SECTION + self._shared
+        matched, packed = self._made.matched, state * (state + 1) // 2
+        end = ca.SX.sym("end", packed + state + 2 * matched)
+        shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", self._body_size)
+        force = ca.SX.sym("force", (SECTION + size) * bool(self._loads))
+        inertia, bends = self._pattern.link([0.0] * size, self._numbers).inertia, ca.vertsplit(self._own["bends"])
+        turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
+        # What is beyond, with the mass at the end of the link, in the axes of the link.
+        whole = _symmetric(end[:packed], state)
+        beyond: list[list[Scalar]] = [[whole[i, j] for j in range(state)] for i in range(state)]
+        felt: list[Scalar] = [end[packed + i] for i in range(state)]
+        for k in range(2):
+            beyond[k][k] += self._own["mass"]
+        beyond = _rotated(beyond, turn)
+        felt[:2] = _flat([turn.apply(Vec(felt[0], felt[1]))])
+        felt = [f - (row[0] * beta.x + row[1] * beta.y) for f, row in zip(felt, beyond, strict=True)]
+        # The velocity of the end of the link from that of its start, and from its local coordinates.
+        to_end: list[list[Scalar]] = [[span.x, span.y, 1.0, *[0.0] * shared]]
+        for a, (arm, angle) in enumerate(zip(arms, bends, strict=True)):
+            to_end.append([arm.x, arm.y, angle, *[1.0 if a == size - shared + k else 0.0 for k in range(shared)]])
+        pushed = [[_dot(row, way) for row in beyond] for way in to_end]
+        total = SECTION + size
+        matrix: list[list[Scalar]] = [[0.0] * total for _ in range(total)]
+        for i in range(2):
+            for j in range(i + 1):
+                matrix[i][j] = beyond[i][j]
+        for i, push in enumerate(pushed):
+            matrix[2 + i][:2] = push[:2]
+            for j, way in enumerate(to_end[: i + 1]):
+                matrix[2 + i][2 + j] = _dot(way, push)
+        right: list[Scalar] = [*felt[:2], *[_dot(way, felt) for way in to_end]]
+        # The link's own.
+        own = _unpacked(inertia.mass, body, size)
+        for i in range(total):
+            for j in range(i + 1):
+                matrix[i][j] += own[i][j]
+            right[i] += body[body.numel() - total + i]
+            if force.numel():
+                right[i] += force[i]
+        gains: list[list[Scalar]] = []
+        for b in range(total - 1, state - 1, -1):
+            # A coordinate whose acceleration is given, that of a matched tip, moves whatever acts on it.
+            last = matched and b == total - 1
+            inverse = (end[packed + state] if last else 1.0) / matrix[b][b]
+            constant = inverse * right[b] + (end[packed + state + 1] if last else 0.0)
+            gain = [inverse * matrix[b][i] for i in range(b)]
+            for i in range(b):
+                for j in range(i + 1):
+                    matrix[i][j] -= gain[i] * matrix[b][j]
+                right[i] -= matrix[b][i] * constant
+            gains.insert(0, [*gain, constant])
+        handed = [matrix[i][j] for i in range(state) for j in range(i + 1)] + right[:state]
+        if matched:
+            handed += [1.0, 0.0]
+        return self._function(
+            "inward",
+            {"end": end, "shape": shape, "body": body, "row": self.row, "p": self.equations.p, "force": force},
+            {"handed": handed, "gain": [value for gain in gains for value in gain]},
+        )
+
+    @property
+    def _body_size(self) -> int:
+        size = self._local
+        return 2 + 1 + 2 * size + size + size * (size + 1) // 2 + SECTION + size
+
+    def _root(self) -> ca.Function:
+        state = SECTION + self._shared
+        packed = state * (state + 1) // 2
+        end = ca.SX.sym("end", packed + state + 2 * self._made.matched)
+        base = ca.SX.sym("base", 2)
+        start: list[Scalar] = [base[0], base[1], 0.0]
+        matrix = _symmetric(end[:packed], state)
+        # One shared coordinate at most: what is left of the first link's.
+        for k in range(SECTION, state):
+            missing = end[packed + k] - sum(matrix[k, i] * start[i] for i in range(2))
+            start.append(missing / matrix[k, k])
+        return self._function("root", {"end": end, "base": base}, {"start": start})
+
+    def _onward(self) -> ca.Function:
+        size, state = self._local, SECTION + self._shared
+        start, shape = ca.SX.sym("start", state), ca.SX.sym("shape", 4 + 2 * size + 2)
+        gain = ca.SX.sym("gain", sum(b + 1 for b in range(state, SECTION + size)))
+        bends = ca.vertsplit(self._own["bends"])
+        turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
+        found: list[Scalar] = [start[k] for k in range(state)]
+        at = 0
+        for b in range(state, SECTION + size):
+            found.append(gain[at + b] - _dot([gain[at + i] for i in range(b)], found))
+            at += b + 1
+        local = found[SECTION:]
+        moved = Vec(found[0], found[1]) + span.scaled(found[2]) + beta
+        for arm, rate in zip(arms, local, strict=True):
+            moved += arm.scaled(rate)
+        moved = turn.transposed().apply(moved)
+        spun = found[2] + _dot(bends, local)
+        following = [moved.x, moved.y, spun, *local[size - self._shared :]]
+        return self._function(
+            "onward",
+            {"start": start, "shape": shape, "gain": gain, "row": self.row},
+            {"following": following, "rates": local[self._shared :]},
+        )
+
+
+_OWN = ("stiffness", "driven", "bends", "mass", "share", "stops")
+"""What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
+where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; share of the
+finger's length [1]; where links may touch."""
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
+    return sum((u * v for u, v in zip(a, b, strict=True)), 0.0)
+
+
+def _flat(vectors: Sequence[Vec]) -> list[Scalar]:
+    return [entry for v in vectors for entry in (v.x, v.y)]
+
+
+def _vectors(entries: ca.SX) -> list[Vec]:
+    return [Vec(entries[k], entries[k + 1]) for k in range(0, entries.numel(), 2)]
+
+
+def _lower(matrix: Sequence[Sequence[Scalar]] | ca.SX) -> list[Scalar]:
+    """Lower triangle by rows."""
+    if isinstance(matrix, ca.SX):
+        return [matrix[a, b] for a in range(matrix.shape[0]) for b in range(a + 1)]
+    return [matrix[a][b] for a in range(len(matrix)) for b in range(a + 1)]
+
+
+def _symmetric(lower: ca.SX, size: int) -> ca.SX:
+    """The whole of a matrix of which the lower triangle is given by rows."""
+
+    def entry(a: int, b: int) -> ca.SX:
+        return lower[max(a, b) * (max(a, b) + 1) // 2 + min(a, b)]
+
+    return ca.vertcat(*[ca.horzcat(*[entry(a, b) for b in range(size)]) for a in range(size)])
+
+
+def _rotated(matrix: list[list[Scalar]], turn: Rotation) -> list[list[Scalar]]:
+    """A symmetric matrix whose first two entries are a vector, in other axes."""
+    size = len(matrix)
+    half = [turn.apply(Vec(matrix[0][j], matrix[1][j])) for j in range(size)]
+    rows = [turn.apply(Vec(half[0].x, half[1].x)), turn.apply(Vec(half[0].y, half[1].y))]
+    found = [list(row) for row in matrix]
+    found[0][:2], found[1][:2] = [rows[0].x, rows[0].y], [rows[0].y, rows[1].y]
+    for j in range(2, size):
+        found[0][j] = found[j][0] = half[j].x
+        found[1][j] = found[j][1] = half[j].y
+    return found
+
+
+def _unpacked(mass: Scalar, body: ca.SX, size: int) -> list[list[Scalar]]:
+    """Lower triangle of a link's own inertia: velocity of its start, angular velocity, local coordinates."""
+    entries = [body[k] for k in range(body.numel())]
+    (first_x, first_y, second), rest = entries[:3], entries[3:]
+    arms, rest = rest[: 2 * size], rest[2 * size :]
+    swing, rest = rest[:size], rest[size:]
+    rows: list[list[Scalar]] = [[mass], [0.0, mass], [first_x, first_y, second]]
+    for a in range(size):
+        at = a * (a + 1) // 2
+        rows.append([arms[2 * a], arms[2 * a + 1], swing[a], *rest[at : at + a + 1]])
+    return rows
+
+
+SWEEPS: dict[str, Kernels] = {}
+"""Kernels by the name of the function that is made of them: ``core`` and ``export`` write one loop in its place."""
+
+
+def sweep_function(builder: Builder) -> ca.Function:
+    """A sweep as CasADi's own loops: (x, u, w, p [, part, r [, v]]) -> rates of the unknowns, and those of the lag.
+
+    x, u, w and p are those of the equations; ``part`` [s], r and v (n) those of an implicit step.
+    """
+    made, eq = builder.kernels(), builder.equations
+    x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")
+    inputs = {"x": x, "u": u, "w": w, "p": p}
+    n, count, local = made.unknowns, made.links, made.local
+    if builder.implicit:
+        inputs |= {"part": ca.MX.sym("part"), "r": ca.MX.sym("r", n)}
+    if not builder.moving:
+        inputs["v"] = ca.MX.sym("v", n)
+    drive, tip, tip_rate, base, lagging = made.head(x[2 * n :], u, p)
+
+    def windows(vector: ca.MX, tip: ca.MX) -> ca.MX:
+        """Local entries of every link (L, N)."""
+        whole, last = ca.vertcat(vector, tip), made.stride * (count - 1) + 1
+        return ca.vertcat(*[whole[a : a + last : made.stride].T for a in range(local)])
+
+    none, empty = ca.MX.zeros(tip.numel()), ca.MX(0, count)
+    q = windows(x[:n], tip)
+    qd = windows(x[n : 2 * n], tip_rate) if builder.moving else empty
+    r = ca.vertcat(empty, *[windows(inputs[key], none) for key in ("r", "v") if key in inputs])
+    rows = ca.MX(ca.DM(made.rows.T))
+    part = inputs.get("part", ca.MX(0, 1))
+    same = [ca.repmat(each, 1, count) for each in (drive, p, part)]
+
+    def from_base(state: ca.DM, function: ca.Function, *given: ca.MX) -> ca.MX:
+        """What a function accumulates, at the start of every link and at the tip."""
+        if not state.numel():
+            return ca.MX(0, count + 1)
+        return ca.horzcat(state, function.mapaccum(count)(state, *given))
+
+    *starts, last = ca.horzsplit(from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows))
+    spins, end = ca.horzcat(*starts), made.tip(last, x[2 * n :], u, p)
+    shape, body = made.outward.map(count)(spins, q, qd, r, rows, *same)
+    force = ca.MX(made.inward.size1_in("force"), count)
+    if made.loaded:
+        turns = from_base(ca.DM([1.0, 0.0]), made.turn, shape)
+        found = made.loads(ca.vec(turns[:, list(made.loaded)]), x, u, w, p)
+        columns: list[ca.MX] = [ca.MX.zeros(force.shape[0])] * count
+        for link, load in zip(made.loaded, ca.horzsplit(ca.reshape(found, force.shape[0], -1)), strict=True):
+            columns[link] = columns[link] + load
+        force = ca.horzcat(*columns)
+    back = list(range(count - 1, -1, -1))
+    handed = [each[:, back] for each in (shape, body, rows, same[1], force)]
+    ends, gains = made.inward.mapaccum(count)(end, *handed)
+    first = made.root(ends[:, -1], base)
+    _, rates = made.onward.mapaccum(count)(first, shape, gains[:, back], rows)
+    results = [ca.vertcat(first[SECTION:], ca.vec(rates))[:n], lagging]
+    name = f"sweep_{_digest(' '.join([f.name() for f in made.functions]).encode() + made.rows.tobytes())}"
+    SWEEPS[name] = made
+    return ca.Function(name, list(inputs.values()), results, [*inputs], ["rates", "lagging"], {"never_inline": True})
