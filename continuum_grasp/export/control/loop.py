@@ -21,6 +21,7 @@ from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
 from continuum_grasp.control.status import CALL_RATE
+from continuum_grasp.core.calls import straight_functions
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.kernel import Kernel
@@ -210,39 +211,43 @@ class Loop:
     # -- kernels ------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def problem_kernels(self) -> tuple[Kernel, ...]:
-        """Functions of the stages."""
-        s = self.stages
-        return (
-            _kernel(s.step, "One integration step of a stage, with its derivatives."),
-            _kernel(s.cost, "Cost of a stage with gradient and Hessian; bounded rows with their Jacobian."),
-            _kernel(s.terminal, "The same at the end of the horizon."),
-        )
+    def problem_functions(self) -> tuple[ca.Function, ...]:
+        """Functions of the stages that the C of ``control/c`` calls."""
+        return self.stages.step, self.stages.cost, self.stages.terminal
 
     @cached_property
-    def estimator_kernels(self) -> tuple[Kernel, ...]:
-        """Functions of the estimator."""
+    def estimator_functions(self) -> tuple[ca.Function, ...]:
+        """Functions of the estimator that it calls."""
         e = self.estimation
         if e is None:
             return ()
-        found = [
-            _kernel(e.step, "One integration step of state and disturbances, with its derivatives."),
-            _kernel(e.outputs, "What is compared with measurements, with its derivative."),
-        ]
-        if self.stages.np:
-            found.append(_kernel(e.parameters, "Parameters with the disturbances."))
-        if self.periods:
-            found.append(_kernel(e.flow, "The integration step alone."))
-        return tuple(found)
+        known = [e.parameters] if "mpc" in self.parts else []
+        return e.step, e.outputs, *known, *([e.flow] if self.periods else [])
 
 
-def _kernel(function: ca.Function, text: str) -> Kernel:
-    """A kernel without the outputs that have no entry."""
-    symbols = function.sx_in()
-    outputs = dict(zip(function.name_out(), function.call(symbols), strict=True))
-    nonempty = {name: value for name, value in outputs.items() if value.numel()}
-    made = ca.Function(function.name(), symbols, list(nonempty.values()), function.name_in(), list(nonempty))
-    return Kernel(function.name(), made, text)
+_TEXTS = {
+    "slope": "Rate of change with its Jacobian.",
+    "first": "From the first slope of a step to the next one, with derivatives.",
+    "again": "From a later slope of a step to the next one, with derivatives.",
+    "predict": "The first Newton iteration of an implicit slope.",
+    "last": "The second Newton iteration of the last slope, and the end of the step, with derivatives.",
+    "derivatives": "The end of a step with its derivatives, as the horizon or the filter takes them.",
+    "end": "The end of a step.",
+    "values": "What is tracked and bounded, with its Jacobian.",
+    "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
+    "outputs": "What is compared with measurements, with its derivative.",
+    "parameters": "Parameters with the disturbances.",
+}
+"""What a kernel computes, by the last word of its name."""
+
+
+def kernels_of(functions: Sequence[ca.Function]) -> tuple[Kernel, ...]:
+    """Kernels of what functions are or call; of those without a result there is none."""
+    return tuple(
+        Kernel(f.name(), f, _TEXTS[f.name().rpartition("_")[2]], called=True)
+        for f in straight_functions(functions)
+        if f.nnz_out()
+    )
 
 
 def identifiers(labels: Iterable[str]) -> list[str]:
