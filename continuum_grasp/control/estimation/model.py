@@ -111,14 +111,20 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     def function(name: str, given: dict[str, ca.SX], **found: ca.SX) -> ca.Function:
         return straight_function(name, given, {key: ca.densify(value) for key, value in found.items()})
 
-    rate, given = model.dynamics(model.x, u, full), {"z": z, "u": u, "p": p}
-    slope = straight_function("estimator_slope", given, {"rate": rate, "jacobian": ca.jacobian(rate, z)})
-    step, flow = _steps(slope, method)
+    given = {"z": z, "u": u, "p": p}
+    parameters = function("estimated_parameters", {"z": z, "p": p}, full=full)
+    # By the disturbed parameters themselves, as the stages' slope is, so that one kernel may serve both.
+    rate = model.dynamics(model.x, u, p)
+    nominal = ca.SX.sym("nominal", model.np)
+    by_d = ca.mtimes(ca.jacobian(rate, p), ca.substitute(ca.jacobian(full, d), p, nominal))
+    found = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
+    slope = straight_function("estimator_slope", given | {"nominal": nominal}, found)
+    step, flow = _steps(slope, parameters, method)
     return Estimation(
         step=step,
         flow=flow,
         outputs=function("estimator_outputs", given, y=outputs, H=ca.jacobian(outputs, z)),
-        parameters=function("estimated_parameters", {"z": z, "p": p}, full=full),
+        parameters=parameters,
         nx=model.nx,
         z_names=(*model.x_names, *(name for name, _, _, _ in disturbances)),
         drifts=np.array([drift for _, _, drift, _ in disturbances]),
@@ -129,10 +135,11 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     )
 
 
-def _steps(slope: ca.Function, method: str) -> tuple[ca.Function, ca.Function]:
+def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca.Function, ca.Function]:
     """Write the next z with the derivatives over the step and over half of it, and without them."""
     given = [ca.MX.sym(name, slope.size1_in(k)) for k, name in enumerate("zup")] + [ca.MX.sym("h")]
-    start, others, h = given[0], tuple(given[1:3]), given[3]
+    start, u, p, h = given
+    others = (u, *call(parameters, start, p), p)
     reached = differentiated_step(method, "estimator", slope, start, others, h, instants=2)
     (end,) = differentiated_step(method, "flow", slope, start, others, h, instants=0)
     nz, nx = start.numel(), end.numel()

@@ -48,11 +48,12 @@ def differentiated_step(
 def _round(name: str, slope: ca.Function, instants: int, is_first: bool) -> ca.Function:
     """From one slope to the next: the state there, the end of the step so far, its derivatives, those of the state."""
     n, nd, pattern = slope.size1_in(0), slope.size1_out(0), derivative_pattern(slope)
-    sizes = {"h": 1, "coefficients": 3, "start": n, "rate": nd, "jacobian": slope.sparsity_out(1)}
-    of_step = {"end": nd, "end_by": pattern, "half_by": pattern, "by": pattern}
-    s = {key: ca.SX.sym(key, size) for key, size in (sizes | of_step).items()}
+    sizes = {"h": 1, "coefficients": 3, "start": n, "rate": nd, "end": nd}
+    patterns = {"jacobian": slope.sparsity_out(1), "end_by": pattern, "half_by": pattern, "by": pattern}
+    s = {key: ca.SX.sym(key, size) for key, size in sizes.items()}
+    s |= {key: ca.SX.sym(key, sparsity) for key, sparsity in patterns.items()}
     asked = ["end", "end_by", "half_by"][: 1 + instants] + ["by"] * (instants > 0)
-    given = [*list(sizes)[: 5 if instants else 4], *([] if is_first else asked)]
+    given = ["h", "coefficients", "start", "rate", *["jacobian"] * (instants > 0), *([] if is_first else asked)]
     if is_first:
         s |= dict.fromkeys(asked, identity(pattern)) | {"end": s["start"][:nd]}
     by_state, by_input = parts(s["jacobian"])

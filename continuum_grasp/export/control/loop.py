@@ -21,10 +21,8 @@ from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
 from continuum_grasp.control.status import CALL_RATE
-from continuum_grasp.core.calls import straight_functions
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct
-from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.scene.control import ControlScene
 
 Array = NDArray[np.float64]
@@ -208,46 +206,14 @@ class Loop:
         """Values of ``settings`` that the scene gives."""
         return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
 
-    # -- kernels ------------------------------------------------------------------------------------------------------
-
     @cached_property
-    def problem_functions(self) -> tuple[ca.Function, ...]:
-        """Functions of the stages that the C of ``control/c`` calls."""
-        return self.stages.step, self.stages.cost, self.stages.terminal
-
-    @cached_property
-    def estimator_functions(self) -> tuple[ca.Function, ...]:
-        """Functions of the estimator that it calls."""
-        e = self.estimation
-        if e is None:
-            return ()
-        known = [e.parameters] if "mpc" in self.parts else []
-        return e.step, e.outputs, *known, *([e.flow] if self.periods else [])
-
-
-_TEXTS = {
-    "slope": "Rate of change with its Jacobian.",
-    "first": "From the first slope of a step to the next one, with derivatives.",
-    "again": "From a later slope of a step to the next one, with derivatives.",
-    "predict": "The first Newton iteration of an implicit slope.",
-    "last": "The second Newton iteration of the last slope, and the end of the step, with derivatives.",
-    "derivatives": "The end of a step with its derivatives, as the horizon or the filter takes them.",
-    "end": "The end of a step.",
-    "values": "What is tracked and bounded, with its Jacobian.",
-    "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
-    "outputs": "What is compared with measurements, with its derivative.",
-    "parameters": "Parameters with the disturbances.",
-}
-"""What a kernel computes, by the last word of its name."""
-
-
-def kernels_of(functions: Sequence[ca.Function]) -> tuple[Kernel, ...]:
-    """Kernels of what functions are or call; of those without a result there is none."""
-    return tuple(
-        Kernel(f.name(), f, _TEXTS[f.name().rpartition("_")[2]], called=True)
-        for f in straight_functions(functions)
-        if f.nnz_out()
-    )
+    def functions(self) -> tuple[ca.Function, ...]:
+        """Functions of stages and estimator that the C of ``control/c`` calls."""
+        s, e, controls = self.stages, self.estimation, "mpc" in self.parts
+        found = [s.step, s.cost, s.terminal] if controls else []
+        if e is not None:
+            found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.periods else [])]
+        return tuple(found)
 
 
 def identifiers(labels: Iterable[str]) -> list[str]:

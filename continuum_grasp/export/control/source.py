@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.control.compiled import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.core.calls import calls_source, straight_functions
-from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop, kernels_of
+from continuum_grasp.export.control.kernels import adapters_of
+from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Real, Struct, each_once
-from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
@@ -49,11 +48,9 @@ class _Writer:
     def __init__(self, loop: Loop, prefix: str, real: Real) -> None:
         self.loop, self.prefix, self.real = loop, prefix, real
         self.mpc, self.filter = "mpc" in loop.parts, loop.estimation is not None
-        self.functions = [*(loop.problem_functions if self.mpc else ()), *loop.estimator_functions]
-        self.straight = straight_functions(self.functions)
 
     def renamed(self, text: str) -> str:
-        names = {f.name() for f in (*self.functions, *self.straight)}
+        names = {f.name() for f in (*self.loop.functions, *straight_functions(self.loop.functions))}
         return renamed(text, self.prefix, self.real.name, names)
 
     def array(self, name: str, values: Iterable[float]) -> str:
@@ -102,22 +99,9 @@ class _Writer:
     # -- the source ---------------------------------------------------------------------------------------------------
 
     def adapters(self) -> str:
-        kernels = {kernel.name: kernel for kernel in kernels_of(self.functions)}
-        texts = [self.adapter(function, kernels.get(function.name())) for function in self.straight]
-        texts += [calls_source(f, "real", repr) for f in self.functions if not f.is_a("SXFunction")]
+        texts = [adapter.c_source(self.prefix) for adapter in adapters_of(self.loop.functions)]
+        texts += [calls_source(f, "real", repr) for f in self.loop.functions if not f.is_a("SXFunction")]
         return self.renamed("\n".join(texts))
-
-    def adapter(self, function: ca.Function, kernel: Kernel | None) -> str:
-        """The arguments that ``control/c`` gives, around a kernel; around nothing where there is none."""
-        call = "  (void)arg; (void)res;"
-        if kernel is not None:
-            given = {n: f"arg[{function.name_in().index(n)}]" for n in kernel.inputs}
-            given |= {n: f"res[{function.name_out().index(n)}]" for n in kernel.outputs}
-            call = (
-                f"  {'' if given.keys() & kernel.inputs.keys() else '(void)arg; '}{kernel.call(self.prefix, **given)}"
-            )
-        head = f"static int {function.name()}(const real *const arg[], real *const res[])"
-        return f"{head}\n{{\n{call}\n  return 0;\n}}\n"
 
     def prototypes(self) -> str:
         return self.renamed("\n".join(without_prototypes(template(name))[1] for name in self.headers()))
