@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages, cost_function, terminal_function
+from continuum_grasp.control.ocp.stages import Stages, cost_functions
 from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 LOOSE = (
@@ -47,10 +47,11 @@ def random_stages(seed: int, size: tuple[int, ...], **changes) -> Stages:
     weights[nx:] = 10 ** rng.uniform(-3, 0, nu)
     (u_min, u_max), (c_min, c_max) = _bounds(rng, nu, 0.1), _bounds(rng, ns + others, 0.3)
     count = ns + others
+    cost, terminal = cost_functions(outputs, row_function, 1.0, nx, ns)
     given = {
         "step": ca.Function("stage_step", [x, u, p, h], step, ["x", "u", "p", "h"], ["xn", "A", "B"]),
-        "cost": cost_function(outputs, row_function, 1.0),
-        "terminal": terminal_function(outputs, row_function, nx, ns),
+        "cost": cost,
+        "terminal": terminal,
         "outputs": outputs,
         "dynamics": outputs,
         "rows": row_function,

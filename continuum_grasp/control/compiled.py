@@ -19,8 +19,7 @@ from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti import source as rti
-from continuum_grasp.core.precision import single
-from continuum_grasp.core.source import generated
+from continuum_grasp.core.source import plain_source
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 
@@ -223,10 +222,10 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
     lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
     # The step without derivatives predicts over the delay, and is not needed without one.
     flow = [estimation.flow] if periods else []
-    code = generated("estimator", estimation.step, estimation.outputs, estimation.parameters, *flow)
+    functions = [estimation.step, estimation.outputs, estimation.parameters, *flow]
     return [
         "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""]),
-        single(code) if real == "float" else code,
+        plain_source("estimator", functions, real),
         _templates("checks.h", "ekf.h", "ekf.c"),
     ]
 

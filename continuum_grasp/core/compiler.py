@@ -192,7 +192,7 @@ _HIDDEN = '__attribute__((visibility("hidden"))) '
 _VARIABLE = re.compile(r"\ba\d+\b")
 _ASSIGNMENT = re.compile(r"  (a\d+)=(.*;)")
 _DECLARATION = re.compile(r"  casadi_real a\d+(, a\d+)*;")
-_RESULT = re.compile(r"  if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]=.*;|  return 0;")
+_RESULT = re.compile(r"  if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]=.*;|  if \(!res\[\d+\]\) return 0;|  return 0;")
 
 
 def longest_function(source: str) -> int:

@@ -30,16 +30,13 @@ _CALLS |= {ca.OP_CONSTPOW: "cg_pow", ca.OP_IF_ELSE_ZERO: "cg_if"}
 
 
 def lane_function(function: ca.Function, real: str = "double") -> str:
-    """C of ``static void NAME_lanes(const cg_lanes *const in[], cg_lanes *const out[])`` from a dense SX function.
+    """C of ``static void NAME_lanes(const cg_lanes *const in[], cg_lanes *const out[])`` from an SX function.
 
-    ``lane_prelude`` must stand before it. InputError where an operation has no vector code, or the type ``real``
-    (double or float) cannot hold a constant.
+    From the first of ``out`` that is null on, nothing is computed. ``lane_prelude`` must stand before it. InputError
+    where an operation has no vector code, or the type ``real`` (double or float) cannot hold a constant.
     """
     lines = [f"static void {function.name()}_lanes(const cg_lanes *const in[], cg_lanes *const out[])", "{"]
-    lines += [
-        f"  for (int k = 0; k < {function.nnz_out(i)}; ++k) out[{i}][k] = (cg_lanes){{0}};"
-        for i in range(function.n_out())
-    ]
+    left = [function.nnz_out(i) for i in range(function.n_out())]
     # CasADi's instructions name places of a work vector, each of which holds what was written to it last. Those in
     # ``constants`` hold scalars, which C's vector arithmetic spreads over the lanes, but function calls do not.
     values: dict[int, str] = {}
@@ -51,6 +48,9 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
             value = values[arguments[0]]
             vector = f"(cg_lanes){{0}} + {value}" if arguments[0] in constants else value
             lines.append(f"  out[{results[0]}][{results[1]}] = {vector};")
+            left[results[0]] -= 1
+            if not any(left[: results[0] + 1]) and results[0] + 1 < len(left):
+                lines.append(f"  if (!out[{results[0] + 1}]) return;")
             continue
         target = results[0]
         name = f"v{k}"

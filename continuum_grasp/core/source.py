@@ -12,6 +12,7 @@ from importlib.resources import files
 
 import casadi as ca
 
+from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.precision import single
 from continuum_grasp.core.sweeps import with_loops
@@ -91,6 +92,38 @@ def generated(name: str, *functions: ca.Function) -> str:
     # The type of lanes is that of the source, which ``single`` may change.
     prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
     return with_loops(str(generator.dump()), _fill, prelude)
+
+
+_STRAIGHT = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
+"""Name and body of a straight-line function in what CasADi writes."""
+
+
+def plain_source(name: str, functions: Sequence[ca.Function], real: str = "double") -> str:
+    """C of straight-line functions and of calls of such functions, and of nothing else that CasADi writes around them.
+
+    Each is ``static int NAME(const casadi_real *const arg[], casadi_real *const res[])``. From the first result of a
+    straight-line function that is null on, nothing is computed. ``name`` stands before the names of help functions.
+    """
+    code = generated(name, *straight_functions(functions))
+    begin, _, _ = code.partition("/* Configuration this file was compiled with */")
+    arguments = "(const casadi_real *const arg[], casadi_real *const res[])"
+    bodies = [f"static int {f}{arguments}\n{{{_until_null(body)}}}\n" for f, body in _STRAIGHT.findall(code)]
+    bodies += [calls_source(f, "casadi_real", repr) for f in functions if not f.is_a("SXFunction")]
+    code = "\n".join([begin, *bodies])
+    return single(code) if real == "float" else code
+
+
+def _until_null(body: str) -> str:
+    """A body that returns at a null result; CasADi writes the results one after the other."""
+    lines = body.split("\n")
+    last = {found[1]: k for k, line in enumerate(lines) if (found := _WRITTEN.search(line))}
+    for result, k in last.items():
+        if (following := str(int(result) + 1)) in last:
+            lines[k] += f"\n  if (!res[{following}]) return 0;"
+    return "\n".join(lines)
+
+
+_WRITTEN = re.compile(r"if \(res\[(\d+)\]!=0\)")
 
 
 def lane_prelude(real: str) -> str:

@@ -74,16 +74,21 @@ class Kernel:
     """A CasADi function as C without a library: an SX function with named inputs and outputs.
 
     ``name`` stands behind the prefix of the package, ``text`` is what it computes, in one line. ``inputs`` and
-    ``outputs`` are sizes by name; inputs that the function does not read are left out. InputError where an operation
-    has no strict C here.
+    ``outputs`` are sizes by name; inputs that the function does not read are left out, and outputs without an entry.
+    InputError where an operation has no strict C here.
+
+    Outputs may be the inputs themselves, and all their entries are written. Of a function that is ``called`` by others
+    inputs and outputs are apart, of outputs the structural nonzeros are written, and from the first one that is null on
+    nothing is computed.
     """
 
-    def __init__(self, name: str, function: ca.Function, text: str) -> None:
-        self.name, self.text = name, text
+    def __init__(self, name: str, function: ca.Function, text: str, *, called: bool = False) -> None:
+        self.name, self.text, self._called = name, text, called
         symbols = function.sx_in()
-        # Structural zeros too are written: outputs are arrays and structs, of which C must fill every entry.
-        dense = [ca.densify(value) for value in function.call(symbols)]
-        self._function = f = ca.Function(name, symbols, dense, function.name_in(), function.name_out())
+        values = zip(function.name_out(), function.call(symbols), strict=True)
+        # Structural zeros too are written to arrays and structs, of which C must fill every entry.
+        found = {n: value if called else ca.densify(value) for n, value in values if value.numel()}
+        self._function = f = ca.Function(name, symbols, list(found.values()), function.name_in(), list(found))
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
         for operation in self._operations:
             if operation not in {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
@@ -146,6 +151,7 @@ class Kernel:
         constants: set[int] = set()  # places of literals, which functions of lanes take as vectors
         loads: dict[tuple[int, int], str] = {}
         lines: list[str] = []
+        left = list(self.outputs.values())  # entries that are not written yet
         words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
         for k, operation in enumerate(self._operations):
             arguments, results = f.instruction_input(k), f.instruction_output(k)
@@ -155,6 +161,8 @@ class Kernel:
                 continue
             if operation == ca.OP_INPUT:
                 at = (arguments[0], arguments[1])
+                if self._called and at not in loads:
+                    lines.append(f"  const {kind} {f.name_in(at[0])}{at[1]} = {f.name_in(at[0])}[{at[1]}];")
                 values[results[0]] = loads.setdefault(at, f"{f.name_in(at[0])}{at[1]}")
                 constants.discard(results[0])
                 continue
@@ -162,6 +170,9 @@ class Kernel:
             operands = [f"same({values[a]})" if wide and a in constants else values[a] for a in arguments]
             if operation == ca.OP_OUTPUT:
                 lines.append(f"  {f.name_out(results[0])}[{results[1]}] = {operands[0]};")
+                left[results[0]] -= 1
+                if self._called and not any(left[: results[0] + 1]) and any(left):
+                    lines.append(f"  if (!{f.name_out(results[0] + 1)}) return;")
                 continue
             if operation in _CALLS:
                 text = f"{'each' if lanes else 'strict'}_{_CALLS[operation]}({operands[0]})"
@@ -170,9 +181,10 @@ class Kernel:
             lines.append(f"  const {kind} a{k} = {text};")
             values[results[0]] = f"a{k}"
             constants.discard(results[0])
-        # All inputs are read before the first output is written, so that outputs may be the inputs themselves.
+        # All inputs are read before the first output is written, so that outputs may be the inputs themselves. Where
+        # they are apart, each is read where it is needed: with few registers, it would be stored and loaded again.
         inputs = [f"  const {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
-        return ["{", *inputs, *lines, "}"]
+        return ["{", *(() if self._called else inputs), *lines, "}"]
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
         """What the C computes, to the last bit, for rows (count, size) of inputs by name; outputs of the same form."""

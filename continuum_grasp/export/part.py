@@ -8,7 +8,7 @@ Checks, declarations, documentation, test vectors and bindings all follow from t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -186,7 +186,7 @@ class Part:
     """One entry of ``--what``."""
 
     name: str
-    kernels: tuple[Kernel, ...]
+    kernels: Sequence[Kernel]
     calls: tuple[Call, ...]
     constants: Mapping[str, str] = field(default_factory=dict)
     """C expressions of ``#define``s of the header, by name behind the prefix."""

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages, cost_function, stages_of, step_function, terminal_function
+from continuum_grasp.control.ocp.stages import Stages, cost_functions, stages_of, step_function
 from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers
@@ -44,10 +44,11 @@ def pendulum() -> Stages:
     dynamics = function("dynamics", "xd", ca.vertcat(x[1], -p * ca.sin(x[0]) - 0.1 * x[1] + u))
     outputs = function("outputs", "y", ca.vertcat(ca.sin(x[0]), ca.cos(x[0]), x[1], u))
     rows = function("rows", "c", ca.vertcat(x[1] / 1.5, (u - x[2]) / 0.4))
+    cost, terminal = cost_functions(outputs, rows, 0.1, 3, 1)
     return Stages(
         step=step_function(dynamics, 3),
-        cost=cost_function(outputs, rows, 0.1),
-        terminal=terminal_function(outputs, rows, 3, 1),
+        cost=cost,
+        terminal=terminal,
         outputs=outputs,
         dynamics=dynamics,
         rows=rows,
@@ -362,7 +363,7 @@ def test_functions_of_other_sizes_are_refused():
     with pytest.raises(InputError, match="stage_step: expected dense outputs"):
         RealTimeIteration(replace(s, step=wrong))
     given = s.cost.mx_in()
-    called = ca.Function("stage_cost", given, s.cost.call(given))
+    called = ca.Function("stage_cost", given, [2.0 * value for value in s.cost.call(given)])
     with pytest.raises(InputError, match="straight-line"):
         RealTimeIteration(replace(s, cost=called))
 

@@ -78,7 +78,7 @@ static int controller_estimate(controller_state *state, controller_work *work, c
   memcpy(out->x, z, CONTROLLER_ND * sizeof *z);
   const real *arg[] = {z, state->p};
   real *res[] = {out->p};
-  estimated_parameters(arg, res, 0, 0, 0);
+  estimated_parameters(arg, res);
   return known;
 }
 #else

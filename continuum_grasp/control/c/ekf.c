@@ -66,7 +66,7 @@ static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *se
 {
   const real *arg[] = {state->z, u, p, &h};
   real *res[] = {work->next, work->F, work->G};
-  estimator_step(arg, res, 0, 0, 0);
+  estimator_step(arg, res);
   memcpy(state->z, work->next, sizeof state->z);
   int columns = EKF_NZ;
   for (int j = 0; j < EKF_NZ; ++j) work->weight[j] = state->D[j];
@@ -194,7 +194,7 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
   int judged[EKF_NS];
   const real *arg[] = {state->z, u, p};
   real *res[] = {work->y, work->H};
-  estimator_outputs(arg, res, 0, 0, 0);
+  estimator_outputs(arg, res);
   if (!cg_finite(work->y, EKF_NY) || !cg_finite(work->H, EKF_NY * EKF_NZ)) return 0;
   memcpy(prior, state->z, sizeof prior);
   ekf_innovations(state, work, settings, y, report);
@@ -263,7 +263,7 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
     for (int i = 0; i < settings->substeps; ++i) {
       const real *arg[] = {z, u, p, &h};
       real *res[] = {work->next};
-      estimator_flow(arg, res, 0, 0, 0);
+      estimator_flow(arg, res);
       memcpy(z, work->next, sizeof work->next);
     }
   }

@@ -30,7 +30,7 @@ int cg_step(cg_object *o, const double *in, double *out)
   }
   const real *arg[] = {z, p};
   real full[EKF_SIZE(EKF_NP)], *res[] = {full};
-  estimated_parameters(arg, res, 0, 0, 0);
+  estimated_parameters(arg, res);
   out = cg_write_ints(out, &o->report.limited, 1);
   out = cg_write(out, z, EKF_NZ);
   out = cg_write(out, full, EKF_NP);

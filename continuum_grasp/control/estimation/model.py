@@ -11,22 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Disturbed, Measured
 
 Array = NDArray[np.float64]
-
-# RK4 with the continuous extension of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6.
-_SLOPES = (
-    (1.0 / 6.0, 5.0 / 24.0, 0.5),
-    (2.0 / 6.0, 4.0 / 24.0, 0.5),
-    (2.0 / 6.0, 4.0 / 24.0, 1.0),
-    (1.0 / 6.0, -1.0 / 24.0, 0.0),
-)
-"""Coefficients of RK4 [1]: weight of a slope at the end of the step, its weight half-way (continuous extension of order
-3), and the position of the next slope."""
 
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),
@@ -49,7 +40,7 @@ class Estimation:
     ----------
     step : casadi.Function
         (z, u, p, h) -> zn, F, G (nz, nz): one step of length h, its derivative by z, and that of half the step, all by
-        the variational equations; a straight-line function.
+        the variational equations; calls of straight-line functions, as flow.
     flow : casadi.Function
         (z, u, p, h) -> zn: the step alone.
     outputs : casadi.Function
@@ -107,27 +98,33 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
     disturbances = _disturbances(scene.estimator.disturbances, model)
-    d, h = ca.SX.sym("d", len(disturbances)), ca.SX.sym("h")
+    d = ca.SX.sym("d", len(disturbances))
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
     for k, (_, index, _, relative) in enumerate(disturbances):
         # A relative error of the stiffness needs no scale of its own; forces and moments add to the known ones.
         full[index] += p[index] * d[k] if relative else d[k]
-    rate = model.dynamics(model.x, u, full)
     compared = _compared(scene, scene.estimator.measured, model, full)
     outputs = ca.vertcat(*[row.value for row in compared])
     measurement_names = tuple(dict.fromkeys(name for row in compared for name in row.parts))
 
-    def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
-        return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
+    def function(name: str, given: dict[str, ca.SX], **found: ca.SX) -> ca.Function:
+        return straight_function(name, given, {key: ca.densify(value) for key, value in found.items()})
 
-    zn, f, g = _step(method, z, u, p, h, rate, model.nx)
-    given, labels = [z, u, p, h], ["z", "u", "p", "h"]
+    given = {"z": z, "u": u, "p": p}
+    parameters = function("estimated_parameters", {"z": z, "p": p}, full=full)
+    # By the disturbed parameters themselves, as the stages' slope is, so that one kernel may serve both.
+    rate = model.dynamics(model.x, u, p)
+    nominal = ca.SX.sym("nominal", model.np)
+    by_d = ca.mtimes(ca.jacobian(rate, p), ca.substitute(ca.jacobian(full, d), p, nominal))
+    found = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
+    slope = straight_function("estimator_slope", given | {"nominal": nominal}, found)
+    step, flow = _steps(slope, parameters, method)
     return Estimation(
-        step=function("estimator_step", given, labels, zn=zn, F=f, G=g),
-        flow=function("estimator_flow", given, labels, zn=zn),
-        outputs=function("estimator_outputs", given[:3], labels[:3], y=outputs, H=ca.jacobian(outputs, z)),
-        parameters=function("estimated_parameters", [z, p], ["z", "p"], full=full),
+        step=step,
+        flow=flow,
+        outputs=function("estimator_outputs", given, y=outputs, H=ca.jacobian(outputs, z)),
+        parameters=parameters,
         nx=model.nx,
         z_names=(*model.x_names, *(name for name, _, _, _ in disturbances)),
         drifts=np.array([drift for _, _, drift, _ in disturbances]),
@@ -138,38 +135,27 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     )
 
 
-def _step(method: str, z: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX, rate: ca.SX, nx: int) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Write the next z, and the derivatives over the step and over half of it."""
-    x, d = z[:nx], z[nx:]
-    slope = ca.Function("slope", [z, u, p], ca.cse([rate, ca.jacobian(rate, x), ca.jacobian(rate, d)]))
-    if method == "rk4":
-        following, whole, half_way = _runge_kutta(slope, x, d, u, p, h)
-    else:
-        following, *whole = differentiated_step(method, slope, x, (u, p), h, d)
-        # An L-stable method has no continuous extension: half the step is a step of its own.
-        half_way = [*differentiated_step(method, slope, x, (u, p), 0.5 * h, d)[1:]]
+def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca.Function, ca.Function]:
+    """Write the next z with the derivatives over the step and over half of it, and without them."""
+    given = [ca.MX.sym(name, slope.size1_in(k)) for k, name in enumerate("zup")] + [ca.MX.sym("h")]
+    start, u, p, h = given
+    others = (u, *call(parameters, start, p), p)
+    reached = differentiated_step(method, "estimator", slope, start, others, h, instants=2)
+    (end,) = differentiated_step(method, "flow", slope, start, others, h, instants=0)
+    nz, nx = start.numel(), end.numel()
+    z, x = ca.SX.sym("z", nz), ca.SX.sym("x", nx)
+    parts = {name: ca.SX.sym(name, by.sparsity()) for name, by in zip(("whole", "half"), reached[1:], strict=True)}
     # Disturbances are constant but for their drift, which the noise contains.
-    below = ca.horzcat(ca.SX(d.numel(), nx), ca.SX.eye(d.numel()))
-    f, g = (ca.vertcat(ca.horzcat(*part), below) for part in (whole, half_way))
-    return ca.vertcat(following, d), f, g
-
-
-def _runge_kutta(
-    slope: ca.Function, x: ca.SX, d: ca.SX, u: ca.SX, p: ca.SX, h: ca.SX
-) -> tuple[ca.SX, list[ca.SX], list[ca.SX]]:
-    """Next x by RK4, and its derivatives by x and d over the step and over half of it, from the same four slopes."""
-    nx = x.numel()
-    state, by_x, by_d = x, ca.SX.eye(nx), ca.SX(nx, d.numel())
-    ends = [[x, ca.SX.eye(nx), ca.SX(nx, d.numel())] for _ in range(2)]
-    for weight, half, ahead in _SLOPES:
-        k, f_x, f_d = slope(ca.vertcat(state, d), u, p)
-        slopes = [k, ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_d) + f_d]
-        for end, share in zip(ends, (weight, half), strict=True):
-            for i, part in enumerate(slopes):
-                end[i] = end[i] + share * h * part
-        state, by_x, by_d = x + ahead * h * k, ca.SX.eye(nx) + ahead * h * slopes[1], ahead * h * slopes[2]
-    (following, *whole), (_, *half_way) = ends
-    return following, whole, half_way
+    moved, below = {"zn": ca.vertcat(x, z[nx:])}, ca.horzcat(ca.SX(nz - nx, nx), ca.SX.eye(nz - nx))
+    derivatives = {f: ca.densify(ca.vertcat(part, below)) for f, part in zip("FG", parts.values(), strict=True)}
+    ends = {"z": z, "x": x}
+    collect = straight_function("estimator_derivatives", ends | parts, moved | derivatives)
+    collect_end = straight_function("estimator_end", ends, moved)
+    names = ["z", "u", "p", "h"]
+    return (
+        ca.Function("estimator_step", given, call(collect, start, *reached), names, ["zn", "F", "G"]),
+        ca.Function("estimator_flow", given, call(collect_end, start, end), names, ["zn"]),
+    )
 
 
 def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, float, bool]]:

@@ -13,6 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Horizon
@@ -40,11 +41,13 @@ class Stages:
     2`` per node. Hard constraints have a ``linear`` so large that they are satisfied wherever they can be. The first
     ``ns`` rows are of the state alone and apply at the nodes 1 to N, the others at 0 to N - 1.
 
+    The three functions that are written to C, the first ones, are straight-line functions or calls of such functions.
+
     Attributes
     ----------
     step : casadi.Function
         (x, u, p, h) -> xn (nx), A (nx, nx), B (nx, nu): one step of length h by ``method`` and its derivatives, by the
-        variational equations; a straight-line function. ``substeps`` of them make F.
+        variational equations. ``substeps`` of them make F.
     cost : casadi.Function
         (x, u, p, r, W) -> l, g (nz), H (nz, nz), c (nc), C (nc, nz): cost of a stage with its gradient and
         Gauss-Newton Hessian with respect to z = [x, u], and the rows with their Jacobian.
@@ -176,10 +179,11 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
     u_min, u_max = (np.array(limit) for limit in scene.input_limits)
     method, substeps = _integration(horizon, model, u_min, u_max)
+    cost, terminal = cost_functions(outputs, rows, horizon.stage, tracked.of_state, ns)
     return Stages(
         step=step_function(dynamics, x.numel(), method),
-        cost=cost_function(outputs, rows, horizon.stage),
-        terminal=terminal_function(outputs, rows, tracked.of_state, ns),
+        cost=cost,
+        terminal=terminal,
         outputs=outputs,
         dynamics=dynamics,
         rows=rows,
@@ -225,51 +229,75 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
 
     ``dynamics`` is (x, u, p) -> xd of the first entries of x; the last ones, if any, become the first inputs.
 
-    By the variational equations: the Jacobian of the dynamics is written once per slope and propagated; CasADi's
-    ``jacobian`` of the whole step takes 2.4 times as many instructions.
+    By the variational equations: the Jacobian of the dynamics is written once and called per slope, and propagated;
+    CasADi's ``jacobian`` of the whole step takes 2.4 times as many instructions.
     """
-    x, u, p = ca.SX.sym("x", nx), ca.SX.sym("u", dynamics.size1_in(1)), ca.SX.sym("p", dynamics.size1_in(2))
-    h = ca.SX.sym("h")
-    rate = dynamics(x, u, p)
+    sizes = {"x": nx, "u": dynamics.size1_in(1), "p": dynamics.size1_in(2)}
+    given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    x, u = given["x"], given["u"]
+    rate = dynamics(*given.values())
     nd = rate.numel()
-    slope = ca.Function("slope", [x, u, p], ca.cse([rate, ca.jacobian(rate, x)[:, :nd], ca.jacobian(rate, u)]))
-    following, by_x, by_u = differentiated_step(method, slope, x[:nd], (u, p), h, x[nd:])
-    following = ca.vertcat(following, u[: nx - nd, :])
-    a = ca.diagcat(by_x, ca.SX(nx - nd, nx - nd))
-    b = ca.vertcat(by_u, ca.SX.eye(u.numel())[: nx - nd, :])
-    expressions = [ca.densify(e) for e in ca.cse([following, a, b])]
-    return ca.Function("stage_step", [x, u, p, h], expressions, ["x", "u", "p", "h"], ["xn", "A", "B"])
+    jacobian = ca.jacobian(rate, ca.vertcat(x[:nd], u))
+    slope = straight_function("stage_slope", given, {"rate": rate, "jacobian": jacobian})
+    at = [ca.MX.sym(name, size) for name, size in (sizes | {"h": 1}).items()]
+    reached = differentiated_step(method, "stage", slope, at[0], (at[1], at[2]), at[3])
+    end, by = ca.SX.sym("end", nd), ca.SX.sym("by", reached[1].sparsity())
+    found = {
+        "xn": ca.vertcat(end, u[: nx - nd, :]),
+        "A": ca.diagcat(by[:, :nd], ca.SX(nx - nd, nx - nd)),
+        "B": ca.vertcat(by[:, nd:], ca.SX.eye(u.numel())[: nx - nd, :]),
+    }
+    dense = {name: ca.densify(value) for name, value in found.items()}
+    collect = straight_function("stage_derivatives", {"u": u, "end": end, "by": by}, dense)
+    return ca.Function("stage_step", at, call(collect, at[1], *reached), ["x", "u", "p", "h"], list(found))
 
 
 _EXPANDED = ["l", "g", "H", "c", "C"]
 
 
-def cost_function(outputs: ca.Function, rows: ca.Function, stage: float) -> ca.Function:
-    """Write cost and rows of a stage; see ``Stages.cost``."""
-    x, u, p = (ca.SX.sym(name, outputs.size1_in(k)) for k, name in enumerate("xup"))
-    r, weights = ca.SX.sym("r", outputs.numel_out(0)), ca.SX.sym("W", outputs.numel_out(0))
-    expressions = _expanded(outputs(x, u, p), rows(x, u, p), ca.vertcat(x, u), r, stage * weights)
-    return ca.Function("stage_cost", [x, u, p, r, weights], expressions, ["x", "u", "p", "r", "W"], _EXPANDED)
+def cost_functions(
+    outputs: ca.Function, rows: ca.Function, stage: float, nt: int, ns: int
+) -> tuple[ca.Function, ca.Function]:
+    """Write cost and rows of a stage and of the last node; see ``Stages.cost`` and ``Stages.terminal``.
+
+    Both call one function of what is tracked and bounded with its Jacobian, of which the last node uses the first
+    ``nt`` and ``ns``. These do not depend on the input, which is zero there.
+    """
+    nr, nc = outputs.numel_out(0), rows.numel_out(0)
+    sizes = {name: outputs.size1_in(k) for k, name in enumerate("xup")}
+    s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    y, c, z = outputs(*s.values()), rows(*s.values()), ca.vertcat(s["x"], s["u"])
+    found = {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)}
+    values = straight_function("stage_values", s, found)
+    x, u, p, r, weights = (ca.MX.sym(name, size) for name, size in (sizes | {"r": nr, "W": nr}).items())
+    expand = _expanded("stage_expanded", values, nr, z.numel(), nc, stage)
+    cost = call(expand, *call(values, x, u, p), r, weights)
+    expand_end = _expanded("terminal_expanded", values, nt, sizes["x"], ns, 1.0)
+    terminal = call(expand_end, *call(values, x, ca.MX(ca.DM.zeros(sizes["u"])), p), r, weights)
+    return (
+        ca.Function("stage_cost", [x, u, p, r, weights], cost, ["x", "u", "p", "r", "W"], _EXPANDED),
+        ca.Function("terminal_cost", [x, p, r, weights], terminal, ["x", "p", "r", "T"], _EXPANDED),
+    )
 
 
-def terminal_function(outputs: ca.Function, rows: ca.Function, nt: int, ns: int) -> ca.Function:
-    """Write cost and rows of the last node; see ``Stages.terminal``."""
-    x, u, p = (ca.SX.sym(name, outputs.size1_in(k)) for k, name in enumerate("xup"))
-    r, weights = ca.SX.sym("r", outputs.numel_out(0)), ca.SX.sym("T", outputs.numel_out(0))
-    y, c = outputs(x, u, p)[:nt], rows(x, u, p)[:ns]
-    expressions = _expanded(y, c, x, r[:nt], weights[:nt])
-    return ca.Function("terminal_cost", [x, p, r, weights], expressions, ["x", "p", "r", "T"], _EXPANDED)
-
-
-def _expanded(y: ca.SX, c: ca.SX, z: ca.SX, r: ca.SX, weights: ca.SX) -> list[ca.SX]:
-    """Half the weighted squares of the errors, gradient, Gauss-Newton Hessian; rows and their Jacobian.
+def _expanded(name: str, values: ca.Function, nr: int, nz: int, nc: int, scale: float) -> ca.Function:
+    """Half the weighted squares of the first errors, gradient, Gauss-Newton Hessian; first rows and their Jacobian.
 
     Gauss-Newton, since its Hessian is positive semidefinite, so that every QP is convex, and needs first derivatives
     only.
     """
-    error, slope = y - r, ca.jacobian(y, z)
-    weighted = weights * error
-    gradient = ca.mtimes(slope.T, weighted)
-    hessian = ca.mtimes(slope.T, ca.mtimes(ca.diag(weights), slope))
-    expressions = [0.5 * ca.dot(error, weighted), gradient, hessian, c, ca.jacobian(c, z)]
-    return [ca.densify(e) for e in ca.cse([ca.SX(e) for e in expressions])]
+    given = {key: ca.SX.sym(key, values.sparsity_out(k)) for k, key in enumerate(values.name_out())}
+    given |= {key: ca.SX.sym(key, values.size1_out(0)) for key in ("r", "W")}
+    error, slope = given["y"][:nr] - given["r"][:nr], given["Y"][:nr, :nz]
+    scaled = scale * given["W"][:nr]
+    weighted = scaled * error
+    found = [
+        0.5 * ca.dot(error, weighted),
+        ca.mtimes(slope.T, weighted),
+        ca.mtimes(slope.T, ca.mtimes(ca.diag(scaled), slope)),
+        given["c"][:nc],
+        given["C"][:nc, :nz],
+    ]
+    # Names of their own: C has no argument twice.
+    dense = {f"{key}_out": ca.densify(value) for key, value in zip(_EXPANDED, found, strict=True)}
+    return straight_function(name, given, dense)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import re
 from collections.abc import Iterable
 from importlib.resources import files
 
@@ -13,10 +12,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
 from continuum_grasp.core.lanes import lane_function
-from continuum_grasp.core.precision import single
-from continuum_grasp.core.source import generated, lane_prelude
+from continuum_grasp.core.precision import literal
+from continuum_grasp.core.source import lane_prelude, plain_source
 from continuum_grasp.errors import InputError
 
 TOLERANCE = {"double": 1e-8, "float": 1e-4}
@@ -27,9 +27,6 @@ REGULARIZATION = 1e-9
 the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
 
 Pattern = NDArray[np.bool_]
-
-_BODY = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
-"""Name and body of a function in what CasADi writes."""
 
 _ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
 """Templates after the basis and the functions generated for a problem, in their order."""
@@ -51,7 +48,9 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     """
     _check(stages)
     vector = _lanes(stages, real) if lanes else ""
-    functions = stage_functions(stages, real, vector=bool(vector))
+    # The last node is one of its own, which lanes would compute as often as there are.
+    scalar = [stages.terminal] if vector else [stages.step, stages.cost, stages.terminal]
+    functions = plain_source("stages", scalar, real)
     # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [dimensions(stages, real), width, functions, vector, template("rti.h")]
@@ -109,22 +108,8 @@ def dimensions(stages: Stages, real: str) -> str:
     return "\n".join([*lines, f"typedef {real} real;", ""])
 
 
-def stage_functions(stages: Stages, real: str, *, vector: bool = False) -> str:
-    """Write the C of step and costs; of the terminal cost alone where the others are in vector lanes."""
-    # The bodies alone, as functions of arg and res: straight-line code needs none of the work vectors, sparsities and
-    # exported wrappers that CasADi writes around them.
-    code = generated("stages", *(() if vector else (stages.step, stages.cost)), stages.terminal)
-    begin, _, _ = code.partition("/* Configuration this file was compiled with */")
-    bodies = [
-        f"static int {name}(const casadi_real **arg, casadi_real **res)\n{{{body}}}\n"
-        for name, body in _BODY.findall(code)
-    ]
-    code = "\n".join([begin, *bodies])
-    return single(code) if real == "float" else code
-
-
 def _check(stages: Stages) -> None:
-    """Refuse functions that are not as the template calls them: straight-line, each output dense and of its size."""
+    """Refuse functions that are not as the template calls them: each output dense and of its size."""
     nx, nu, nc, ns = stages.nx, stages.nu, stages.nc, stages.ns
     nz = nx + nu
     sizes = {
@@ -133,8 +118,6 @@ def _check(stages: Stages) -> None:
         stages.terminal: [1, nx, nx * nx, ns, ns * nx],
     }
     for function, expected in sizes.items():
-        if not function.is_a("SXFunction"):
-            raise InputError(f"{function.name()}: expected a straight-line SX function, got {function.class_name()}")
         found = [function.nnz_out(k) for k in range(function.n_out())]
         if found != expected:
             raise InputError(f"{function.name()}: expected dense outputs of {expected} entries, got {found}")
@@ -142,16 +125,23 @@ def _check(stages: Stages) -> None:
 
 def _lanes(stages: Stages, real: str) -> str:
     """Write step and cost in vector lanes; empty if one has an operation that lanes do not have."""
+    functions = [stages.step, stages.cost]
     try:
-        functions = [lane_function(f, real) for f in (stages.step, stages.cost)]
+        texts = [lane_function(f, real) for f in straight_functions(functions)]
     except InputError:
         return ""
-    return "\n".join([lane_prelude(real), *functions, "#define RTI_VECTOR\n"])
+    texts += [
+        calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
+        for f in functions
+        if not f.is_a("SXFunction")
+    ]
+    return "\n".join([lane_prelude(real), *texts, "#define RTI_VECTOR\n"])
 
 
 def _nonzeros(function: ca.Function, output: int) -> Pattern:
     """Structural nonzeros of an output."""
-    sparsity = ca.sparsify(function.call(function.sx_in())[output]).sparsity()
+    symbols = [ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate(function.name_in())]
+    sparsity = ca.sparsify(function.call(symbols)[output]).sparsity()
     pattern = np.zeros(sparsity.shape, dtype=bool)
     pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
     return pattern

@@ -37,14 +37,15 @@ def step_function(model: Any, method: str) -> ca.Function:
 
 
 def differentiated_step(
-    method: str, slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """One step of a method in ``CONTROL_METHODS``, without loops, branches or pivoting.
+    method: str, name: str, slope: ca.Function, start: ca.MX, others: tuple[ca.MX, ...], h: ca.MX, instants: int = 1
+) -> list[ca.MX]:
+    """One step of a method in ``CONTROL_METHODS`` with its derivatives, as calls of straight-line functions.
 
-    ``slope`` is (x, *others) -> rate (n), its Jacobians by the first n entries of x and by the m inputs. Over the step
-    h [s] ``others`` and ``held``, the entries of slope's first argument after the state x (n), are constant. The
-    results are the next state (n) and its derivatives (n, n) and (n, m).
+    ``slope`` is (state, *others) -> rate (n), its Jacobian (n, n + m) by the first n entries of the state and by m
+    inputs; the further entries of the state are constant over the step h [s], as are ``others``. No function has loops,
+    branches or pivoting; their names begin with ``name``. The results are the next state (n), and its derivatives (n,
+    n + m) at as many ``instants``: none, the end of the step, or also those half-way.
     """
-    found: tuple[ca.SX, ca.SX, ca.SX]
-    found = import_module(f"{__name__}.{method}").differentiated_step(slope, x, others, h, held)
+    found: list[ca.MX]
+    found = import_module(f"{__name__}.{method}").differentiated_step(name, slope, start, others, h, instants)
     return found

@@ -6,6 +6,19 @@ from typing import Any
 
 import casadi as ca
 
+from continuum_grasp.core.calls import call, straight_function
+from continuum_grasp.core.integrators.derivatives import derivative_pattern, identity, parts
+
+# With the continuous extension of Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6.
+_SLOPES = (
+    (1.0 / 6.0, 5.0 / 24.0, 0.5),
+    (2.0 / 6.0, 4.0 / 24.0, 0.5),
+    (2.0 / 6.0, 4.0 / 24.0, 1.0),
+    (1.0 / 6.0, -1.0 / 24.0, 0.0),
+)
+"""Coefficients [1]: weight of a slope at the end of the step, its weight half-way (continuous extension of order 3),
+and the position of the next slope."""
+
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
     """Next state; see ``step_function``."""
@@ -18,16 +31,42 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
 
 
 def differentiated_step(
-    slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The step with its derivatives, by the variational equations; see ``differentiated_step`` of the package."""
-    n, m = x.numel(), slope.size2_out(2)
-    state, by_x, by_u = x, ca.SX.eye(n), ca.SX(n, m)
-    total, total_x, total_u = ca.SX(n, 1), ca.SX(n, n), ca.SX(n, m)
-    # The Jacobians of the four slopes by the chain rule: as exact as the step, at four Jacobians a step.
-    for weight, ahead in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
-        k, f_x, f_u = slope(ca.vertcat(state, held), *others)
-        k_x, k_u = ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_u) + f_u
-        total, total_x, total_u = total + weight * k, total_x + weight * k_x, total_u + weight * k_u
-        state, by_x, by_u = x + ahead * h * k, ca.SX.eye(n) + ahead * h * k_x, ahead * h * k_u
-    return x + h / 6 * total, ca.SX.eye(n) + h / 6 * total_x, h / 6 * total_u
+    name: str, slope: ca.Function, start: ca.MX, others: tuple[ca.MX, ...], h: ca.MX, instants: int
+) -> list[ca.MX]:
+    """The step with its derivatives, by the variational equations; see ``differentiated_step`` of the package.
+
+    As exact as the step, at one Jacobian per slope. Half-way by the continuous extension, from the same four slopes.
+    """
+    first, again = (_round(f"{name}_{which}", slope, instants, which == "first") for which in ("first", "again"))
+    state, reached = start, list[ca.MX]()
+    for k, coefficients in enumerate(_SLOPES):
+        given = [h, ca.MX(ca.DM(coefficients)), start, *call(slope, state, *others)[: 2 if instants else 1]]
+        state, *reached = call(again, *given, *reached) if k else call(first, *given)
+    return reached[: 1 + instants]
+
+
+def _round(name: str, slope: ca.Function, instants: int, is_first: bool) -> ca.Function:
+    """From one slope to the next: the state there, the end of the step so far, its derivatives, those of the state."""
+    n, nd, pattern = slope.size1_in(0), slope.size1_out(0), derivative_pattern(slope)
+    sizes = {"h": 1, "coefficients": 3, "start": n, "rate": nd, "end": nd}
+    patterns = {"jacobian": slope.sparsity_out(1), "end_by": pattern, "half_by": pattern, "by": pattern}
+    s = {key: ca.SX.sym(key, size) for key, size in sizes.items()}
+    s |= {key: ca.SX.sym(key, sparsity) for key, sparsity in patterns.items()}
+    asked = ["end", "end_by", "half_by"][: 1 + instants] + ["by"] * (instants > 0)
+    given = ["h", "coefficients", "start", "rate", *["jacobian"] * (instants > 0), *([] if is_first else asked)]
+    if is_first:
+        s |= dict.fromkeys(asked, identity(pattern)) | {"end": s["start"][:nd]}
+    by_state, by_input = parts(s["jacobian"])
+    changed = ca.mtimes(by_state, s["by"]) + by_input
+    share, half_share, ahead = (s["coefficients"][k] * s["h"] for k in range(3))
+    found = {
+        "state": ca.vertcat(s["start"][:nd] + ahead * s["rate"], s["start"][nd:]),
+        "end": s["end"] + share * s["rate"],
+        "end_by": s["end_by"] + share * changed,
+        "half_by": s["half_by"] + half_share * changed,
+        "by": identity(pattern) + ahead * changed,
+    }
+    results = {"state": found["state"]} | {
+        f"next_{key}": found[key] if key == "end" else ca.project(found[key], pattern) for key in asked
+    }
+    return straight_function(name, {key: s[key] for key in given}, results)

@@ -6,64 +6,70 @@ import math
 
 import casadi as ca
 
+from continuum_grasp.core.calls import call, straight_function
+from continuum_grasp.core.integrators.derivatives import derivative_pattern, identity, parts, solve
+
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 """Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
 Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
 
 def differentiated_step(
-    slope: ca.Function, x: ca.SX, others: tuple[ca.SX, ...], h: ca.SX, held: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
+    name: str, slope: ca.Function, start: ca.MX, others: tuple[ca.MX, ...], h: ca.MX, instants: int
+) -> list[ca.MX]:
     """Write the step with its derivatives, exact up to the last Newton correction; see the package.
 
     Each stage takes two Newton iterations, a number that does not depend on data, so that the code is straight-line and
     its time is constant. A contact of 20 kN/m that closes within a step of 10 ms leaves the stage equations unsolved;
-    such models need shorter steps.
+    such models need shorter steps. Half the step is a step of its own: an L-stable method has no continuous extension.
     """
-    n = x.numel()
-    # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
-    step, ahead = _GAMMA * h, (1.0 - _GAMMA) * h
-    start, by_x, by_u = x, ca.SX.eye(n), ca.SX(n, slope.size2_out(2))
-    rates: list[tuple[ca.SX, ca.SX, ca.SX]] = []
-    for _ in range(2):
-        f, f_x, _ = slope(ca.vertcat(start, held), *others)
-        k = _solve(ca.SX.eye(n) - step * f_x, f)
-        f, f_x, f_u = slope(ca.vertcat(start + step * k, held), *others)
-        columns = ca.horzcat(f - k, ca.mtimes(f_x, by_x), ca.mtimes(f_x, by_u) + f_u)
-        solved = _solve(ca.SX.eye(n) - step * f_x, columns)
-        k, k_x, k_u = k + solved[:, 0], solved[:, 1 : n + 1], solved[:, n + 1 :]
-        rates.append((k, k_x, k_u))
-        start, by_x, by_u = x + ahead * k, ca.SX.eye(n) + ahead * k_x, ahead * k_u
-    (a, a_x, a_u), (b, b_x, b_u) = rates
-    by_x, by_u = ca.SX.eye(n) + ahead * a_x + step * b_x, ahead * a_u + step * b_u
-    return x + ahead * a + step * b, by_x, by_u
+    predict = _predict(f"{name}_predict", slope)
+    corrections = [_correct(f"{name}_{which}", slope, which == "first", instants > 0) for which in ("first", "last")]
+    found: list[list[ca.MX]] = []
+    for share in (1.0, 0.5)[: max(1, instants)]:
+        # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
+        given, base, stage = [h, ca.MX(share)], start, list[ca.MX]()
+        for correct in corrections:
+            k, at = call(predict, *given, base, *call(slope, base, *others))
+            base, *stage = call(correct, *given, start, *call(slope, at, *others), k, *stage)
+        found.append([base, *stage])
+    return [found[0][0], *(derivatives for _, *following in found for derivatives in following)]
 
 
-def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Solve by Gaussian elimination that skips zeros, without pivoting, since straight-line code cannot branch; the
-    identity in I - h J keeps the pivots away from zero.
+def _given(slope: ca.Function) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
+    """Inputs: the step, the share of it that is taken, a state, rate and Jacobian; and the lengths of both stages."""
+    sizes = {"h": 1, "share": 1, "start": slope.size1_in(0), "rate": slope.size1_out(0)}
+    given = {key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": slope.sparsity_out(1)}).items()}
+    length = given["share"] * given["h"]
+    return given, _GAMMA * length, (1.0 - _GAMMA) * length
+
+
+def _predict(name: str, slope: ca.Function) -> ca.Function:
+    """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
+    given, step, _ = _given(slope)
+    start, rate, n = given["start"], given["rate"], slope.size1_out(0)
+    k = solve(ca.SX.eye(n) - step * parts(given["jacobian"])[0], rate)
+    return straight_function(name, given, {"k": k, "at": ca.vertcat(start[:n] + step * k, start[n:])})
+
+
+def _correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: bool) -> ca.Function:
+    """Second Newton iteration: of the first stage where the second starts and the rate, of the second one the end of
+    the step; with derivatives, those of the last one of these.
     """
-    n, m = right.shape
-    a = [[matrix[i, j] for j in range(n)] for i in range(n)]
-    b = [[right[i, j] for j in range(m)] for i in range(n)]
-    inverse = [ca.SX(1)] * n
-    for k in range(n):
-        inverse[k] = 1.0 / a[k][k]
-        for i in range(k + 1, n):
-            if a[i][k].is_zero():
-                continue
-            factor = a[i][k] * inverse[k]
-            for j in range(k + 1, n):
-                if not a[k][j].is_zero():
-                    a[i][j] = a[i][j] - factor * a[k][j]
-            for j in range(m):
-                if not b[k][j].is_zero():
-                    b[i][j] = b[i][j] - factor * b[k][j]
-    for k in range(n - 1, -1, -1):
-        for j in range(m):
-            total = b[k][j]
-            for i in range(k + 1, n):
-                if not a[k][i].is_zero() and not b[i][j].is_zero():
-                    total = total - a[k][i] * b[i][j]
-            b[k][j] = total * inverse[k] if not total.is_zero() else total
-    return ca.vertcat(*[ca.horzcat(*row) for row in b])
+    given, step, ahead = _given(slope)
+    n, pattern, start = slope.size1_out(0), derivative_pattern(slope), given["start"]
+    k, before, before_by = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("before_by", pattern)
+    by_state, by_input = parts(given["jacobian"])
+    by = identity(pattern) if is_first else identity(pattern) + ahead * before_by
+    columns = ca.horzcat(given["rate"] - k, *[ca.mtimes(by_state, by) + by_input] * with_derivatives)
+    solved = solve(ca.SX.eye(n) - step * by_state, columns)
+    rates, rates_by = k + solved[:, 0], ca.sparsify(solved[:, 1:])
+    given["k"] = k
+    if is_first:
+        found = {"next": ca.vertcat(start[:n] + ahead * rates, start[n:]), "rates": rates}
+    else:
+        given |= {"before": before} | ({"before_by": before_by} if with_derivatives else {})
+        found = {"end": start[:n] + ahead * before + step * rates}
+    if with_derivatives:
+        found["by"] = ca.project(rates_by if is_first else by + step * rates_by, pattern)
+    return straight_function(name, given, found)

@@ -23,7 +23,6 @@ from continuum_grasp.control.prediction import Prediction, first_state, rest_inp
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct
-from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.scene.control import ControlScene
 
 Array = NDArray[np.float64]
@@ -207,42 +206,14 @@ class Loop:
         """Values of ``settings`` that the scene gives."""
         return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
 
-    # -- kernels ------------------------------------------------------------------------------------------------------
-
     @cached_property
-    def problem_kernels(self) -> tuple[Kernel, ...]:
-        """Functions of the stages."""
-        s = self.stages
-        return (
-            _kernel(s.step, "One integration step of a stage, with its derivatives."),
-            _kernel(s.cost, "Cost of a stage with gradient and Hessian; bounded rows with their Jacobian."),
-            _kernel(s.terminal, "The same at the end of the horizon."),
-        )
-
-    @cached_property
-    def estimator_kernels(self) -> tuple[Kernel, ...]:
-        """Functions of the estimator."""
-        e = self.estimation
-        if e is None:
-            return ()
-        found = [
-            _kernel(e.step, "One integration step of state and disturbances, with its derivatives."),
-            _kernel(e.outputs, "What is compared with measurements, with its derivative."),
-        ]
-        if self.stages.np:
-            found.append(_kernel(e.parameters, "Parameters with the disturbances."))
-        if self.periods:
-            found.append(_kernel(e.flow, "The integration step alone."))
+    def functions(self) -> tuple[ca.Function, ...]:
+        """Functions of stages and estimator that the C of ``control/c`` calls."""
+        s, e, controls = self.stages, self.estimation, "mpc" in self.parts
+        found = [s.step, s.cost, s.terminal] if controls else []
+        if e is not None:
+            found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.periods else [])]
         return tuple(found)
-
-
-def _kernel(function: ca.Function, text: str) -> Kernel:
-    """A kernel without the outputs that have no entry."""
-    symbols = function.sx_in()
-    outputs = dict(zip(function.name_out(), function.call(symbols), strict=True))
-    nonempty = {name: value for name, value in outputs.items() if value.numel()}
-    made = ca.Function(function.name(), symbols, list(nonempty.values()), function.name_in(), list(nonempty))
-    return Kernel(function.name(), made, text)
 
 
 def identifiers(labels: Iterable[str]) -> list[str]:

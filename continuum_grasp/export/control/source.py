@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.control.compiled import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
+from continuum_grasp.core.calls import calls_source, straight_functions
+from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Real, Struct, each_once
-from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
-_STUBS = ("stage_step", "stage_cost", "terminal_cost")
-_OF_ESTIMATOR = ("estimator_step", "estimator_outputs", "estimator_flow", "estimated_parameters")
 SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
 """Places of the header for what is known once it was compiled."""
 UNKNOWN = "0x7fffffff"
@@ -52,7 +50,8 @@ class _Writer:
         self.mpc, self.filter = "mpc" in loop.parts, loop.estimation is not None
 
     def renamed(self, text: str) -> str:
-        return renamed(text, self.prefix, self.real.name, (*_STUBS, *_OF_ESTIMATOR))
+        names = {f.name() for f in (*self.loop.functions, *straight_functions(self.loop.functions))}
+        return renamed(text, self.prefix, self.real.name, names)
 
     def array(self, name: str, values: Iterable[float]) -> str:
         numbers = ", ".join(map(self.real.finite_literal, values))
@@ -100,28 +99,9 @@ class _Writer:
     # -- the source ---------------------------------------------------------------------------------------------------
 
     def adapters(self) -> str:
-        loop, s, e = self.loop, self.loop.stages, self.loop.estimation
-        functions = [s.step, s.cost, s.terminal] if self.mpc else []
-        if e is not None:
-            functions += [e.step, e.outputs, *([e.parameters] if self.mpc else []), *([e.flow] if loop.periods else [])]
-        own = (*(loop.problem_kernels if self.mpc else ()), *loop.estimator_kernels)
-        kernels = {kernel.name: kernel for kernel in own}
-        return "\n".join(self.adapter(function, kernels.get(function.name())) for function in functions)
-
-    def adapter(self, function: ca.Function, kernel: Kernel | None) -> str:
-        """CasADi's calling convention, as ``control/c`` has it, around a kernel; around nothing where there is none."""
-        p, name = self.prefix, function.name()
-        further = "" if name in _STUBS else f", int *iw, {p}_real *w, int mem"
-        call, unused = "", ["iw", "w", "mem"] if further else []
-        if kernel is None:
-            unused += ["arg", "res"]
-        else:
-            given = {n: f"arg[{function.name_in().index(n)}]" for n in kernel.inputs}
-            given |= {n: f"res[{function.name_out().index(n)}]" for n in kernel.outputs}
-            call = f"  {kernel.call(p, **given)}\n"
-        voids = "".join(f"  (void){n};\n" for n in unused)
-        head = f"static int {p}_call_{name}(const {p}_real **arg, {p}_real **res{further})"
-        return f"{head}\n{{\n{voids}{call}  return 0;\n}}\n"
+        texts = [adapter.c_source(self.prefix) for adapter in adapters_of(self.loop.functions)]
+        texts += [calls_source(f, "real", repr) for f in self.loop.functions if not f.is_a("SXFunction")]
+        return self.renamed("\n".join(texts))
 
     def prototypes(self) -> str:
         return self.renamed("\n".join(without_prototypes(template(name))[1] for name in self.headers()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Struct
@@ -82,15 +83,13 @@ def _loop(subject: Subject, name: str) -> Loop:
 def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
     loop = _loop(subject, name)
     files, declared = control_sources(loop, subject.prefix, subject.real)
-    kernels = loop.estimator_kernels
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
-        kernels = (*loop.problem_kernels, *kernels)
         nodes = f"of a reference: from now on, one each {loop.stages.stage:g} s"
         constants["NODES"] = f"{loop.stages.stages + 1} /* {nodes} */"
     return Part(
         name,
-        kernels,
+        [adapter.kernel for adapter in adapters_of(loop.functions) if adapter.kernel is not None],
         (),
         constants,
         declarations=declared[name],

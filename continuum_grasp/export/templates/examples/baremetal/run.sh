@@ -14,7 +14,8 @@ esac
 build=${BUILD:-$here/build-$core}
 mkdir -p "$build"
 arm="arm-none-eabi-gcc $cpu -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-common"
-strict="-std=c99 -O2 -ffp-contract=off -fno-math-errno -fstack-usage"
+# Before registers are allocated, gcc moves loads of long straight-line code so far ahead that it stores most of it again.
+strict="-std=c99 -O2 -fno-schedule-insns -ffp-contract=off -fno-math-errno -fstack-usage"
 for source in <<sources>>; do
   case $source in # short loops of the controller, over states and inputs, are written out
     *_control) short="-fpeel-loops --param=max-completely-peel-times=6" ;;

@@ -1,0 +1,98 @@
+"""C of functions that call straight-line functions one after the other.
+
+Straight-line code is fast, and long where a function is evaluated several times: one step of an integrator with its
+derivatives evaluates the dynamics four times. As an MX function of calls, it is written and compiled once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import casadi as ca
+
+from continuum_grasp.errors import InputError
+
+
+def straight_function(name: str, given: Mapping[str, ca.SX], found: Mapping[str, ca.SX]) -> ca.Function:
+    """SX function of named inputs and outputs, which computes what they share once."""
+    return ca.Function(name, [*given.values()], ca.cse([*found.values()]), [*given], [*found])
+
+
+def call(function: ca.Function, *given: ca.MX) -> list[ca.MX]:
+    """Results of a call that stays a call."""
+    found: list[ca.MX] = function.call([*given], False, True)
+    return found
+
+
+_CALLS_ONLY = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL}
+
+
+def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
+    """The SX functions that functions are or call, each once; InputError where one computes anything else."""
+    found: dict[str, ca.Function] = {}
+    for function in functions:
+        if function.is_a("SXFunction"):
+            found.setdefault(function.name(), function)
+            continue
+        operations = range(function.n_instructions())
+        if not function.is_a("MXFunction") or {function.instruction_id(k) for k in operations} - _CALLS_ONLY:
+            raise InputError(f"{function.name()}: expected a straight-line SX function, or calls of such functions")
+        for k in operations:
+            if function.instruction_id(k) == ca.OP_CALL:
+                called = function.instruction_MX(k).which_function()
+                found |= {f.name(): f for f in straight_functions([called])}
+    return list(found.values())
+
+
+def calls_source(function: ca.Function, kind: str, real: Callable[[float], str], suffix: str = "") -> str:
+    """C of ``static int NAME(const KIND *const arg[], KIND *const res[])`` from an MX function of calls.
+
+    ``suffix`` stands behind the names of the function and of those that it calls, which have the same arguments; they
+    compute nothing from the first result on that is null. ``real`` writes a constant of type ``kind``. All of ``arg``
+    and ``res`` are given, and no two overlap.
+    """
+    # Places of CasADi's work vector, which are used again: each holds what was written to it last.
+    values: dict[int, str] = {}
+    sizes: dict[str, int] = {}
+    lines: list[str] = []
+    results = _results(function)
+    for k in range(function.n_instructions()):
+        operation, places = function.instruction_id(k), function.instruction_output(k)
+        if operation == ca.OP_INPUT:
+            values[places[0]] = f"arg[{function.instruction_input(k)[0]}]"
+        elif operation == ca.OP_CONST:
+            numbers = ", ".join(map(real, function.instruction_MX(k).to_DM().nonzeros()))
+            if numbers:  # C has no empty arrays
+                lines.append(f"  const {kind} c{k}[] = {{{numbers}}};")
+            values[places[0]] = f"c{k}" if numbers else "0"
+        elif operation == ca.OP_CALL:
+            called = function.instruction_MX(k).which_function()
+            given = ", ".join(values[place] for place in function.instruction_input(k))
+            found = []
+            last = max(j for j, place in enumerate(places) if place >= 0)
+            for j, place in enumerate(places):
+                name = results.get((k, j), f"w{place}" if place >= 0 else f"unused{k}_{j}")
+                if j > last:
+                    name = "0"
+                elif (k, j) not in results:
+                    sizes[name] = max(sizes.get(name, 1), called.nnz_out(j))
+                values[place] = name
+                found.append(name)
+            lines.append(f"  {{ const {kind} *const in[] = {{{given}}};")
+            lines.append(f"    {kind} *const out[] = {{{', '.join(found)}}};")
+            lines.append(f"    {called.name()}{suffix}(in, out); }}")
+    work = [f"  {kind} {name}[{size}];" for name, size in sizes.items()]
+    head = f"static int {function.name()}{suffix}(const {kind} *const arg[], {kind} *const res[])"
+    return "\n".join([head, "{", *work, *lines, "  return 0;", "}", ""])
+
+
+def _results(function: ca.Function) -> dict[tuple[int, int], str]:
+    """Where an output of an instruction goes that is a result, by the numbers of both."""
+    written: dict[int, tuple[int, int]] = {}
+    found = {}
+    for k in range(function.n_instructions()):
+        if function.instruction_id(k) == ca.OP_OUTPUT:
+            found[written[function.instruction_input(k)[0]]] = f"res[{function.instruction_output(k)[0]}]"
+        else:
+            written |= {place: (k, j) for j, place in enumerate(function.instruction_output(k))}
+    return found

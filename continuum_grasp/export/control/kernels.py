@@ -1,0 +1,95 @@
+"""Kernels of estimator and controller, and how the C of ``control/c`` calls them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from continuum_grasp.core.calls import straight_function, straight_functions
+from continuum_grasp.export.kernel import Kernel
+
+_TEXTS = {
+    "slope": "Rate of change with its Jacobian.",
+    "first": "From the first slope of a step to the next one, with derivatives.",
+    "again": "From a later slope of a step to the next one, with derivatives.",
+    "predict": "The first Newton iteration of an implicit slope.",
+    "last": "The second Newton iteration of the last slope, and the end of the step, with derivatives.",
+    "derivatives": "The end of a step with its derivatives, as the horizon or the filter takes them.",
+    "end": "The end of a step.",
+    "values": "What is tracked and bounded, with its Jacobian.",
+    "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
+    "outputs": "What is compared with measurements, with its derivative.",
+    "parameters": "Parameters with the disturbances.",
+}
+"""What a kernel computes, by the last word of its name."""
+
+
+@dataclass(frozen=True)
+class Adapter:
+    """A straight-line function of ``control/c`` around a kernel.
+
+    ``given`` has the C of the kernel's arguments by name, made of ``arg`` and ``res``, and ``unused`` of as many
+    numbers, which holds what the function does not need.
+    """
+
+    function: ca.Function
+    kernel: Kernel | None
+    given: Mapping[str, str]
+    unused: int = 0
+
+    def c_source(self, prefix: str) -> str:
+        """C with the names of ``control/c``."""
+        lines = [f"  real unused[{self.unused}];"] if self.unused else []
+        if self.kernel is None:
+            lines.append("  (void)arg; (void)res;")
+        else:
+            lines += [] if self.kernel.inputs else ["  (void)arg;"]
+            lines.append(f"  {self.kernel.call(prefix, **self.given)}")
+        head = f"static int {self.function.name()}(const real *const arg[], real *const res[])"
+        return "\n".join([head, "{", *lines, "  return 0;", "}", ""])
+
+
+def adapters_of(functions: Sequence[ca.Function]) -> list[Adapter]:
+    """Those of what functions are or call; the slopes of stages and filter are one kernel where they agree."""
+    straight = {f.name(): f for f in straight_functions(functions)}
+    shared = _slopes(straight.get("stage_slope"), straight.get("estimator_slope"))
+    return [shared[name] if name in shared else _own(function) for name, function in straight.items()]
+
+
+def _own(function: ca.Function) -> Adapter:
+    name = function.name()
+    given = {n: f"arg[{k}]" for k, n in enumerate(function.name_in())}
+    given |= {n: f"res[{k}]" for k, n in enumerate(function.name_out())}
+    # What has no result, parameters where there are none, needs no kernel.
+    kernel = Kernel(name, function, _TEXTS[name.rpartition("_")[2]], called=True) if function.nnz_out() else None
+    return Adapter(function, kernel, given)
+
+
+def _slopes(stage: ca.Function | None, filtered: ca.Function | None) -> dict[str, Adapter]:
+    """Adapters of the slope by state and input, and of that by state and disturbances; none if there is one alone."""
+    if stage is None or filtered is None:
+        return {}
+    n = stage.size1_out(0)
+    s = {name: ca.SX.sym(name, filtered.size1_in(k)) for k, name in enumerate(filtered.name_in())}
+    rest = ca.SX(stage.size1_in(0) - n, 1)
+    rate, of_stage = stage.call([ca.vertcat(s["z"][:n], rest), s["u"], s["p"]])
+    of_filter = filtered.call([*s.values()])[1]
+    by_x = of_stage[:, :n]
+    if by_x.sparsity() != of_filter[:, :n].sparsity():
+        return {}
+    # The stages, which are many, ask for all but the last.
+    parts = {"rate": rate, "by_x": by_x, "by_u": of_stage[:, n:], "by_d": of_filter[:, n:]}
+    kernel = Kernel("slope", straight_function("slope", s, parts), _TEXTS["slope"], called=True)
+    behind = f"res[1] ? res[1] + {by_x.nnz()} : 0"
+    given = {"z": "arg[0]", "u": "arg[1]", "p": "arg[2]", "rate": "res[0]", "by_x": "res[1]"}
+    return {
+        stage.name(): Adapter(stage, kernel, given | {"nominal": "arg[2]", "by_u": behind, "by_d": "0"}),
+        filtered.name(): Adapter(
+            filtered,
+            kernel,
+            given | {"nominal": "arg[3]", "by_u": "unused", "by_d": behind},
+            max(parts["by_u"].nnz(), 1),
+        ),
+    }
