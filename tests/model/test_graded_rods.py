@@ -28,7 +28,7 @@ def exact(scene, count=2):
     return 2.0 * math.pi * natural_frequencies(scene.finger, solve_elastica(scene), count)
 
 
-def modelled(scene):
+def modeled(scene):
     """First two frequencies of the model [rad/s]."""
     return 2.0 * math.pi * modes(scene).frequencies_hz[:2]
 
@@ -62,7 +62,7 @@ def test_the_models_frequencies_converge_at_the_familys_order(name, family):
         # Arcs alone need an element to end where the stiffness jumps.
         elements = ([0.8 / count] * (count // 2) + [1.2 / count] * (count // 2)) if (name, family) == STEPPED else count
         scene = rod_scene(CLOSED[name], family, elements, gravity=NONE, fidelity=fidelity)
-        errors.append(np.abs(modelled(scene) / FREQUENCIES[name] - 1.0))
+        errors.append(np.abs(modeled(scene) / FREQUENCIES[name] - 1.0))
     assert np.all(errors[-1] < ([1e-2, 3e-2] if family == "arc" else [1e-4, 5e-4]))
     assert order(np.array(errors)[:, 0])[-1] > (1.8 if family == "arc" else 4.0)
 
