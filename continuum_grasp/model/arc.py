@@ -213,9 +213,9 @@ class ArcFamily(Family):
         # With its mean, the first frequency of a cone of 1:4 is off by 5 % on four arcs; with the mass where it is, by
         # 0.4 %.
         mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
-        value = 1.0 / (end - start)
+        value, whole = 1.0 / (end - start), mesh.ends[-1]
         densities = mesh.linear_density, mesh.rotary_inertia
-        one, rest = (Curve.uniform(mesh.ends[-1], at) for at in (1.0, mean(mesh, element, mesh.rest)))
+        one, rest = Curve.uniform(whole, 1.0), Curve.uniform(whole, mean(mesh, element, mesh.rest))
         parts = tuple(mesh.panels(element, *densities))
         return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
