@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
 from continuum_grasp.model.quadrature import RANGES
+from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.simulate import Fidelity, Scene
 from continuum_grasp.simulation.modes import modes
@@ -222,16 +223,20 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
 
 def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
+    signals = Signals(true.case.scene, model, true.case.scene.loads)
+    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=coordinates_near(true.rod, model))
+
+
+def coordinates_near(rod: Elastica, model: FingerModel) -> Array:
+    """Coordinates (n,) of a model near the shape of the exact rod."""
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
     edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where the exact rod is not
     family, short = model.structure.family, 1e-9 * edges[-1]
     # Just inside the elements: the exact curvature jumps at couples, where elements end.
     first, last = edges[:-1, None], edges[1:, None]
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
-    curvatures = true.rod.curvature(inside.ravel()).reshape(inside.shape)
-    guess = family.coordinates(np.diff(true.rod.angle(edges)), curvatures)[: model.n]
-    signals = Signals(true.case.scene, model, true.case.scene.loads)
-    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess)
+    curvatures = rod.curvature(inside.ravel()).reshape(inside.shape)
+    return np.asarray(family.coordinates(np.diff(rod.angle(edges)), curvatures)[: model.n])
 
 
 def _frequency_errors(true: TrueCase, truth: Array, found: Equilibrium) -> Array:
