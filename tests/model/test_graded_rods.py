@@ -115,6 +115,25 @@ def test_a_couple_inside_bends_up_to_its_place():
         assert found == pytest.approx([turn, x + 0.3 * math.cos(turn), y + 0.3 * math.sin(turn)], abs=1e-9)
 
 
+def test_elements_with_stops_approach_the_exact_rod():
+    """The kink moves with the load: elements cannot follow it, and the order is low."""
+    finger = {
+        "tendons": [{"offset": [0.01, 0.0025], "max_tension": 100.0}],
+        "stops": {"curvature": [1.0, 4.0], "stiffness_ratio": 50.0},
+    }
+    keys = {"gravity": NONE, "finger": finger, "actuation": {"tensions": [40.0]}}
+    errors = []
+    for count in (3, 8):
+        fidelity = {"accuracy": 1e-4, "bending_range": 4.0}
+        scene = rod_scene(RODS["cone 0.25"], "clothoid", count, fidelity=fidelity, **keys)
+        rod, found = solve_elastica(scene), equilibrium(scene)
+        errors.append(np.linalg.norm(found.tip - rod.tip))
+    touching = np.abs(rod.curvature(np.linspace(0.0, 1.0, 101))) > np.linspace(1.0, 4.0, 101)
+    assert 0.2 < touching.mean() < 0.9
+    assert errors[1] < 2e-3
+    assert errors[1] < errors[0]
+
+
 LOADED = {
     "loads": [force(1.0, (0.2, -1.0)), {"kind": "moment", "at": 0.3, "moment": 0.4}],
     "gravity": (0.3, -2.0),
