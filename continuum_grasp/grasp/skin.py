@@ -10,8 +10,8 @@ from numpy.polynomial import Polynomial
 from continuum_grasp.scene.profile import Curve
 
 ROUNDED = 0.01
-"""Part of the length, to either side of a corner, over which it is rounded [1]. Where contacts pass it the skin turns
-steadily; of a kink of slope d it takes d * ROUNDED / 4 of the length at most, 0.1 mm of a finger of 0.2 m for d = 0.2."""
+"""Part of the length, to either side of a corner, over which it is rounded [1], so that the skin turns steadily where
+contacts pass it. A kink of slope d is off by d * ROUNDED / 4 of the length at most: 0.1 mm of 0.2 m for d = 0.2."""
 _SAME = 1e-9
 """Jump of the slope [1] below which there is no corner."""
 
@@ -25,8 +25,8 @@ def skin(thickness: Curve) -> Curve:
         jump, bend = after(0.0) - before(0.0), after.deriv()(0.0) - before.deriv()(0.0)
         if abs(jump) > _SAME * length or abs(bend) > _SAME:
             # Not beyond half-way to the next edge.
-            room = 0.5 * min(at - thickness.edges[k - 1], thickness.edges[k + 1] - at)
-            corners.append((k, at, min(ROUNDED * length, room)))
+            most = 0.5 * min(at - thickness.edges[k - 1], thickness.edges[k + 1] - at)
+            corners.append((k, at, min(ROUNDED * length, most)))
     if not corners:
         return thickness
     widths = {k: width for k, _, width in corners}

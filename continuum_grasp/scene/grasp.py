@@ -73,9 +73,7 @@ class FingerSetup:
     @property
     def graded(self) -> bool:
         """Whether something of the finger changes along it."""
-        profile, shapes = self.finger.profile, [channel.shape for channel in self.finger.channels]
-        curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth, *shapes)
-        return not profile.uniform or any(curve is not None and curve.constant is None for curve in curves)
+        return is_graded(self.finger)
 
     @property
     def stiffness(self) -> float:
@@ -232,8 +230,10 @@ class GraspScene(Value):
             before=(after,) if isinstance(after, int) else after,
             elements=count,
             family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
-            # All elements together may bend by two turns, and each by 120 degrees at least.
-            bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
+            # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
+            # greatest curvature counts, by 180.
+            bending_range=fidelity.bending_range
+            or max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi),
             accuracy=fidelity.accuracy,
             # A contact at base or tip would leave an element of no length.
             middle_bounds=contacts["middle_range"] or (0.05 * length, 0.95 * length),
@@ -333,6 +333,13 @@ class GraspScene(Value):
                 raise ValueError(f"supports.{peg.name} lies {-gap:.4g} m deep in the object")
             if peg.touch == "on" and gap > TOUCHING * size:
                 raise ValueError(f"supports.{peg.name} should touch the object, which is {gap:.4g} m away and fixed")
+
+
+def is_graded(finger: GraspFinger) -> bool:
+    """Whether something of a finger that matters to grasps changes along it."""
+    profile, shapes = finger.profile, [channel.shape for channel in finger.channels]
+    curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth, *shapes)
+    return not profile.uniform or any(curve is not None and curve.constant is None for curve in curves)
 
 
 def _are_pair(finger: GraspFinger) -> bool:

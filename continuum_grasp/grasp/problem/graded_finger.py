@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 
@@ -51,6 +54,14 @@ class GradedUnitFinger(UnitFinger):
     def _places(self) -> list[ca.SX]:
         """Where the elements end."""
         return ca.vertsplit(ca.cumsum(ca.vertcat(*self.element_lengths(self.joints))))
+
+    def element_lengths(self, joints: Sequence[Any]) -> list[Any]:
+        """Element lengths for positions of the middle contacts: in the shares of the start between them."""
+        shares, start, lengths = self.number("shares", self.spec.elements), 0, []
+        for (a, b), end in zip(pairwise([0.0, *joints, 1.0]), (*self.spec.before, self.spec.elements), strict=True):
+            lengths += [(b - a) * shares[k] for k in range(start, end)]
+            start = end
+        return lengths
 
     def half_at(self, end: int) -> ca.SX:
         return self._curves.at("thickness", self._places[end])

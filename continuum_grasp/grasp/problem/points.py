@@ -12,7 +12,7 @@ from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Touch
-from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.problem.values import Units, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
@@ -54,7 +54,8 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
     tendons, start = setup.tendons, whole.fingers[setup.name]
     length, stiffness = setup.finger.rod.length, setup.stiffness
     joints = [s / length for s in start.joints]
-    lengths = np.array(finger.element_lengths(joints))
+    graded = isinstance(finger, GradedUnitFinger)
+    lengths = np.diff(node_places(setup, start.joints)) / length if graded else np.array(finger.element_lengths(joints))
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
     if setup.name in whole.tensions:

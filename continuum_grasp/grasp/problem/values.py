@@ -28,6 +28,8 @@ Values = dict[str, Any]
 
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
+_FINE = 65
+"""Places per segment between which the lengths of a graded finger's elements are measured out."""
 HELD = 1e-3
 """Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
@@ -130,9 +132,11 @@ def _graded_values(setup: FingerSetup, start: FingerStart, weighs: bool) -> Valu
     """Numbers of a graded finger: its curves, and what they are at the nodes of a start."""
     finger, profile = setup.finger, setup.finger.profile
     nodes = node_places(setup, start.joints)
+    segments = np.repeat(np.diff([0.0, *start.joints, profile.length]), _counts(setup))
     arms = [np.asarray(channel.arms) / setup.tendons.offset for channel in finger.channels]
     return {
         "curves": curve_numbers(setup, weighs),
+        "shares": np.diff(nodes) / segments,
         "node stiffness": profile.bending_stiffness(nodes) / setup.stiffness,
         # Column after column: of all channels at one node, or of one tendon.
         "node shapes": np.stack([channel.shape(nodes) for channel in finger.channels]).ravel(order="F"),
@@ -142,10 +146,24 @@ def _graded_values(setup: FingerSetup, start: FingerStart, weighs: bool) -> Valu
 
 
 def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
-    """Positions (N + 1,) of the ends of the elements for positions of the middle contacts [m]."""
-    marks, counts = [0.0, *joints, setup.finger.rod.length], np.diff((0, *setup.before, setup.elements))
-    pieces = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(marks), counts, strict=True)]
+    """Positions (N + 1,) of the ends of a graded finger's elements for positions of the middle contacts [m].
+
+    Between contacts they are equal parts of the integral of (rho A / E I)^(1/4), the local length of bending waves.
+    """
+    profile, marks = setup.finger.profile, [0.0, *joints, setup.finger.profile.length]
+    pieces: list[Array] = []
+    for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
+        at = np.linspace(a, b, _FINE)
+        middle = 0.5 * (at[1:] + at[:-1])
+        waves = (profile.linear_density(middle) / profile.bending_stiffness(middle)) ** 0.25
+        parts = np.concatenate([[0.0], np.cumsum(waves)])
+        pieces.append(np.interp(np.linspace(0.0, parts[-1], count + 1)[:-1], parts, at))
     return np.concatenate([*pieces, marks[-1:]])
+
+
+def _counts(setup: FingerSetup) -> list[int]:
+    """Number of elements of each segment between base, middle contacts and tip."""
+    return [b - a for a, b in pairwise((0, *setup.before, setup.elements))]
 
 
 def _finger_values(scene: GraspScene, setup: FingerSetup, start: FingerStart, units: Units) -> Values:
