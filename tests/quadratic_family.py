@@ -10,11 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Pieces, Rod
+from continuum_grasp.model.family import Array, Family, Rod, mean
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.quadrature import node_count
+from continuum_grasp.model.quadrature import collocation, node_count
 from continuum_grasp.scene.families import CurvatureFamily
+from continuum_grasp.scene.profile import Curve
 
 NAME = "quadratic"
 ENTRY = CurvatureFamily("tests.quadratic_family:QuadraticFamily", one_turn=True)
@@ -31,9 +32,13 @@ _SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 class QuadraticLink(CollocatedLink):
     """Its local coordinates are the curvatures at its start, middle and end [1/m]."""
 
-    def _angles(self, fraction: Scalar) -> list[Scalar]:
+    def _angles(self, fraction: Scalar, piece: int) -> list[Scalar]:
         u = fraction
         return [u * (a + u * (b / 2 + u * (c / 3))) for a, b, c in _SHAPES.tolist()]
+
+    @property
+    def curvatures(self) -> list[Scalar]:
+        return self._local
 
 
 class QuadraticFamily(Family):
@@ -59,15 +64,17 @@ class QuadraticFamily(Family):
         return (3 * element, 3 * element + 1, 3 * element + 2)
 
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
-        return curvatures.ravel()
+        rest = [mean(self.mesh, k, self.mesh.rest) for k in range(self.elements)]
+        return (curvatures - np.array(rest)[:, None]).ravel()
 
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
         links = []
-        for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True)):
+        for k, (h, reach) in enumerate(zip(rod.lengths, self.mesh.ranges, strict=True)):
             nodes = node_count(reach, self.accuracy or self.default_accuracy) + 2
-            link = QuadraticLink(
-                self.shape(k, q), h, rod.linear_density, rod.rotary_inertia, _OVERSHOOT * reach, min(nodes, 16)
-            )
+            rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
+            local = [q[a] + rest for a in self.local(k)]
+            rule = collocation(min(nodes, 16))
+            link = QuadraticLink(local, h, rod.linear_density, rod.rotary_inertia, _OVERSHOOT * reach, rule)
             links.append(LoadedLink(link, tuple((at, mass) for element, at, mass in rod.masses if element == k)))
         return links
 
@@ -79,21 +86,17 @@ class QuadraticFamily(Family):
                     matrix[3 * k + i][3 * k + j] = float(_GRAM[i, j]) * h
         return matrix
 
-    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
-        result, start = np.zeros(self.size), 0.0
-        powers = np.array([1.0, 2.0, 3.0])
-        for k, h in enumerate(lengths):
-            for a, b, value in pieces:
-                low, high = (min(max((at - start) / h, 0.0), 1.0) for at in (a, b))
-                result[3 * k : 3 * k + 3] += value * h * _SHAPES @ ((high**powers - low**powers) / powers)
-            start += h
-        return list(result.tolist())
-
-    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
-        return [float(weight) * h for h in lengths for weight in _SIMPSON]
-
-    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
-        gradient: list[Scalar] = [0.0] * self.size
+    def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
+        found: list[Scalar] = [0.0] * self.size
+        value = 1.0 if moment is None else mean(self.mesh, element, moment)
         for a, weight in zip(self.local(element), _SIMPSON.tolist(), strict=True):
-            gradient[a] = weight * lengths[element]
-        return gradient
+            found[a] = value * weight * lengths[element]
+        return found
+
+    def shapes_at(self, element: int, s: Array) -> Array:
+        u = (s - self.mesh.ends[element]) / self.mesh.lengths[element]
+        rest = mean(self.mesh, element, self.mesh.rest)
+        return np.vstack([_SHAPES @ np.array([u**0, u, u**2]), np.full(len(s), rest)])
+
+    def curvature_shapes(self, lengths: Sequence[float]) -> Array:
+        return np.eye(self.size).reshape(self.elements, 3, self.size)

@@ -97,9 +97,9 @@ def choices(
 
 def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[float, ...], bool]]:
     """Element lengths, and whether they are aligned; those that the scene fixes alone."""
-    length, contacts, fixed = scene.finger.rod.length, scene.contacts, scene.fidelity.elements
+    profile, contacts, fixed = scene.finger.profile, scene.contacts, scene.fidelity.elements
     if isinstance(fixed, tuple):
-        yield element_lengths(length, contacts, fixed), False
+        yield element_lengths(profile, contacts, fixed), False
         return
     marks, least = _marks(scene), len(contacts) + 1
     if fixed is not None:
@@ -109,9 +109,9 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
     for count in counts:
         # Even elements converge by their order, aligned ones earlier where the curvature has a kink: both are tried.
         if count > len(contacts):
-            yield element_lengths(length, contacts, count), False
+            yield element_lengths(profile, contacts, count), False
         if count > len(marks) > len(contacts):
-            yield element_lengths(length, marks, count), True
+            yield element_lengths(profile, marks, count), True
 
 
 def _marks(scene: Scene) -> tuple[float, ...]:

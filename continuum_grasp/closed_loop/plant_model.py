@@ -34,7 +34,7 @@ def plant_scene(scene: ControlScene) -> Scene:
     rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendon_pair, finger.masses
     # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
     # does not depend on its number of elements.
-    elements = element_lengths(rod.length, scene.contacts, scene.fidelity.elements)
+    elements = element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)
     material = damping.material + damping.per_arc * rod.length / len(elements)
     stiffer = Rod(
         length=rod.length,

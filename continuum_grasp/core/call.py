@@ -183,11 +183,15 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
     structure = model.structure
     if not structure.moment_is_constant or u.shape[1] < 2:
         return
-    # Two tendons at equal offsets bend the tip by the difference of their tensions.
-    offset = model.finger.tendon_pair.offset if model.finger.tendon_pair is not None else 0.0
-    moment = offset * (u[:, :, 0] - u[:, :, 1]) if structure.inputs.tendons else u[:, :, 0]
-    couples = u[:, :, structure.inputs.count - structure.inputs.couples : structure.inputs.count].sum(axis=-1)
-    if np.ptp(moment + couples, axis=1).max() <= _ROUNDING * np.abs(u).max() * (offset or 1.0):
+    drives = max(structure.inputs.tendons, 1)
+    values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
+    for source in structure.sources:
+        driven, couples = source.amplitudes(values, drives)
+        amplitude = np.broadcast_to(driven + couples, values[0].shape)
+        largest = max([1.0] * bool(source.couples) + [abs(arm) for arm in source.arms])
+        if np.ptp(amplitude, axis=1).max() > _ROUNDING * np.abs(u).max() * largest:
+            break
+    else:
         return
     raise InputError(
         "u: the tip moment varies, which the tip of this matched_clothoid would not follow (a model without input "

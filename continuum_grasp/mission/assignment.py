@@ -154,13 +154,15 @@ def _control_scene(
 def _about_to_touch(finger: Finger, tendons: Tendons, body: GraspObject, side: float) -> float:
     """Size of the tip moment at which the free finger comes close to the object [N m]."""
     system = System(finger, gravity=(0.0, 0.0), family=default_family(free_tip=True), elements=1, tip_force=False)
-    family = system.finger_model.structure.family
+    made = system.finger_model.structure
     where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
     most = (tendons.max_tension - tendons.min_tension) * tendons.offset
     reached = 0.0
     for moment in np.linspace(0.0, most, _STEPS + 1):
         kappa = side * moment / finger.rod.stiffness  # without weight and contact it is an arc
-        shape = family.coordinates(np.array([kappa * finger.rod.length]), np.full((1, family.degree + 1), kappa))
+        shape = made.family.coordinates(
+            np.array([kappa * finger.rod.length]), np.full((1, made.family.degree + 1), kappa)
+        )
         points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
         gap = min(body.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
         if gap < _CLEARANCE:

@@ -1,12 +1,15 @@
-"""From the input u to the tip moment, and its loss along the finger by tendon friction."""
+"""From the input u to bending moments, and their loss along the finger by tendon friction."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.profile import Curve
 
 _BEND_ROUNDING = 1e-3
 """Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
@@ -15,51 +18,73 @@ the tension is off by a share of 5e-4 at most."""
 
 @dataclass(frozen=True)
 class InputLayout:
-    """What the input vector holds: values, then (for moving tip balances) their rates and accelerations."""
+    """What the input vector holds: values, then (for known moments that vary) their rates and accelerations."""
 
-    tendons: bool
-    couples: int  # moments of the scene that act on the tip
+    tendons: int  # 0: the tip moment
+    couples: tuple[str, ...]  # names of the couples of the scene that are inputs
     rates: bool
 
     @property
     def count(self) -> int:
         """Number of values."""
-        return (2 if self.tendons else 1) + self.couples
+        return max(self.tendons, 1) + len(self.couples)
 
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        entries = [("tension_1", "N"), ("tension_2", "N")] if self.tendons else [("tip_moment", "N m")]
-        entries += [(f"tip_couple_{k + 1}", "N m") for k in range(self.couples)]
+        entries = [(f"tension_{k + 1}", "N") for k in range(self.tendons)] or [("tip_moment", "N m")]
+        entries += [(name, "N m") for name in self.couples]
         derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 
 
 @dataclass(frozen=True)
+class Source:
+    """What gives a bending moment of one shape."""
+
+    shape: Curve  # [1]
+    arms: tuple[float, ...]  # per entry of the input, amplitude per value [m]; 1 for the tip moment itself
+    couples: tuple[int, ...]  # of the input's couples
+    time_constant: float | None  # of the lag of the first [s]
+
+    def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
+        """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""
+        driven: Any = 0.0
+        # Equation (42); equal arms are multiplied once.
+        for arm in dict.fromkeys(abs(arm) for arm in self.arms if arm != 0.0):
+            pulled: Any = 0.0
+            for own, value in zip(self.arms, values[:drives], strict=True):
+                pulled = pulled + value if own == arm else pulled - value if own == -arm else pulled
+            driven += scale * arm * pulled
+        return driven, sum((values[drives + k] for k in self.couples), 0.0)
+
+
+@dataclass(frozen=True)
 class Drive:
-    """Tip moment from the tendons (or given), couples on the tip, and the rates of their sum."""
+    """Amplitudes of the moments of one source [N m]: of tendons (or given), of couples, and the rates of their sum."""
 
     moment: Scalar
     couple: Scalar
     rate: Scalar
     acceleration: Scalar
 
+    @property
+    def total(self) -> Scalar:
+        """Amplitude of both [N m]."""
+        return self.moment + self.couple
+
     @staticmethod
-    def from_input(u: ca.SX, layout: InputLayout, offset: Scalar) -> Drive:
-        """Read the input vector."""
+    def from_input(u: ca.SX, layout: InputLayout, source: Source, scale: Scalar) -> Drive:
+        """Read the input vector; ``scale`` is that of the tendons' arms."""
+        values, drives = ca.vertsplit(u), max(layout.tendons, 1)
 
-        def split(block: int) -> tuple[Scalar, Scalar]:
-            start = block * layout.count
-            # Equation (42); tendon 1 is on the -X side, to which a positive moment bends.
-            moment: Scalar = offset * (u[start] - u[start + 1]) if layout.tendons else u[start]
-            couples = range(start + layout.count - layout.couples, start + layout.count)
-            return moment, sum((u[k] for k in couples), 0.0)
+        def block(k: int) -> tuple[Scalar, Scalar]:
+            return source.amplitudes(values[k * layout.count : (k + 1) * layout.count], drives, scale)
 
-        moment, couple = split(0)
+        moment, couple = block(0)
         if not layout.rates:
             return Drive(moment, couple, 0.0, 0.0)
-        (rate, couple_rate), (acceleration, couple_acceleration) = split(1), split(2)
-        return Drive(moment, couple, rate + couple_rate, acceleration + couple_acceleration)
+        return Drive(moment, couple, sum(block(1)), sum(block(2)))
 
 
 def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]) -> list[Scalar]:

@@ -13,13 +13,21 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from continuum_grasp.model.family import Array, Family, Pieces, Rod, overlaps
+import numpy as np
+
+from continuum_grasp.model.family import Array, Family, Rod, mean
+from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
+from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.profile import Curve
 
 WAYPOINTS = 8
 """Parts of an arc between which its waypoints lie [1]: about as many as a clothoid has nodes, 3 to 16."""
+_GRADED_ACCURACY = 1e-6
+"""Accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for [1]: a thousandth of what 8
+arcs are off by."""
 _MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))
 """Weights of c_1, c_2, ... in the cosine part of J_0, J_1, J_2, by integration by parts."""
 _MEANS = ((1.0,), (1.0, -2.0), (1.0, -4.0, 6.0))
@@ -65,6 +73,13 @@ class Arc(Link):
         # Part of an arc is an arc, whose angle is the fraction of the whole one: the chain rule gives its factor.
         part = self._part(fraction).end
         return Section(part.position, part.rotation, (part.arms[0].scaled(fraction),), (fraction,))
+
+    def bend(self, fraction: Scalar) -> Scalar:
+        return self._theta if is_end(fraction) else fraction * self._theta
+
+    @property
+    def curvatures(self) -> list[Scalar]:
+        return [self._theta / self._length]
 
     @property
     def waypoints(self) -> tuple[tuple[float, Vec], ...]:
@@ -144,7 +159,7 @@ class Arc(Link):
 
 
 class ArcFamily(Family):
-    """Constant curvature on each element; the coordinates are the bending angles [rad]."""
+    """Constant curvature on each element; the coordinates are the bending angles above those at rest [rad]."""
 
     degree = 0
     continuous = False
@@ -166,41 +181,57 @@ class ArcFamily(Family):
     def local(self, element: int) -> tuple[int, ...]:
         return (element,)
 
-    def curvature(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
-        return [q[element] / length]
-
-    def bends(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
-        return [q[element]]
-
-    def profile(self, q: Sequence[Scalar], lengths: Sequence[Scalar]) -> list[Scalar]:
-        return [theta / h for theta, h in zip(q, lengths, strict=True)]
-
     def coordinate_size(self, bend: Any, length: float) -> Any:
         return bend
 
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
-        return bends
+        rest = [h * mean(self.mesh, k, self.mesh.rest) for k, h in enumerate(self.mesh.lengths)]
+        return np.asarray(bends - np.array(rest))
 
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
         accuracy = self.accuracy or self.default_accuracy
-        return [
-            LoadedLink(
-                Arc(q[k], h, rod.linear_density, rod.rotary_inertia, reach, accuracy),
-                tuple((fraction, mass) for element, fraction, mass in rod.masses if element == k),
-            )
-            for k, (h, reach) in enumerate(zip(rod.lengths, rod.ranges, strict=True))
-        ]
+        links = []
+        for k, (h, reach) in enumerate(zip(rod.lengths, self.mesh.ranges, strict=True)):
+            masses = tuple((fraction, mass) for element, fraction, mass in rod.masses if element == k)
+            found = [self.mesh.constant(curve, k) for curve in (self.mesh.linear_density, self.mesh.rotary_inertia)]
+            link: Link
+            if None in found:
+                shapes = self._shapes(k)
+                rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or _GRADED_ACCURACY)
+                link = GradedLink([q[k]], shapes, rod, reach, rule, 0.0)
+            else:
+                rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
+                density, rotary = (float(value or 0.0) for value in found)
+                link = Arc(
+                    q[k] + h * rest, h, density * rod.linear_density, rotary * rod.rotary_inertia, reach, accuracy
+                )
+            links.append(LoadedLink(link, masses))
+        return links
+
+    def _shapes(self, element: int) -> Shapes:
+        """The shape of an arc whose mass is spread unevenly."""
+        # With its mean, the first frequency of a cone of 1:4 is off by 5 % on four arcs; with the mass where it is, by
+        # 0.4 %.
+        mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
+        value, whole = 1.0 / (end - start), mesh.ends[-1]
+        densities = mesh.linear_density, mesh.rotary_inertia
+        one, rest = Curve.uniform(whole, 1.0), Curve.uniform(whole, mean(mesh, element, mesh.rest))
+        parts = tuple(mesh.panels(element, *densities))
+        return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
+        # Of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.
         n = self.elements
-        return [[1.0 / lengths[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
+        diagonal = [mean(self.mesh, k, self.mesh.stiffness) / h for k, h in enumerate(lengths)]
+        return [[diagonal[i] if i == j else 0.0 for j in range(n)] for i in range(n)]
 
-    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
-        found = zip(lengths, overlaps(lengths, pieces), strict=True)
-        return [sum((high - low) * value for _, low, high, value in parts) / h for h, parts in found]
+    def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
+        value = 1.0 if moment is None else mean(self.mesh, element, moment)
+        return [value if k == element else 0.0 for k in range(self.elements)]
 
-    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
-        return [1.0 for _ in lengths]
+    def shapes_at(self, element: int, s: Array) -> Array:
+        h, rest = self.mesh.lengths[element], mean(self.mesh, element, self.mesh.rest)
+        return np.array([[1.0 / h] * len(s), [rest] * len(s)])
 
-    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
-        return [1.0 if k == element else 0.0 for k in range(self.elements)]
+    def curvature_shapes(self, lengths: Sequence[float]) -> Array:
+        return np.diag([1.0 / h for h in lengths])[:, None]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_sum
-from continuum_grasp.model.quadrature import collocation
+from continuum_grasp.model.quadrature import Collocation
 from continuum_grasp.model.stumpff import rotation
 
 
@@ -41,8 +41,9 @@ class _Nodes:
 class CollocatedLink(Link):
     """A link of any smooth curvature, which depends linearly on the ``local`` coordinates.
 
-    Length [m], rho A [kg/m] and rho I [kg m] may be run-time numbers; ``angle_range`` is the greatest length times
-    curvature [rad]. An ``end_mass`` [kg] is folded into the constants, which needs a numeric length and density.
+    Length [m], linear density and rotary inertia, each times that of the ``rule``, may be run-time numbers;
+    ``angle_range`` is the greatest length times curvature [rad]. An ``end_mass`` [kg] is folded into the constants,
+    which needs a numeric length and density.
     """
 
     def __init__(
@@ -52,39 +53,81 @@ class CollocatedLink(Link):
         linear_density: Scalar,
         rotary_inertia: Scalar,
         angle_range: float,
-        nodes: int,
+        rule: Collocation,
         end_mass: float = 0.0,
     ) -> None:
         self._local = list(local)
         self._length = length
         self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
-        self._rule = collocation(nodes)
-        u = self._rule.nodes
-        self._shape = np.array([self._angles(float(v)) for v in u]).T
-        self._mass = linear_density * length
-        self._first_scale = self._mass * length
+        self._rule = rule
+        places = zip(rule.piece, rule.nodes.tolist(), strict=True)
+        self._shape = np.array([self._angles(u, piece) for piece, u in places]).T
+        self._first_scale = linear_density * length * length
         self._kernel_scale = self._first_scale * length
-        self._kernel, self._mean = self._rule.kernel, self._rule.mean_weights
-        if isinstance(length, float) and isinstance(self._mass, float):
+        self._mass = linear_density * length * rule.mass
+        self._kernel, self._mean = rule.kernel, rule.mean_weights
+        if isinstance(self._first_scale, float):
             # The end moves with the integral of all nodes' tangents: its kinetic energy is one more kernel, w w'.
-            w = self._rule.weights
+            w = rule.weights
             self._kernel = self._kernel * self._kernel_scale + end_mass * length**2 * np.outer(w, w)
             self._mean = self._mean * self._first_scale + end_mass * length * w
             self._mass += end_mass
             self._first_scale = self._kernel_scale = 1.0
 
     @abstractmethod
-    def _angles(self, fraction: Scalar) -> Sequence[Scalar]:
-        """Per local coordinate, the bending angle at a fraction of the length, per that length."""
+    def _angles(self, fraction: Scalar, piece: int) -> Sequence[Scalar]:
+        """Per local coordinate, the bending angle at a fraction of the length on a piece of the rule, per length."""
+
+    def _rest(self, fraction: Scalar, piece: int) -> Scalar:
+        """The bending angle [rad] there with all coordinates at zero."""
+        return 0.0
+
+    def _reaches(self, fraction: Scalar) -> list[Scalar]:
+        """Per piece of the rule, the share of it that a part of the link has."""
+        if len(self._rule.pieces) == 1 or is_end(fraction):
+            return [fraction for _ in self._rule.pieces]
+        return [ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0) for a, b in self._rule.pieces]
+
+    def _places(self, fraction: Scalar) -> list[tuple[Scalar, int]]:
+        """Nodes of a part of the link: fractions of the length, and pieces of the rule."""
+        reaches, nodes = self._reaches(fraction), zip(self._rule.nodes.tolist(), self._rule.piece, strict=True)
+        starts = [a for a, _ in self._rule.pieces]
+        return [(starts[piece] + reaches[piece] * (u - starts[piece]), piece) for u, piece in nodes]
+
+    def _ends(self, fraction: Scalar) -> list[tuple[Scalar, Scalar]]:
+        """Start and end of each piece of a part of the link."""
+        spans = zip(self._rule.pieces, self._reaches(fraction), strict=True)
+        return [(a, b if is_end(reach) else a + reach * (b - a)) for (a, b), reach in spans]
+
+    def _turned(self, fraction: Scalar) -> tuple[list[Scalar], Scalar]:
+        """Per local coordinate the bending angle at the end of a part of the link, per length; the rest angle [rad]."""
+        angles: list[Scalar] = [0.0 for _ in self._local]
+        rest: Scalar = 0.0
+        for piece, (start, end) in enumerate(self._ends(fraction)):
+            steps = zip(angles, self._angles(start, piece), self._angles(end, piece), strict=True)
+            angles = [total + (after - before) for total, before, after in steps]
+            rest += self._rest(end, piece) - self._rest(start, piece)
+        return angles, rest
+
+    def bend(self, fraction: Scalar) -> Scalar:
+        angles, rest = self._turned(fraction)
+        return sum((phi * self._length * q for phi, q in zip(angles, self._local, strict=True)), rest)
 
     def _turns(self, fraction: Scalar) -> list[Scalar]:
         """Bending angles from node to node of a part of the link [rad], from its start and to its end."""
-        places = [0.0, *self._rule.nodes.tolist(), 1.0]
-        angles = [self._angles(fraction * u) for u in places]
+        # Stop by stop what each coordinate adds; between pieces, to the end of one and from the start of the next.
+        steps: list[list[Scalar]] = [[0.0 for _ in range(len(self._local) + 1)]]
+        places = self._places(fraction)
+        for piece, (start, end) in enumerate(self._ends(fraction)):
+            stops = [start, *(at for at, on in places if on == piece), end]
+            rows = [[*self._angles(at, piece), self._rest(at, piece)] for at in stops]
+            found = [[b - a for a, b in zip(*pair, strict=True)] for pair in itertools.pairwise(rows)]
+            joined = [a + b for a, b in zip(steps[-1], found[0], strict=True)]
+            steps = [*steps[:-1], joined, *found[1:]]
         return [
-            sum((self._length * (b - a) * q for a, b, q in zip(before, after, self._local, strict=True)), 0.0)
-            for before, after in itertools.pairwise(angles)
+            sum((self._length * step * q for step, q in zip(shapes, self._local, strict=True)), rest)
+            for *shapes, rest in steps
         ]
 
     # -- kinematics ----------------------------------------------------------------------------------------------
@@ -125,25 +168,34 @@ class CollocatedLink(Link):
         )
 
     def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
-        reach = fraction * self._length
-        weights, tangents = self._rule.weights, nodes.tangents
-        shapes = zip(*[self._angles(fraction * float(u)) for u in self._rule.nodes], strict=True)
+        shapes = zip(*[self._angles(at, piece) for at, piece in self._places(fraction)], strict=True)
+        one = [1.0 for _ in self._rule.nodes]
         return Section(
-            position=_weigh(weights, tangents, reach),
+            position=self._integral(fraction, one, nodes.tangents, self._length),
             rotation=nodes.end,
-            arms=tuple(_weigh_products(weights, s, tangents, reach * self._length) for s in shapes),
-            angles=tuple(phi * self._length for phi in self._angles(fraction)),
+            arms=tuple(self._integral(fraction, s, nodes.tangents, self._length * self._length) for s in shapes),
+            angles=tuple(phi * self._length for phi in self._turned(fraction)[0]),
         )
+
+    def _integral(self, fraction: Scalar, factors: Sequence[Scalar], tangents: Sequence[Vec], scale: Scalar) -> Vec:
+        """Scale times the integral of factor times tangent over the fractions of a part of the link."""
+        total, first = ZERO, 0
+        for piece, reach in enumerate(self._reaches(fraction)):
+            last = first + self._rule.piece.count(piece)
+            part = slice(first, last)
+            total = total + _weigh_products(self._rule.weights[part], factors[part], tangents[part], reach * scale)
+            first = last
+        return total
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         nodes = self._whole if is_end(fraction) else self._nodes_up_to(fraction)
-        spins = [self._spin(fraction * float(u), omega, rates) for u in self._rule.nodes]
-        return _weigh_products(self._rule.weights, spins, nodes.tangents, fraction * self._length)
+        spins = [self._spin(at, piece, omega, rates) for at, piece in self._places(fraction)]
+        return self._integral(fraction, spins, nodes.tangents, self._length)
 
-    def _spin(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Scalar:
+    def _spin(self, fraction: Scalar, piece: int, omega: Scalar, rates: Sequence[Scalar]) -> Scalar:
         """Squared angular velocity of the section at a fraction of the length."""
         total = omega
-        for rate, phi in zip(rates, self._angles(fraction), strict=True):
+        for rate, phi in zip(rates, self._angles(fraction, piece), strict=True):
             total += phi * self._length * rate
         return total * total
 
@@ -174,7 +226,7 @@ class CollocatedLink(Link):
 
     @cached_property
     def inertia(self) -> Inertia:
-        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.weights
+        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.rotary_weights
         one = np.ones(len(weights))
         rotary = self._rotary_inertia * h
         # Sections turn by the shapes of the bending angle: rho I times the integrals of these and of their products.
@@ -184,7 +236,7 @@ class CollocatedLink(Link):
         return Inertia(
             mass=self._mass,
             first=_weigh(self._mean, tangents, self._first_scale),
-            second=self._form(one, one, scale) + rotary,
+            second=self._form(one, one, scale) + self._rule.rotary_mass * rotary,
             arms=tuple(_weigh(self._mean * f, tangents, self._first_scale * h) for f in shape),
             swing=tuple(self._form(one, f, scale * h) + r for f, r in zip(shape, rotary_swing, strict=True)),
             matrix=tuple(
@@ -195,7 +247,7 @@ class CollocatedLink(Link):
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
         nodes, tangents = range(len(self._rule.nodes)), self._whole.tangents
-        spins = [self._spin(float(u), omega, rates) for u in self._rule.nodes]
+        spins = [self._spin(at, piece, omega, rates) for at, piece in self._places(1.0)]
         loads: list[Scalar] = [0.0 for _ in nodes]
         for (j, k), turn in self._differences.items():
             # sin is odd: what node k exerts on j, j exerts on k with the other sign.

@@ -1,25 +1,32 @@
 """The equations of motion of one model as CasADi expressions.
 
 M qdd + bias + gravity + elastic + damping = actuation + external forces, equation (43) of the paper, for the full
-coordinates of the family; where the tip is matched, the last of these is a function of the input.
+coordinates of the family; where moments of the input are known, the last of these are functions of the input.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, reduce
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.model.actuation import Drive, friction_factors
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import Section
+from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.loads import ForceLoad
+
+_STOP_NODES = 3
+"""Points per element at which links may touch [1]: as good as dense ones."""
+_STOP_ROUNDING = 0.005
+"""Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
 
 
 class Equations:
@@ -32,7 +39,7 @@ class Equations:
         self.q = ca.SX.sym("q", structure.n)
         self.qd = ca.SX.sym("qd", structure.n)
         self.qdd = ca.SX.sym("qdd", structure.n)
-        self.lag = ca.SX.sym("lag", 2 if structure.lagged else 0)
+        self.lag = ca.SX.sym("lag", 2 * sum(source.time_constant is not None for source in structure.sources))
         self.x = ca.vertcat(self.q, self.qd, self.lag)
         self.u = ca.SX.sym("u", len(structure.u_names))
         self.w = ca.SX.sym("w", len(structure.w_names))
@@ -42,27 +49,46 @@ class Equations:
     # -- input ---------------------------------------------------------------------------------------------------
 
     @cached_property
-    def commanded(self) -> Drive:
-        """The drive as the input gives it."""
-        offset = self._par["tendon_offset"] if self._structure.inputs.tendons else 0.0
-        return Drive.from_input(self.u, self._structure.inputs, offset)
+    def commanded(self) -> list[Drive]:
+        """Per source of moments what the input gives."""
+        made, found = self._structure, []
+        for source in made.sources:
+            scale: Scalar = 1.0
+            if self._par.is_runtime("tendon_offset"):
+                source, scale = replace(source, arms=(1.0, -1.0)), self._par["tendon_offset"]
+            found.append(Drive.from_input(self.u, made.inputs, source, scale))
+        return found
 
     @cached_property
-    def drive(self) -> Drive:
-        """The drive that acts: the commanded one, or the one that follows it."""
-        if not self._structure.lagged:
-            return self.commanded
-        return Drive(self.lag[0], self.commanded.couple, self.lag[1], self.lag_acceleration)
+    def drives(self) -> list[Drive]:
+        """Per source what acts: what is commanded, or what follows it."""
+        found, entry = [], 0
+        for commanded, source, acceleration in zip(
+            self.commanded, self._structure.sources, self.lag_accelerations, strict=True
+        ):
+            if source.time_constant is None:
+                found.append(commanded)
+                continue
+            moment, rate = self.lag[entry], self.lag[entry + 1]
+            found.append(Drive(moment, commanded.couple, rate, acceleration))
+            entry += 2
+        return found
 
     @cached_property
-    def lag_acceleration(self) -> Scalar:
-        """Second derivative of the lagged tip moment: a critically damped second-order lag."""
-        tendons = self._structure.finger.tendon_pair
-        if tendons is None or tendons.time_constant is None:
-            return 0.0
-        # Second order, because a matched tip needs the moment's rate and acceleration; critically damped: no overshoot.
-        pole = 1.0 / tendons.time_constant
-        return pole**2 * (self.commanded.moment - self.lag[0]) - 2.0 * pole * self.lag[1]
+    def lag_accelerations(self) -> list[Scalar]:
+        """Per source the second derivative of its lagged moment: a critically damped second-order lag."""
+        found: list[Scalar] = []
+        entry = 0
+        for commanded, source in zip(self.commanded, self._structure.sources, strict=True):
+            if source.time_constant is None:
+                found.append(0.0)
+                continue
+            # Second order, because a known moment needs its rate and acceleration; critically damped: no overshoot.
+            pole = 1.0 / source.time_constant
+            moment, rate = self.lag[entry], self.lag[entry + 1]
+            found.append(pole**2 * (commanded.moment - moment) - 2.0 * pole * rate)
+            entry += 2
+        return found
 
     # -- coordinates ---------------------------------------------------------------------------------------------
 
@@ -73,35 +99,33 @@ class Equations:
 
     @cached_property
     def full(self) -> list[Scalar]:
-        """Full coordinates: q, and the tip's curvature where it is matched."""
+        """Full coordinates: q, and what is known of the input."""
         q: list[Scalar] = [self.q[k] for k in range(self._structure.n)]
-        if not self._structure.matched:
-            return q
-        # Nothing but moments acts at a free tip: kappa(L) = rest curvature + moment / EI.
-        return [*q, self._per_stiffness(self.drive.moment + self.drive.couple) + self._tip_rest]
+        return [*q, *self._known([drive.total for drive in self.drives])]
 
     @cached_property
     def full_rates(self) -> list[Scalar]:
         """Rates of the full coordinates."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
-        return [*rates, self._per_stiffness(self.drive.rate)] if self._structure.matched else rates
+        return [*rates, *self._known([drive.rate for drive in self.drives])]
 
-    def _per_stiffness(self, moment: Scalar) -> Scalar:
+    def _known(self, amplitudes: Sequence[Scalar]) -> list[Scalar]:
+        """Full coordinates that are functions of the input, of amplitudes of its moments [N m]."""
+        return [self._per_stiffness(row, amplitudes) for row in self._family.known.tolist()]
+
+    def _per_stiffness(self, weights: Sequence[float], amplitudes: Sequence[Scalar]) -> Scalar:
+        """Weighted sum of amplitudes per factor of the stiffness."""
         stiffness = self._par["bending_stiffness"]
-        # A product with a folded constant in place of a division, which takes several times as long.
-        return 1.0 / stiffness * moment if isinstance(stiffness, float) else moment / stiffness
-
-    @cached_property
-    def _tip_rest(self) -> Scalar:
-        if self._par.is_runtime("rest_curvature"):
-            return self._par["rest_curvature"]
-        return self._structure.finger.curvature_pieces[-1][2]
+        terms = [(w, amplitude) for w, amplitude in zip(weights, amplitudes, strict=True) if w != 0.0]
+        if isinstance(stiffness, float):
+            # A product with a folded constant in place of a division, which takes several times as long.
+            return sum(((w / stiffness) * amplitude for w, amplitude in terms), 0.0)
+        return sum((w * amplitude for w, amplitude in terms), 0.0) / stiffness
 
     @cached_property
     def bends(self) -> list[Scalar]:
         """Bending angle of each element [rad]."""
-        shapes = [self._family.shape(k, self.full) for k in range(len(self.lengths))]
-        return [_dot(link.link.end.angles, shape) for link, shape in zip(self.chain.links, shapes, strict=True)]
+        return [link.link.bend(1.0) for link in self.chain.links]
 
     # -- geometry ------------------------------------------------------------------------------------------------
 
@@ -110,9 +134,16 @@ class Equations:
         """The chain of links."""
         family, par = self._family, self._par
         masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
-        rod = Rod(self.lengths, self._structure.ranges, par["linear_density"], par["rotary_inertia"], masses)
+        rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
+        rod = Rod(self.lengths, par["linear_density"], par["rotary_inertia"], rest, masses)
         local = [family.local(k) for k in range(len(self.lengths))]
-        return Chain(family.links(self.full, rod), local, family.size)
+        *links, last = family.links(self.full, rod)
+        body = self._structure.finger.tip_body
+        if body is not None:
+            across, along = body.center_of_mass
+            # The chain's axes have X along the finger and -Y across.
+            last = replace(last, body=EndBody(body.mass, body.rotary_inertia, Vec(along, -across)))
+        return Chain([*links, last], local, family.size)
 
     @cached_property
     def turn(self) -> Rotation:
@@ -157,8 +188,10 @@ class Equations:
     def section_angle(self) -> Scalar:
         """Angle in the world [rad] of the section at the run-time position s."""
         angle: Scalar = self._par["base_angle"]
-        for k, (_, section, _) in enumerate(self._partial_chain):
-            angle += _dot(section.angles, self._family.shape(k, self.full))
+        start: Scalar = 0.0
+        for link, h in zip(self.chain.links, self.lengths, strict=True):
+            angle += link.link.bend(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
+            start += h
         return angle
 
     @cached_property
@@ -197,24 +230,29 @@ class Equations:
         angle: Scalar = self._par["base_angle"]
         for bend in self.bends[: place.link]:
             angle += bend
-        section = self.chain.links[place.link].link.section(place.fraction)
-        angle += _dot(section.angles, self._family.shape(place.link, self.full))
+        angle += self.chain.links[place.link].link.bend(place.fraction)
         return self.to_world(self.chain.position(place)), angle
 
     @property
     def curvature(self) -> list[Scalar]:
-        """Curvature [1/m] that belongs to each full coordinate, from base to tip."""
-        return self._family.profile(self.full, self.lengths)
+        """Curvature [1/m] that belongs to each coordinate, from base to tip, and at a matched tip."""
+        return self._family.curvature_at_coordinates(self.curvatures)
 
     @property
     def curvatures(self) -> list[list[Scalar]]:
         """Curvature [1/m] at the places of each element."""
-        return [self._family.curvature(k, self.full, h) for k, h in enumerate(self.lengths)]
+        return [row[: len(self._family.places)] for row in self._every_curvature]
+
+    @property
+    def _every_curvature(self) -> list[list[Scalar]]:
+        return [link.link.curvatures for link in self.chain.links]
 
     @property
     def greatest_bends(self) -> list[list[Scalar]]:
-        """The same times the element's length [rad], which its bending range limits."""
-        return [self._family.bends(k, self.full, h) for k, h in enumerate(self.lengths)]
+        """Curvatures where they may be greatest times the element's length [rad], which its bending range limits."""
+        rows = [[h * kappa for kappa in row] for row, h in zip(self._every_curvature, self.lengths, strict=True)]
+        most = max(len(row) for row in rows)
+        return [[*row, *[row[-1]] * (most - len(row))] for row in rows]
 
     @cached_property
     def range_use(self) -> list[Scalar]:
@@ -256,51 +294,93 @@ class Equations:
         return []
 
     @cached_property
-    def rest(self) -> list[Scalar]:
-        """Integral of the rest curvature times the curvature shapes."""
-        if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            return [self._tip_rest * r for r in self._family.rest_uniform(self.lengths)]
-        return list(self._family.rest(self._structure.lengths, self._structure.finger.curvature_pieces))
+    def elastic(self) -> list[Scalar]:
+        """Gradient of the elastic energy, that of stops included; equation (32)."""
+        bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
+        if not self._touching:
+            return bent
+        total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
+        return list(ca.vertsplit(total))
 
     @cached_property
-    def elastic(self) -> list[Scalar]:
-        """Gradient of the elastic energy; equation (32)."""
-        stiffness = self._par["bending_stiffness"]
-        force = _product(self._family.stiffness(self.lengths), self.full, stiffness)
-        return [f - stiffness * r for f, r in zip(force, self.rest, strict=True)]
+    def _touching(self) -> list[tuple[Scalar, float, float]]:
+        """Where links may touch: curvature less that at which they do [1/m], that one, energy per square [N m3]."""
+        finger, family = self._structure.finger, self._family
+        limit = finger.stop_curvature
+        if finger.stops is None or limit is None:
+            return []
+        found: list[tuple[Scalar, float, float]] = []
+        nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
+        for k, h in enumerate(self._structure.lengths):
+            s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
+            extra = 0.5 * (finger.stops.stiffness_ratio - 1.0) * self._structure.mesh.stiffness(s)
+            *shapes, rest = family.shapes_at(k, s).tolist()
+            local = [self.full[a] for a in family.local(k)]
+            for j, touch in enumerate(limit(s).tolist()):
+                fixed = self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else rest[j]
+                kappa = _dot([row[j] for row in shapes], local) + fixed
+                energy = 0.5 * h * float(weights[j] * extra[j])
+                found += [(sign * kappa - touch, touch, energy) for sign in finger.stops.signs]
+        return found
+
+    @cached_property
+    def _stop_energy(self) -> Scalar:
+        """Energy of links that touch [J], smooth within a share of the curvature where they do."""
+        total: Scalar = 0.0
+        for beyond, touch, energy in self._touching:
+            rounding = _STOP_ROUNDING * touch
+            share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
+            total += energy * share * share
+        return self._par["bending_stiffness"] * total
 
     @cached_property
     def damping(self) -> list[Scalar]:
         """Damping forces, positive against the motion."""
         rates, per_arc = self.full_rates, self._par["per_arc_damping"]
-        # Kelvin-Voigt: moment eta times the rate of curvature, so the matrix of the elasticity, whatever the elements.
-        force = _product(self._family.stiffness(self.lengths), rates, self._par["material_damping"])
+        # Kelvin-Voigt: moment eta times the rate of curvature, so the matrix of the elasticity, whatever the elements;
+        # eta is that at the base, and goes with the stiffness of the section.
+        eta = 1.0 / float(self._structure.mesh.stiffness(0.0)) * self._par["material_damping"]
+        force = _product(self._family.stiffness(self.lengths), rates, eta)
         if isinstance(per_arc, float) and per_arc == 0.0:
             return force
         # Equation (39): a moment per arc against the rate of its bending angle.
         for k in range(len(self.lengths)):
-            gradient = self._family.bend_gradient(k, self.lengths)
+            gradient = self._family.work(k, self.lengths)
             moment = per_arc * _dot(gradient, rates)
             force = [f + g * moment for f, g in zip(force, gradient, strict=True)]
         return force
 
     @cached_property
     def actuation(self) -> list[Scalar]:
-        """Generalized forces of the drive."""
-        drive, count = self.drive, len(self.lengths)
-        gradients = [self._family.bend_gradient(k, self.lengths) for k in range(count)]
-        whole = [sum(column) for column in zip(*gradients, strict=True)]
-        # A moment at the tip turns with the tip's angle, the sum of all bends: its power is tau times their rates.
-        if not self._structure.has_tendon_friction:
-            return [g * (drive.moment + drive.couple) for g in whole]
-        total = [g * drive.couple for g in whole]
-        shares = [1.0 / self._structure.length * h for h in self.lengths]
-        factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
-        # The tension changes along the finger: each element is bent by that in its middle.
-        for gradient, factor in zip(gradients, factors, strict=True):
-            moment = factor * drive.moment
-            total = [t + g * moment for t, g in zip(total, gradient, strict=True)]
+        """Generalized forces of the input's moments: their work with the curvature shapes."""
+        total: list[Scalar] = [0.0] * self._family.size
+        frictional = self._structure.has_tendon_friction
+        factors: list[Scalar] = []
+        if frictional:
+            shares = [1.0 / self._structure.length * h for h in self.lengths]
+            factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
+        for source, drive in zip(self._structure.sources, self.drives, strict=True):
+            shapes = [self._family.work(k, self.lengths, source.shape) for k in range(len(self.lengths))]
+            whole = [sum(column) for column in zip(*shapes, strict=True)]
+            spread = drive.couple if frictional else drive.total
+            total = [t + g * spread for t, g in zip(total, whole, strict=True)]
+            # The tension changes along the finger: each element is bent by that in its middle.
+            for shape, factor in zip(shapes, factors, strict=frictional):
+                moment = factor * drive.moment
+                total = [t + g * moment for t, g in zip(total, shape, strict=True)]
         return total
+
+    @cached_property
+    def bending_force(self) -> list[Scalar]:
+        """Elastic force less actuation."""
+        n, nodal = self._structure.n, self._family.nodal
+        if nodal is None:
+            return [e - a for e, a in zip(self.elastic, self.actuation, strict=True)][:n]
+        # What the input bends is subtracted from the coordinates: the same, with fewer products and less cancellation.
+        amplitudes = [drive.total for drive in self.drives]
+        above = [self.full[k] - self._per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
+        matrix = [row[:n] for row in self._family.stiffness(self.lengths)[:n]]
+        return _product(matrix, above, self._par["bending_stiffness"])
 
     # -- motion --------------------------------------------------------------------------------------------------
 
@@ -310,16 +390,16 @@ class Equations:
         return [row[: self._structure.n] for row in self.chain.mass_matrix[: self._structure.n]]
 
     @cached_property
-    def tip_inertia_force(self) -> list[Scalar]:
-        """Inertia of the matched tip's own motion, M_qN kappa_N'': without it, ramps of the moment cost millimeters."""
-        acceleration = self._per_stiffness(self.drive.acceleration) if self._structure.matched else 0.0
-        return [row[-1] * acceleration for row in self.chain.mass_matrix[: self._structure.n]]
+    def known_inertia_force(self) -> list[Scalar]:
+        """Inertia of what moves with the input: without that of a matched tip, ramps of a moment cost millimeters."""
+        n, accelerations = self._structure.n, self._known([drive.acceleration for drive in self.drives])
+        return [_dot(row[n:], accelerations) for row in self.chain.mass_matrix[:n]]
 
     @cached_property
     def bias(self) -> list[Scalar]:
         """Velocity products, and what the motion of a matched tip adds."""
         motion = self.chain.motion_forces(self.full_rates, ZERO)
-        return [f - m for f, m in zip(self.tip_inertia_force, motion, strict=False)]
+        return [f - m for f, m in zip(self.known_inertia_force, motion, strict=False)]
 
     @cached_property
     def gravity(self) -> list[Scalar]:
@@ -338,40 +418,35 @@ class Equations:
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
-            internal = self.elastic[k] + self.damping[k]
-            value = motion[k] + self.actuation[k] - internal - self.tip_inertia_force[k]
-            net.append(value)
+            net.append(motion[k] - self.bending_force[k] - self.damping[k] - self.known_inertia_force[k])
         return net
 
     @cached_property
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        return [acting[k] + self.actuation[k] - self.elastic[k] for k in range(self._structure.n)]
+        return [acting[k] - self.bending_force[k] for k in range(self._structure.n)]
 
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         rates += solve_ldl(self.mass_matrix, self.net_force)
-        return [*rates, self.lag[1], self.lag_acceleration] if self._structure.lagged else rates
+        for drive, source in zip(self.drives, self._structure.sources, strict=True):
+            if source.time_constant is not None:
+                rates += [drive.rate, drive.acceleration]
+        return rates
 
     @cached_property
     def kinetic_energy(self) -> Scalar:
-        """Kinetic energy [J], with the motion of a matched tip."""
+        """Kinetic energy [J], with what moves with the input."""
         return 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
 
     @cached_property
     def potential_energy(self) -> Scalar:
         """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
-        stiffness, pieces = self._par["bending_stiffness"], self._structure.finger.curvature_pieces
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
-        # Half the integral of (kappa - rest)^2: the constant makes it vanish on the rest shape.
-        if self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths"):
-            constant = 0.5 * (sum(self.lengths) * self._tip_rest**2)
-        else:
-            constant = self._family.rest_energy(self._structure.lengths, pieces)
-        elastic = stiffness * (_dot(product, self.full) - _dot(self.rest, self.full) + constant)
+        elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position

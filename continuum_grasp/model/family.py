@@ -1,8 +1,8 @@
 """What every curvature family answers: its coordinates, and the links, stiffness and limits that these give.
 
-The unknowns of a family are its *full coordinates*. The curvature is a polynomial on each element and depends linearly
-on them. Where the tip's curvature is set by the moment balance there, the last full coordinate is no coordinate of the
-model but a function of its input.
+The unknowns of a family are its *full coordinates*: they bend the finger above its shape at rest, linearly. The last of
+them may be no coordinates of the model but functions of its input: where the moment at the tip or a tendon that ends on
+the way are taken as known, the curvature that they give is.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import accumulate
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,43 +20,111 @@ from numpy.typing import NDArray
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.profile import Curve
 
 Array = NDArray[np.float64]
-Pieces = Sequence[tuple[float, float, float]]
-"""Start [m], end [m] and value [1/m] of the pieces of a rest curvature."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+"""Of integrals along smooth parts of an element: exact to rounding for polynomials of degree 47."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Elements, and the finger along them. Stiffness, density and rotary inertia are those of the parameters times
+    these.
+    """
+
+    lengths: tuple[float, ...]  # of the elements [m]
+    ranges: tuple[float, ...]  # greatest bends [rad]
+    stiffness: Curve
+    linear_density: Curve
+    rotary_inertia: Curve
+    rest: Curve  # curvature at rest [1/m]
+    moments: tuple[Curve, ...] = ()  # shapes of the bending moments of the input [1]
+    known: bool = False  # whether what these bend is taken as known
+
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """Where elements begin and end [m]."""
+        return (0.0, *accumulate(self.lengths))
+
+    def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
+        """Parts of an element [m] on which curves are smooth, from base to tip."""
+        start, end = self.ends[element : element + 2]
+        least, edges = 1e-9 * self.ends[-1], [start]
+        for at in sorted(at for curve in curves for at in curve.breaks):
+            if at - edges[-1] > least and end - at > least:
+                edges.append(at)
+        return list(zip(edges, [*edges[1:], end], strict=True))
+
+    def constant(self, curve: Curve, element: int) -> float | None:
+        """Value of a curve where it is the same on an element; else None."""
+        parts = self.panels(element, curve)
+        middle = 0.5 * (parts[0][0] + parts[0][1])
+        inside = np.linspace(*parts[0], 5)[1:-1]
+        value = float(curve(middle))
+        return value if len(parts) == 1 and np.all(curve(inside) == value) else None
+
+
+def nodes_of(parts: Sequence[tuple[float, float]]) -> Iterator[tuple[Array, Array]]:
+    """Per part its nodes (24,) and weights, for integrals of what is smooth there."""
+    for a, b in parts:
+        yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
+
+
+def mean(mesh: Mesh, element: int, curve: Curve) -> float:
+    """Mean of a curve over an element."""
+    found = mesh.constant(curve, element)
+    if found is not None:
+        return found
+    total = sum(float(w @ curve(s)) for s, w in nodes_of(mesh.panels(element, curve)))
+    return total / mesh.lengths[element]
 
 
 @dataclass(frozen=True)
 class Rod:
-    """What a family needs to know of the rod."""
+    """What the links of a family need to know of the rod: lengths [m], factors of the mesh's densities, masses."""
 
-    lengths: tuple[Scalar, ...]  # of the elements [m]
-    ranges: tuple[float, ...]  # greatest bends [rad]
-    linear_density: Scalar  # rho A [kg/m]
-    rotary_inertia: Scalar  # rho I [kg m]
+    lengths: tuple[Scalar, ...]
+    linear_density: Scalar
+    rotary_inertia: Scalar
+    rest: Scalar | None  # curvature [1/m] where it is a run-time number; None: that of the mesh
     masses: tuple[tuple[int, float, Scalar], ...]  # (element, fraction of its length, mass [kg])
 
 
 class Family(ABC):
-    """A curvature family on given elements, with the jump of the rest curvature at each inner boundary [1/m].
+    """A curvature family on a mesh.
 
     ``accuracy`` is that of the evaluation, relative; None: ``default_accuracy``.
     """
 
-    degree: ClassVar[int]  # of the polynomial that the curvature is on each element
-    continuous: ClassVar[bool]  # whether the curvature jumps between elements only where the rest curvature does
+    degree: ClassVar[int]  # of the polynomial that the bending moment is on each element
+    continuous: ClassVar[bool]  # whether the bending moment is continuous
     order: ClassVar[int]  # in the elements' length, with which the shape converges to that of the exact rod
     force_unit: ClassVar[str] = "N m2"  # of a generalized force: energy per coordinate
 
-    def __init__(self, elements: int, accuracy: float | None, jumps: Sequence[float] = ()) -> None:
-        self.elements = elements
+    def __init__(self, mesh: Mesh, accuracy: float | None) -> None:
+        self.mesh = mesh
+        self.elements = len(mesh.lengths)
         self.accuracy = accuracy
-        self.jumps = tuple(jumps) or (0.0,) * (elements - 1)
 
     @property
     @abstractmethod
     def size(self) -> int:
         """Number of full coordinates."""
+
+    @property
+    def known(self) -> Array:
+        """Of the full coordinates at the end that are functions of the input, the value [1/m] per amplitude of each of
+        the mesh's moments [N m], times the factor of the stiffness.
+        """
+        return np.zeros((0, len(self.mesh.moments)))
+
+    @property
+    def nodal(self) -> Array | None:
+        """Of the coordinates, the values at which they balance the moments of the input, per amplitude [1/(N m2)] times
+        the factor of the stiffness; where these are known.
+        """
+        return None
 
     @property
     @abstractmethod
@@ -71,34 +140,26 @@ class Family(ABC):
     def local(self, element: int) -> tuple[int, ...]:
         """Full coordinates that bend an element."""
 
-    def shape(self, element: int, q: Sequence[Scalar]) -> list[Scalar]:
-        """Local coordinates of an element: its full ones, with the jumps of the rest curvature at its ends."""
-        return [q[a] for a in self.local(element)]
-
-    def curvature(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
-        """Curvature [1/m] at the ``places`` of an element."""
-        return self.shape(element, q)
-
-    def bends(self, element: int, q: Sequence[Scalar], length: Scalar) -> list[Scalar]:
-        """The same times the element's length [rad], which the bending range limits."""
-        return [length * kappa for kappa in self.curvature(element, q, length)]
-
-    def profile(self, q: Sequence[Scalar], lengths: Sequence[Scalar]) -> list[Scalar]:
-        """Curvature [1/m] that belongs to each full coordinate, base to tip."""
-        return list(q)
+    def curvature_at_coordinates(self, ends: Sequence[Sequence[Scalar]]) -> list[Scalar]:
+        """Curvature [1/m] that belongs to each coordinate, of those at the ``places`` of the elements."""
+        return [kappa for row in ends for kappa in row]
 
     def coordinate_size(self, bend: Any, length: float) -> Any:
         """Size of a coordinate that bends an element of a length [m] by an angle [rad]; numbers or arrays."""
         return bend / length
 
+    def peak(self, element: int, coordinate: int) -> float:
+        """Greatest bend of an element, as length times curvature, per coordinate of ``coordinate_size`` one."""
+        return 1.0
+
     @property
     def places(self) -> Array:
-        """The ``degree + 1`` fractions of an element's length at which ``curvature`` is given; its middle for arcs."""
+        """The ``degree + 1`` fractions of an element's length at which curvatures are given; its middle for arcs."""
         return np.linspace(0.0, 1.0, self.degree + 1) if self.degree else np.array([0.5])
 
     @abstractmethod
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
-        """Full coordinates near a shape of bends (N,) [rad] and curvatures (N, degree + 1) [1/m]."""
+        """Full coordinates near a shape of bends (N,) [rad] and curvatures (N, degree + 1) [1/m] at the places."""
 
     @abstractmethod
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
@@ -106,42 +167,25 @@ class Family(ABC):
 
     @abstractmethod
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
-        """Integral of the products of the curvature shapes, per EI."""
+        """Integral of the mesh's stiffness times the products of the curvature shapes."""
 
     @abstractmethod
-    def rest(self, lengths: Sequence[float], pieces: Pieces) -> list[float]:
-        """Integral of the rest curvature, less what is in the shape already, times each curvature shape."""
+    def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
+        """Integral over an element of a bending moment times the curvature shapes; one where not given.
 
-    def rest_energy(self, lengths: Sequence[float], pieces: Pieces) -> float:
-        """Half the integral of the square of the same."""
-        return sum(0.5 * (b - a) * value**2 for a, b, value in pieces)
-
-    @abstractmethod
-    def rest_uniform(self, lengths: Sequence[Scalar]) -> list[Scalar]:
-        """``rest`` for a rest curvature of one."""
+        Without a moment it is the derivative of the element's bending angle.
+        """
 
     @abstractmethod
-    def bend_gradient(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
-        """Derivative of an element's bending angle with respect to the full coordinates; constant."""
+    def shapes_at(self, element: int, s: Array) -> Array:
+        """Shapes (K, M) of the K coordinates that bend an element at positions (M,) on it [m].
 
+        One row more is the rest curvature [1/m].
+        """
+
+    @abstractmethod
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
-        """Derivative (N, degree + 1, size) of the curvature with respect to the full coordinates."""
-
-        def sampled(q: list[float]) -> Array:
-            return np.array([self.curvature(k, q, h) for k, h in enumerate(lengths)], dtype=float)
-
-        # Affine, for jumps of the rest curvature: differences to the curvature at zero are exact derivatives.
-        straight = sampled([0.0] * self.size)
-        return np.stack([sampled(row) - straight for row in np.eye(self.size).tolist()], axis=-1)
-
-
-def overlaps(lengths: Sequence[float], pieces: Pieces) -> Iterator[list[tuple[float, float, float, float]]]:
-    """Per element its overlaps with pieces: start of the element, start and end of the overlap [m], value [1/m]."""
-    start = 0.0
-    for h in lengths:
-        spans = [(max(start, a), min(start + h, b), value) for a, b, value in pieces]
-        yield [(start, low, high, value) for low, high, value in spans if high > low]
-        start += h
+        """Derivative (N, degree + 1, size) of the curvature at the places with respect to the full coordinates."""
 
 
 def family_class(name: str) -> type[Family]:

@@ -72,11 +72,13 @@ class Functions(Remade, Summarized):
         return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
 
     def _at_command(self, expressions: list[ca.SX]) -> list[ca.SX]:
-        """Expressions with the tip moment that u commands in place of the one that lags, which is a state."""
+        """Expressions with the moments that u commands in place of those that lag, which are states."""
         eq = self._equations
         if not eq.lag.numel():
             return expressions
-        commanded = ca.vertcat(ca.SX(eq.commanded.moment), 0.0)
+        sources = zip(eq.commanded, eq._structure.sources, strict=True)
+        lagged = [drive.moment for drive, source in sources if source.time_constant is not None]
+        commanded = ca.vertcat(*(value for moment in lagged for value in (ca.SX(moment), 0.0)))
         return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
     forward_dynamics = named("x u w p", xd=lambda eq: eq.state_rate)

@@ -6,10 +6,13 @@ import itertools
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
+from continuum_grasp.scene.profile import Profile
 
 DEFAULT_RANGE = 2 * math.pi / 3
 """Bending range of one element by default [rad]; equation (44) of the paper."""
@@ -25,17 +28,22 @@ _LEAST = 1e-6
 of the finger's, which is below rounding."""
 MOST_ELEMENTS = 64
 """Most elements [1]: four times as many as a tolerance ever chooses, and the expressions grow with the square."""
+_FINE = 400
+"""Parts of each smooth part of a rod over which its waves are counted [1]: boundaries are then off by 1e-5 of it."""
 _WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
 
 def element_lengths(
-    length: float, contacts: Sequence[float], elements: int | Sequence[float] | None
+    profile: Profile, contacts: Sequence[float], elements: int | Sequence[float] | None
 ) -> tuple[float, ...]:
     """Lengths of the elements from base to tip [m], with a boundary at each contact [m].
 
     ``elements`` is their number, or their lengths; None: two, or one per segment between contacts where that is more.
+    Between contacts they have equal shares of the integral of (rho A / E I)^(1/4), which goes with the local length of
+    bending waves: equal lengths where the rod is uniform.
     """
+    length = profile.length
     edges = [0.0, *contacts, length]
     if any(not b > a for a, b in itertools.pairwise(edges)):
         message = f"contacts must increase between 0 and the length {length} m, got {list(contacts)}"
@@ -52,12 +60,39 @@ def element_lengths(
     if count < len(segments):
         message = f"{len(contacts)} contacts need at least {len(segments)} elements, got {count}"
         raise InputError(message, key="elements")
+    waves = _Waves(profile)
+    counts = [waves.upto(b) - waves.upto(a) for a, b in itertools.pairwise(edges)]
     # Even out: each further element goes to the segment whose elements are longest.
     shares = [1] * len(segments)
     for _ in range(count - len(segments)):
-        longest = max(range(len(segments)), key=lambda k: segments[k] / shares[k])
+        longest = max(range(len(segments)), key=lambda k: counts[k] / shares[k])
         shares[longest] += 1
-    return tuple(h / n for h, n in zip(segments, shares, strict=True) for _ in range(n))
+    return tuple(h for a, b, n in zip(edges, edges[1:], shares, strict=False) for h in waves.parted(a, b, n))
+
+
+class _Waves:
+    """The integral of (rho A / E I)^(1/4) along a rod; the position itself where the rod is uniform."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._even = profile.uniform
+        if self._even:
+            return
+        s = np.unique(np.concatenate([np.linspace(a, b, _FINE + 1) for a, b in profile.panels()]))
+        middle = 0.5 * (s[1:] + s[:-1])
+        density = (profile.linear_density(middle) / profile.bending_stiffness(middle)) ** 0.25
+        self._s, self._sum = s, np.concatenate([[0.0], np.cumsum(density * np.diff(s))])
+
+    def upto(self, at: float) -> float:
+        """The integral from the base to a position [m]."""
+        return at if self._even else float(np.interp(at, self._s, self._sum))
+
+    def parted(self, start: float, end: float, count: int) -> list[float]:
+        """Lengths of parts of equal integral [m]."""
+        if self._even or count == 1:
+            return [(end - start) / count] * count
+        targets = np.linspace(self.upto(start), self.upto(end), count + 1)[1:-1]
+        edges = [start, *np.interp(targets, self._sum, self._s).tolist(), end]
+        return [b - a for a, b in itertools.pairwise(edges)]
 
 
 def with_breaks(
@@ -79,8 +114,10 @@ def with_breaks(
             marks.extend(places)
 
     # Where two are too near for an element, the first one stays: jumps of the curvature before those of its slope.
-    for start, _, _ in finger.curvature_pieces[1:]:
-        add(start)
+    profile = finger.profile
+    mechanics = (profile.rest_curvature, profile.bending_stiffness, profile.linear_density)
+    for at in sorted({at for curve in mechanics for at in curve.jumps}):
+        add(at)
     for load in loads:
         if isinstance(load, MomentLoad) and continuous:
             taken = any(abs(load.at - other) <= _SNAP * length for other in marks)

@@ -10,7 +10,7 @@ sign ever has to be changed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
@@ -66,6 +66,15 @@ class Link(ABC):
     def section(self, fraction: Scalar) -> Section:
         """The section at a fraction of the length, 0 at the start and 1 at the end."""
 
+    @abstractmethod
+    def bend(self, fraction: Scalar) -> Scalar:
+        """Bending angle from the start to the section at a fraction of the length [rad]."""
+
+    @property
+    @abstractmethod
+    def curvatures(self) -> list[Scalar]:
+        """Curvature [1/m] at the ``places`` of the family, then wherever else it may be greatest."""
+
     @property
     @abstractmethod
     def waypoints(self) -> tuple[tuple[float, Vec], ...]:
@@ -89,40 +98,75 @@ class Link(ABC):
 
 
 @dataclass(frozen=True)
+class EndBody:
+    """A rigid body at the end section of a link, in the axes of that."""
+
+    mass: float  # [kg]
+    rotary_inertia: float  # about its center of mass [kg m2]
+    center: Vec  # [m]
+
+
+@dataclass(frozen=True)
 class LoadedLink:
-    """A link with the point masses that it carries: (fraction of the length, mass [kg])."""
+    """A link with the point masses that it carries, (fraction of the length, mass [kg]), and a body at its end."""
 
     link: Link
     masses: tuple[tuple[Scalar, Scalar], ...]
+    body: EndBody | None = None
+
+    def _carried(self) -> Iterator[tuple[Scalar, Scalar, Vec, tuple[Vec, ...]]]:
+        """Fraction, mass, position and arms of point masses, and of the body's center of mass."""
+        for fraction, mass in self.masses:
+            section = self.link.section(fraction)
+            yield fraction, mass, section.position, section.arms
+        if self.body is not None:
+            end = self.link.end
+            lever = end.rotation.apply(self.body.center)
+            arms = tuple(arm + lever.scaled(angle) for arm, angle in zip(end.arms, end.angles, strict=True))
+            yield 1.0, self.body.mass, end.position + lever, arms
 
     def inertia(self) -> Inertia:
         """Mass integrals with the point masses."""
         total = self.link.inertia
-        for fraction, mass in self.masses:
-            section = self.link.section(fraction)
-            r, arms = section.position.scaled(mass), [arm.scaled(mass) for arm in section.arms]
+        for _, mass, position, moved in self._carried():
+            r, arms = position.scaled(mass), [arm.scaled(mass) for arm in moved]
             pairs = range(len(arms))
             total = Inertia(
                 mass=total.mass + mass,
                 first=total.first + r,
-                second=total.second + r.dot(section.position),
+                second=total.second + r.dot(position),
                 arms=tuple(a + b for a, b in zip(total.arms, arms, strict=True)),
-                swing=tuple(s + r.dot(arm) for s, arm in zip(total.swing, section.arms, strict=True)),
-                matrix=tuple(tuple(total.matrix[a][b] + arms[a].dot(section.arms[b]) for b in pairs) for a in pairs),
+                swing=tuple(s + r.dot(arm) for s, arm in zip(total.swing, moved, strict=True)),
+                matrix=tuple(tuple(total.matrix[a][b] + arms[a].dot(moved[b]) for b in pairs) for a in pairs),
+            )
+        if self.body is not None and self.body.rotary_inertia > 0.0:
+            turned, angles = self.body.rotary_inertia, self.link.end.angles
+            total = replace(
+                total,
+                second=total.second + turned,
+                swing=tuple(s + turned * angle for s, angle in zip(total.swing, angles, strict=True)),
+                matrix=tuple(
+                    tuple(entry + turned * a * b for entry, b in zip(row, angles, strict=True))
+                    for row, a in zip(total.matrix, angles, strict=True)
+                ),
             )
         return total
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
         """Velocity-product terms with the point masses."""
         total = self.link.bias(omega, rates)
-        for fraction, mass in self.masses:
-            section = self.link.section(fraction)
-            force = self.link.section_bias(fraction, omega, rates).scaled(mass)
+        for k, (fraction, mass, position, arms) in enumerate(self._carried()):
+            pulled = self.link.section_bias(fraction, omega, rates)
+            if self.body is not None and k == len(self.masses):
+                end = self.link.end
+                spin = sum((angle * rate for angle, rate in zip(end.angles, rates, strict=True)), omega)
+                pulled += end.rotation.apply(self.body.center).scaled(spin * spin)
+            force = pulled.scaled(mass)
             total = replace(
                 total,
                 force=total.force + force,
-                moment=total.moment + section.position.cross(force),
+                moment=total.moment + position.cross(force),
                 # perp(arm) . force = arm x force: why generalized forces are cross products of arms
-                generalized=tuple(q + arm.cross(force) for q, arm in zip(total.generalized, section.arms, strict=True)),
+                generalized=tuple(q + arm.cross(force) for q, arm in zip(total.generalized, arms, strict=True)),
             )
         return total

@@ -9,7 +9,8 @@ import casadi as ca
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger, PiecewiseCurvature
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.tendons import Tendons
 
 _UNITS = {
     "base_angle": "rad",
@@ -25,6 +26,8 @@ _UNITS = {
     "tendon_friction": "1",
     "tip_mass": "kg",
 }
+FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
+"""Parameters that are factors of the profile [1] where the rod is graded."""
 
 
 class Parameters:
@@ -33,6 +36,7 @@ class Parameters:
     def __init__(
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
+        self._graded = finger.profile.graded
         self._nominal = _nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -62,7 +66,7 @@ class Parameters:
         labels = []
         for name in self.names:
             count = len(self._nominal[name])
-            unit = _UNITS.get(name, "kg")
+            unit = "1" if self._graded and name in FACTORS else _UNITS.get(name, "kg")
             tags = [name] if count == 1 else [f"{name}_{'xy'[k] if name == 'gravity' else k + 1}" for k in range(count)]
             labels += [f"{tag} [{unit}]" for tag in tags]
         return labels
@@ -83,14 +87,14 @@ class Parameters:
 
 
 def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
-    rod, tendons, length = finger.rod, finger.tendon_pair, finger.rod.length
+    rod, length, graded = finger.rod, finger.rod.length, finger.profile.graded
     values = {
         "base_angle": [finger.base.angle],
         "gravity": [float(g) for g in gravity],
         "element_lengths": [float(h) for h in lengths],
-        "linear_density": [rod.mass_per_length],
-        "bending_stiffness": [rod.stiffness],
-        "rotary_inertia": [rod.inertia_per_length],
+        "linear_density": [1.0 if graded else rod.mass_per_length],
+        "bending_stiffness": [1.0 if graded else rod.stiffness],
+        "rotary_inertia": [1.0 if graded else rod.inertia_per_length],
         "material_damping": [finger.damping.material],
         "per_arc_damping": [finger.damping.per_arc],
         "tip_mass": [sum(m.mass for m in finger.masses if at_tip(m.at, length))],
@@ -98,11 +102,15 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
     for k, mass in enumerate(finger.masses):
         if not at_tip(mass.at, length):
             values[f"mass_{k}"] = [mass.mass]
-    if tendons is not None:
-        values["tendon_offset"] = [tendons.offset]
-        values["tendon_friction"] = [tendons.friction]
-    if not isinstance(finger.rest_curvature, PiecewiseCurvature):
-        values["rest_curvature"] = [float(finger.rest_curvature)]
+    if isinstance(finger.tendons, Tendons):
+        values["tendon_offset"] = [finger.tendons.offset]
+    frictions = sorted({tendon.friction for tendon in finger.tendon_list})
+    if len(frictions) > 1:
+        raise InputError(f"expected one friction coefficient for all tendons, got {frictions}", key="finger.tendons")
+    if frictions:
+        values["tendon_friction"] = frictions
+    if finger.profile.rest_curvature.constant is not None:
+        values["rest_curvature"] = [finger.profile.rest_curvature.constant]
     return {name: [float(v) for v in value] for name, value in values.items()}
 
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from itertools import accumulate, pairwise
+from dataclasses import replace
+from itertools import count
 from operator import truediv
 
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import InputLayout
+from continuum_grasp.model.actuation import InputLayout, Source
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
-from continuum_grasp.model.family import Family, family_class
+from continuum_grasp.model.family import Array, Family, Mesh, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
+from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Initial, Scene
 
 
@@ -47,13 +50,14 @@ class Structure:
         self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else tip_force
         gravity = choices.numbers("gravity", 2) or (0.0, -9.81)
         elements = choices.elements()
-        self.lengths = element_lengths(self.length, self.contacts, elements)
+        profile = self.finger.profile
+        self.lengths = element_lengths(profile, self.contacts, elements)
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
             continuous = family_class(choices.word("family", FAMILIES) or default_family(free_tip=True)).continuous
             breaks = with_breaks(self.contacts, self.finger, (*self.loads, *held), continuous=continuous)
-            self.lengths = element_lengths(self.length, breaks, None)
+            self.lengths = element_lengths(profile, breaks, None)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger.curvature_limit)
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
         self.accuracy = choices.number("accuracy")
@@ -62,24 +66,36 @@ class Structure:
         input_rates = choices.switch("input_rates")
         self.family_name = choices.word("family", FAMILIES) or self._default_family(scene, input_rates)
         self.inputs = self._input_layout(input_rates, self._input_varies(scene))
+        self.sources = self._sources()
+        self.mesh = self._mesh()
         self.family = self._make_family()
-        self.n = self.family.size - (1 if self.matched else 0)
+        self.n = self.family.size - len(self.family.known)
         self._name_entries()
         for k, load in enumerate(self.loads):
             if not 0.0 <= load.at <= self.length * (1 + 1e-9):
                 message = f"position {load.at} m is not on the finger of {self.length} m"
                 raise InputError(message, key=f"loads[{k}].at")
-        if self.parameters.is_runtime("element_lengths") and len(self.finger.curvature_pieces) > 1:
-            raise InputError(
-                "a piecewise rest curvature needs element_lengths that are not run-time arguments",
-                key=f"parameters[{self.parameters.names.index('element_lengths')}]",
-            )
+        if self.parameters.is_runtime("element_lengths"):
+            shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]
+            curves = [(profile.rest_curvature, "a piecewise rest curvature"), *shapes]
+            why = next((word for curve, word in curves if curve.constant is None), None)
+            if why is not None or profile.graded:
+                raise InputError(
+                    f"{why or 'a graded rod'} needs element_lengths that are not run-time arguments",
+                    key=f"parameters[{self.parameters.names.index('element_lengths')}]",
+                )
         if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
 
     def check_initial(self, initial: Initial) -> None:
         """Raise InputError where coordinates or rates at time zero are not as many as the model has."""
-        for name, given in (("q", initial.q), ("qd", initial.qd)):
+        if initial.q is not None and any(" above rest " in name for name in self.q_names):
+            raise InputError(
+                "this finger is curved at rest, and coordinates count from there since version 0.3: write "
+                f"q_above_rest for {', '.join(self.q_names)}",
+                key="initial.q",
+            )
+        for name, given in (("q", initial.q), ("q_above_rest", initial.q_above_rest), ("qd", initial.qd)):
             if given is not None and len(given) != self.n:
                 raise InputError(
                     f"{name} has {len(given)} entries, the {self.family_name} model has {self.n}: "
@@ -94,34 +110,59 @@ class Structure:
 
     @property
     def lagged(self) -> bool:
-        """Whether the tip moment is a state."""
-        return self.finger.tendon_pair is not None and self.finger.tendon_pair.time_constant is not None
+        """Whether moments of the tendons are states."""
+        return any(channel.time_constant is not None for channel in self.finger.channels)
 
     @property
     def moment_is_constant(self) -> bool:
-        """Whether the tip moves with its moment, whose rates the model leaves out: it must not vary."""
+        """Whether the finger moves with known moments, whose rates the model leaves out: they must not vary."""
         return self.matched and not self.inputs.rates and not self.lagged
 
     @property
     def has_tendon_friction(self) -> bool:
         """Whether tendon friction is modeled."""
-        tendons = self.finger.tendon_pair
-        return tendons is not None and (tendons.friction > 0.0 or self.parameters.is_runtime("tendon_friction"))
+        return self.finger.has_tendon_friction or self.parameters.is_runtime("tendon_friction")
+
+    @property
+    def needs_free_tip(self) -> bool:
+        """Whether what the input bends is not known beforehand."""
+        return self.finger.needs_free_tip or self.has_tendon_friction
 
     def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
-        """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range."""
-        return self._limits(self.family.coordinate_size, self.lengths if lengths is None else lengths)[: self.n]
+        """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range.
+
+        Above the shape at rest.
+        """
+        limits = self._limits(self.family.coordinate_size, self.lengths if lengths is None else lengths)
+        return limits[: self.n]
+
+    def straight(self) -> Array:
+        """Coordinates (n) of the straight finger, or near it where the shape at rest is not one of the family's."""
+        flat = np.zeros((len(self.lengths), self.family.degree + 1))
+        return self.family.coordinates(flat[:, 0], flat)[: self.n]
+
+    def lag_at(self, u: Sequence[float]) -> list[float]:
+        """States of the lag of the tendons that has reached an input (nu)."""
+        drives, found = max(self.inputs.tendons, 1), []
+        for source in self.sources:
+            if source.time_constant is not None:
+                driven, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], drives)
+                found += [float(driven), 0.0]
+        return found
 
     @property
     def curvature_limits(self) -> list[float]:
         """Greatest absolute values [1/m] of what ``System.curvature`` gives, as far as the bending ranges go."""
-        return self._limits(truediv, self.lengths)
+        count = len(self.family.labels)
+        return self._limits(truediv, self.lengths)[:count]
 
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
-        per_element = [size(reach, h) for reach, h in zip(self.ranges, lengths, strict=True)]
-        # Neighbors may share a coordinate: the tighter one limits it.
-        bent = [(limit, self.family.local(k)) for k, limit in enumerate(per_element)]
-        return [min(limit for limit, local in bent if a in local) for a in range(self.family.size)]
+        limits = [math.inf] * self.family.size
+        for k, (reach, h) in enumerate(zip(self.ranges, lengths, strict=True)):
+            # Neighbors may share a coordinate: the tighter one limits it.
+            for a in self.family.local(k):
+                limits[a] = min(limits[a], size(reach, h) / self.family.peak(k, a))
+        return limits
 
     @property
     def tip(self) -> Place:
@@ -146,12 +187,18 @@ class Structure:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
-        jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        free = self.has_tendon_friction or self._tip_couple_varies() or jumps or unknown
+        jumps = (
+            scene is not None
+            and scene.time is not None
+            and scene.initial.coordinates is None
+            and tip_moment_jumps(scene)
+        )
+        free = self.needs_free_tip or self._tip_couple_varies() or jumps or unknown
         return default_family(free_tip=free)
 
     def _tip_couple_varies(self) -> bool:
-        return any(isinstance(load.moment, Samples) for load in _tip_couples(self.loads, self.length))
+        couples = [load for load in self.loads if isinstance(load, MomentLoad) and self._is_input(load)]
+        return any(isinstance(load.moment, Samples) for load in couples)
 
     def _input_varies(self, scene: Scene | None) -> bool:
         if self._tip_couple_varies():
@@ -162,10 +209,12 @@ class Structure:
         return any(isinstance(value, Samples) for value in inputs)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
-        if self.matched and self.has_tendon_friction:
+        if self.matched and self.needs_free_tip:
+            why = {"tendon friction": self.has_tendon_friction, "stops": self.finger.stops is not None}
+            what = next((word for word, there in why.items() if there), "a body at the tip that turns with it")
             raise InputError(
-                f"{self.family_name} cannot carry tendon friction (the moment at the tip then depends on the whole "
-                f"shape): use family {default_family(free_tip=True)}",
+                f"{self.family_name} cannot carry {what} (the moment at the tip then depends on the whole motion): use "
+                f"family {default_family(free_tip=True)}",
                 key="family",
             )
         if input_rates and not self.matched:
@@ -180,8 +229,48 @@ class Structure:
             )
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
-        couples = sum(isinstance(load, MomentLoad) and self.on_tip(load.at) for load in self.loads)
-        return InputLayout(self.finger.tendon_pair is not None, couples, input_rates)
+        names, tip = [], count(1)
+        for k, load in enumerate(self.loads):
+            if self._is_input(load):
+                names.append(f"tip_couple_{next(tip)}" if self.on_tip(load.at) else f"load_{k + 1}_moment")
+        return InputLayout(len(self.finger.tendon_list), tuple(names), input_rates)
+
+    def _is_input(self, load: Load) -> bool:
+        """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
+        return isinstance(load, MomentLoad) and (load.input or self.on_tip(load.at))
+
+    def _sources(self) -> tuple[Source, ...]:
+        """What gives bending moments, one per shape."""
+        whole = Curve.uniform(self.length, 1.0)
+        drives = max(self.inputs.tendons, 1)
+        found = [Source(c.shape, c.arms, (), c.time_constant) for c in self.finger.channels]
+        if not found:
+            found = [Source(whole, (1.0,), (), None)]
+        couples = [load for load in self.loads if self._is_input(load)]
+        for k, load in enumerate(couples):
+            shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
+            for at, source in enumerate(found):
+                if source.shape == shape:
+                    found[at] = replace(source, couples=(*source.couples, k))
+                    break
+            else:
+                found.append(Source(shape, (0.0,) * drives, (k,), None))
+        return tuple(found)
+
+    def _mesh(self) -> Mesh:
+        """Elements, with the finger along them."""
+        profile, one = self.finger.profile, Curve.uniform(self.length, 1.0)
+        graded = profile.graded
+        return Mesh(
+            self.lengths,
+            self.ranges,
+            profile.bending_stiffness if graded else one,
+            profile.linear_density if graded else one,
+            profile.rotary_inertia if graded else one,
+            profile.rest_curvature,
+            tuple(source.shape for source in self.sources),
+            self.matched,
+        )
 
     def _make_family(self) -> Family:
         # Quadrature nodes are tabulated up to one turn; the series of arcs reach further.
@@ -192,27 +281,28 @@ class Structure:
                     "more elements",
                     key="bending_range",
                 )
-        return family_class(self.family_name)(len(self.lengths), self.accuracy, self._rest_jumps())
-
-    def _rest_jumps(self) -> list[float]:
-        """Jump of the rest curvature at each inner boundary [1/m]."""
-        pieces, edges = self.finger.curvature_pieces, accumulate(self.lengths[:-1])
-        steps = [(start, after - before) for (_, _, before), (start, _, after) in pairwise(pieces)]
-        return [sum(step for at, step in steps if abs(at - edge) <= 1e-9 * self.length) for edge in edges]
+        return family_class(self.family_name)(self.mesh, self.accuracy)
 
     def _name_entries(self) -> None:
-        self.q_names = self.family.labels[: self.n]
-        self.x_names = self.q_names + [label.replace(" [", "_rate [").replace("]", "/s]") for label in self.q_names]
-        if self.lagged:
-            self.x_names += ["tip_moment [N m]", "tip_moment_rate [N m/s]"]
+        rest = self.finger.profile.rest_curvature
+        above = rest.constant != 0.0 or self.parameters.is_runtime("rest_curvature")
+        labels = [label.replace(" [", " above rest [") if above else label for label in self.family.labels]
+        self.q_names = labels[: self.n]
+        self.x_names = self.q_names + [
+            label.replace(" [", "_rate [").replace("]", "/s]") for label in self.family.labels[: self.n]
+        ]
+        lagged = [k for k, source in enumerate(self.sources) if source.time_constant is not None]
+        for k in lagged:
+            name = "tip_moment" if len(lagged) == 1 else f"moment_{k + 1}"
+            self.x_names += [f"{name} [N m]", f"{name}_rate [N m/s]"]
         self.u_names = self.inputs.labels
         self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]
         if self.tip_force:
             self.w_names += ["tip_x [N]", "tip_y [N]"]
         self.load_entries: list[tuple[str, int]] = []
-        next_couple = self.inputs.count - self.inputs.couples
+        next_couple = self.inputs.count - len(self.inputs.couples)
         for k, load in enumerate(self.loads):
-            if isinstance(load, MomentLoad) and self.on_tip(load.at):
+            if self._is_input(load):
                 self.load_entries.append(("u", next_couple))
                 next_couple += 1
                 continue
@@ -233,13 +323,19 @@ def tip_moment_jumps(scene: Scene) -> bool:
     if initial.pose == "equilibrium":
         return bool(_tip_couples(initial.held_by, length))
     moment = sum(_at_zero(load.moment) for load in _tip_couples(scene.loads, length))
+    inside = [_at_zero(load.moment) for load in scene.loads if isinstance(load, MomentLoad) and load.input]
     if actuation is not None and actuation.tensions is not None:
-        offset = scene.finger.tendon_pair.offset if scene.finger.tendon_pair else 0.0
-        moment += (_at_zero(actuation.tensions[0]) - _at_zero(actuation.tensions[1])) * offset
+        pulls = [_at_zero(tension) for tension in actuation.tensions]
+        for channel in scene.finger.channels:
+            amplitude = sum(arm * pull for arm, pull in zip(channel.arms, pulls, strict=True))
+            if channel.shape.constant is None:
+                inside.append(amplitude)
+            else:
+                moment += amplitude
     elif actuation is not None:
         moment += _at_zero(actuation.tip_moment or 0.0)
-    curvature = scene.finger.curvature_pieces[-1][2] if initial.pose != "rest" else 0.0
-    return moment != 0.0 or curvature != 0.0
+    curvature = float(scene.finger.profile.rest_curvature(length)) if initial.pose != "rest" else 0.0
+    return moment != 0.0 or curvature != 0.0 or any(inside)
 
 
 def _tip_couples(loads: Sequence[Load], length: float) -> list[MomentLoad]:

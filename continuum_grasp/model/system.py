@@ -195,10 +195,7 @@ class System(Functions):
             If something has the wrong size.
         """
         bends, rates, inputs = (_vector(*v) for v in (("q", q, self.n), ("qd", qd, self.n), ("u", u, self.nu)))
-        x = [*bends, *rates]
-        tendons = self.finger_model.finger.tendon_pair
-        if self.finger_model.structure.lagged and tendons is not None:
-            x += [(inputs[0] - inputs[1]) * tendons.offset, 0.0]
+        x = [*bends, *rates, *self.finger_model.structure.lag_at(inputs)]
         start = self._equations.body.start if self._equations.body else []
         if pose is not None:
             given = np.asarray(pose, dtype=float).ravel()

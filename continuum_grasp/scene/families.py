@@ -27,9 +27,9 @@ ONE_TURN = 6.3
 
 FAMILIES = {
     "arc": CurvatureFamily("continuum_grasp.model.arc:ArcFamily"),
-    "clothoid": CurvatureFamily("continuum_grasp.model.clothoid:ClothoidFamily", one_turn=True),
+    "clothoid": CurvatureFamily("continuum_grasp.model.moment_linear:MomentLinearFamily", one_turn=True),
     "matched_clothoid": CurvatureFamily(
-        "continuum_grasp.model.clothoid:ClothoidFamily", matches_tip=True, one_turn=True
+        "continuum_grasp.model.moment_linear:MomentLinearFamily", matches_tip=True, one_turn=True
     ),
 }
 """All families by name, from coarse to fine; a new one is a line here."""

@@ -274,19 +274,32 @@ class Finger(Value):
         return self.tendons
 
     @property
+    def tendon_friction(self) -> float:
+        """Capstan friction coefficient of the tendons [1]."""
+        return max((tendon.friction for tendon in self.tendon_list), default=0.0)
+
+    @property
     def has_tendon_friction(self) -> bool:
-        """Whether a tendon has friction."""
-        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
+        """Whether the tendons have friction."""
+        return self.tendon_friction > 0.0
 
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        return self.has_tendon_friction or self.stops is not None
+        return self.has_tendon_friction or self.stops is not None or self._tip_bears_moments
+
+    @property
+    def _tip_bears_moments(self) -> bool:
+        """Whether the motion of a body at the tip bends the finger there."""
+        return self.tip_body is not None and (
+            self.tip_body.rotary_inertia > 0.0 or self.tip_body.center_of_mass != (0.0, 0.0)
+        )
 
     def check_family(self, key: str, family: str) -> None:
         """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does."""
         if FAMILIES[family].matches_tip and self.needs_free_tip:
-            what = "tendon friction" if self.has_tendon_friction else "stops"
+            why = {"tendon friction": self.has_tendon_friction, "stops": self.stops is not None}
+            what = next((word for word, there in why.items() if there), "a body at the tip that turns with it")
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
             raise ValueError(f"{key}: {family} cannot carry {what}; use {free}")
 

@@ -64,13 +64,17 @@ class Initial(Value):
     held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     """Constant loads that hold the equilibrium pose and are released at time zero."""
     q: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
-    """Bending coordinates: angles [rad] (arcs) or nodal curvatures [1/m] (clothoids)."""
+    """Bending coordinates of a finger that is straight at rest: angles [rad] (arcs) or nodal curvatures [1/m]
+    (clothoids)."""
+    q_above_rest: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
+    """Bending coordinates of any finger, less those that it has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
+    (clothoids)."""
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
 
     def _check(self) -> None:
-        check_one_given(self, "pose", "q")
-        if self.qd is not None and self.q is None:
+        check_one_given(self, "pose", "q", "q_above_rest")
+        if self.qd is not None and self.coordinates is None:
             raise ValueError("qd needs q; a named pose is at rest")
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
@@ -80,6 +84,11 @@ class Initial(Value):
             value = load.force if load.kind == "force" else load.moment
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
+
+    @property
+    def coordinates(self) -> tuple[float, ...] | None:
+        """Bending coordinates above rest, where they are given."""
+        return self.q_above_rest if self.q is None else self.q
 
 
 MOST_STATES = 10_000_000

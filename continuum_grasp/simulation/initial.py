@@ -56,23 +56,18 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
     q, qd = np.zeros(n), np.zeros(n)
-    if initial.q is not None:
+    if initial.coordinates is not None:
         model.structure.check_initial(initial)
-        q = np.array(initial.q, dtype=float)
+        q = np.array(initial.coordinates, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
         held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
         acting = Signals(scene, held)
         q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0]).q
-    elif initial.pose == "rest":  # bent by its rest curvature alone
-        bare = _statics_model(scene, model, loads=(), gravity=(0.0, 0.0))
-        q = equilibrium_under(bare, np.zeros(bare.nu), np.zeros(bare.nw)).q
-    if model.nx == 2 * n:
-        return np.concatenate([q, qd])
+    elif initial.pose == "straight":
+        q = model.structure.straight()
     # The lag has reached what the tensions command at time zero: nothing moves because of it.
-    tendons = scene.finger.tendon_pair
-    moment = (u[0] - u[1]) * tendons.offset if tendons is not None else 0.0
-    return np.concatenate([q, qd, [moment, 0.0]])
+    return np.concatenate([q, qd, model.structure.lag_at(u)])
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

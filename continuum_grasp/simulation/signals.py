@@ -92,7 +92,7 @@ class Signals:
 
     def _actuation(self, scene: Scene) -> list[float | Samples]:
         if scene.actuation is None:
-            return [0.0, 0.0] if self._model.structure.inputs.tendons else [0.0]
+            return [0.0] * max(self._model.structure.inputs.tendons, 1)
         if scene.actuation.tensions is not None:
             return list(scene.actuation.tensions)
         return [scene.actuation.tip_moment if scene.actuation.tip_moment is not None else 0.0]
@@ -114,7 +114,7 @@ class Signals:
         tendons = self._model.finger.tendon_pair
         # The lag rounds off what the tensions do; a tenth of it resolves its exponential.
         lag = 0.0 if tendons is None else tendons.time_constant or 0.0
-        drive = self._values[:2] if step <= 0.1 * lag else []
+        drive = self._values[: self._model.structure.inputs.tendons] if step <= 0.1 * lag else []
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
         shortest = min((gap for value in felt for gap in _changes(value, duration)), default=math.inf)
         if not shortest < step * (1 - 1e-9):

@@ -12,10 +12,10 @@ import pytest
 
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.chain import Chain, Place
-from continuum_grasp.model.clothoid import Clothoid
 from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.moment_linear import Clothoid
 from continuum_grasp.model.planar import ZERO, Vec, column
-from continuum_grasp.model.quadrature import _ERRORS, RANGES
+from continuum_grasp.model.quadrature import _ERRORS, RANGES, collocation
 from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
 from continuum_grasp.scene import BasePose, Damping, PointMass, Tendons
 from tests.finger_cases import (
@@ -217,7 +217,8 @@ def test_tendon_friction_follows_the_capstan_law(family):
 def test_tendon_friction_does_not_depend_on_the_number_of_elements():
     """Bends add up: a finger bent to a circle loses the same share of tension in any number of arcs."""
     friction, bend = 0.4, 0.05
-    finger = Case().with_finger(tendons=TENDONS.model_copy(update={"friction": friction})).finger
+    sticky = TENDONS.model_copy(update={"friction": friction})
+    finger = Case().with_finger(tendons=sticky, rest_curvature=0.0).finger
     moment = TENDONS.offset * 2.0
     for count in (2, 16, 64):
         model = FingerModel(finger, family="arc", elements=count)
@@ -255,7 +256,7 @@ def test_arcs_as_accurate_as_asked_for(accuracy, reach):
 def element(reach: float, nodes: int) -> ca.Function:
     """Mass matrix, bias, gravity and end point of one clothoid of length and density 1 along X."""
     q, qd, g = ca.SX.sym("q", 2), ca.SX.sym("qd", 2), ca.SX.sym("g", 2)
-    link = LoadedLink(Clothoid([q[0], q[1]], 1.0, 1.0, 0.0, reach, nodes), ())
+    link = LoadedLink(Clothoid([q[0], q[1]], 1.0, 1.0, 0.0, reach, collocation(nodes)), ())
     chain = Chain([link], [(0, 1)], 2)
     mass = ca.vertcat(*[ca.horzcat(*row) for row in chain.mass_matrix])
     bias = -column(chain.motion_forces([qd[0], qd[1]], ZERO))
@@ -357,7 +358,8 @@ def test_economised_rotation(reach):
 
 
 def test_leaving_the_range_is_reported():
-    model = Case().model("arc", bending_range=0.5)
+    case = Case().with_finger(rest_curvature=0.0)
+    model = case.model("arc", bending_range=0.5)
     assert evaluate(model.range_use, [0.25, -1.0], [0.0], []) == pytest.approx([0.5, 2.0])
-    model = Case().model("clothoid", (0.2, 0.4), bending_range=0.5)
+    model = case.model("clothoid", (0.2, 0.4), bending_range=0.5)
     assert evaluate(model.range_use, [2.5, -1.0, 0.0], [0.0], []) == pytest.approx([1.0, 0.8])

@@ -16,10 +16,9 @@ __all__ = ["Rod", "TruthFinger", "christoffel_bias", "ctx", "matched_tip", "to_n
 
 
 def matched_tip(finger: TruthFinger, tau=0, rate=0, acceleration=0) -> tuple:
-    """Tip curvature of a matched clothoid under a tip moment [N m], with its rate and acceleration."""
+    """Tip curvature above rest of a matched clothoid under a tip moment [N m], with its rate and acceleration."""
     stiffness = ctx.mpf(finger.bending_stiffness)
-    rest = finger.pieces[-1][2]
-    return rest + ctx.mpf(tau) / stiffness, ctx.mpf(rate) / stiffness, ctx.mpf(acceleration) / stiffness
+    return ctx.mpf(tau) / stiffness, ctx.mpf(rate) / stiffness, ctx.mpf(acceleration) / stiffness
 
 
 def to_numpy(value) -> np.ndarray:

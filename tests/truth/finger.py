@@ -17,7 +17,8 @@ class TruthFinger:
 
     The unknowns q are the bending angles of the elements [rad] ("arc"), all nodal curvatures [1/m]
     ("clothoid"), all nodal curvatures but the last, which is prescribed ("matched_clothoid"), or the
-    curvatures at start, middle and end of each element ("quadratic").
+    curvatures at start, middle and end of each element ("quadratic"); all above those at rest, of which arcs
+    and quadratics have the mean on each element.
     """
 
     lengths: Sequence
@@ -74,6 +75,18 @@ class TruthFinger:
         if isinstance(self.rest_curvature, (list, tuple)):
             return [tuple(ctx.mpf(v) for v in piece) for piece in self.rest_curvature]
         return [(ctx.mpf(0), self.edges[-1], ctx.mpf(self.rest_curvature))]
+
+
+def rest_of(finger: TruthFinger, e: int) -> list:
+    """Rest curvature on an element, as (start, end, value) from its start."""
+    a, b = finger.edges[e : e + 2]
+    parts = [(max(a, start) - a, min(b, end) - a, value) for start, end, value in finger.pieces]
+    parts = [part for part in parts if part[1] > part[0]]
+    # The last piece reaches to the tip however the lengths were rounded.
+    parts[-1] = (parts[-1][0], b - a, parts[-1][2])
+    if finger.family.endswith("clothoid"):
+        return parts
+    return [(ctx.mpf(0), b - a, ctx.fsum((high - low) * value for low, high, value in parts) / (b - a))]
 
 
 class Shape(NamedTuple):

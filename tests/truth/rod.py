@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tests.truth.finger import TruthFinger, shapes
+from tests.truth.finger import TruthFinger, rest_of, shapes
 from tests.truth.quadrature import NODES, ctx, gauss
 
 
@@ -50,6 +50,12 @@ class Rod:
             self._tip_acceleration = ctx.mpf(tip[2])
         self._shapes = shapes(finger)
         self._edges = finger.edges
+        self._rest = [rest_of(finger, e) for e in range(len(finger.lengths))]
+        self._rest_starts = [ctx.mpf(0)]
+        for parts in self._rest:
+            self._rest_starts.append(self._rest_starts[-1] + ctx.fsum((b - a) * k for a, b, k in parts))
+        # Elements in parts on which all is smooth: (element, start from that of the element, length).
+        self._panels = [(e, a, b - a) for e, parts in enumerate(self._rest) for a, b, _ in parts]
         self._gravity = [ctx.mpf(v) for v in finger.gravity]
         self._sweep()
         self._internal()
@@ -60,7 +66,8 @@ class Rod:
         """At x of element e: tangent, columns n phi_j of J, and -t (d angle/dt)^2, each as x and y."""
         row = self._shapes[e]
         phi = [shape.angle(x) for shape in row]
-        angle = ctx.mpf(self.finger.base_angle) + ctx.fdot(phi, self._q)
+        bent = ctx.fsum((min(x, b) - a) * k for a, b, k in self._rest[e] if x > a)
+        angle = ctx.mpf(self.finger.base_angle) + self._rest_starts[e] + bent + ctx.fdot(phi, self._q)
         rate = ctx.fdot(phi, self._qd)
         c, s = ctx.cos_sin(angle)
         columns = [(-c * f, -s * f) for f in phi]
@@ -76,9 +83,8 @@ class Rod:
         mass = ctx.zeros(m, m)
         bias, gravity = [zero] * m, [zero] * m
         moment = [zero, zero]  # integral of rho r
-        for e, length in enumerate(f.lengths):
-            h = ctx.mpf(length)
-            samples = [self._integrands(e, h * u) for u in rule.nodes]
+        for e, offset, h in self._panels:
+            samples = [self._integrands(e, offset + h * u) for u in rule.nodes]
             active = [j for j in range(m) if self._shapes[e][j].active]
             curves = [[p[3][0] for p in samples], [p[3][1] for p in samples]]
             for j in range(m):
@@ -137,6 +143,14 @@ class Rod:
         self.kinetic = sum(self._qd[i] * mass[i, j] * self._qd[j] for i in range(m) for j in range(m)) / 2
         self.potential = potential
 
+    def _panel(self, s):
+        """Panel of s, its element and start there, and the distance from its start."""
+        e, x = self._locate(s)
+        k = max(
+            k for k, (element, offset, _) in enumerate(self._panels) if element == e and (offset <= x or not offset)
+        )
+        return k, e, self._panels[k][1], x - self._panels[k][1]
+
     def _locate(self, s):
         s = ctx.mpf(s)
         e = len(self.finger.lengths) - 1
@@ -146,10 +160,10 @@ class Rod:
 
     def _at(self, s) -> list:
         """Position, Jacobian columns and velocity-product acceleration at s, as one list."""
-        e, x = self._locate(s)
-        samples = [self._integrands(e, x * u) for u in self.rule.nodes]
+        k, e, offset, x = self._panel(s)
+        samples = [self._integrands(e, offset + x * u) for u in self.rule.nodes]
         w = [x * v for v in self.rule.weights]
-        result = list(self._starts[e])
+        result = list(self._starts[k])
         m = self.finger.count
         for axis in (0, 1):
             result[axis] += ctx.fdot(w, [p[3][axis] for p in samples])
@@ -174,12 +188,12 @@ class Rod:
 
     def jacobian_rate(self, s):
         """Time derivative of the Jacobian at s, matrix (2, n)."""
-        target, x_end = self._locate(s)
+        target, _, _, x_end = self._panel(s)
         rate = ctx.zeros(2, self.n)
-        for e in range(target + 1):
-            h = x_end if e == target else ctx.mpf(self.finger.lengths[e])
+        for k, (e, offset, length) in enumerate(self._panels[: target + 1]):
+            h = x_end if k == target else length
             for u, v in zip(self.rule.nodes, self.rule.weights, strict=True):
-                _, turning, phi, (tx, ty), _, _ = self._integrands(e, h * u)
+                _, turning, phi, (tx, ty), _, _ = self._integrands(e, offset + h * u)
                 for j in range(self.n):
                     factor = h * v * phi[j] * turning
                     rate[0, j] -= factor * tx
@@ -197,36 +211,29 @@ class Rod:
         """Bending angle of each element [rad]."""
         return [
             sum((r.angle(ctx.mpf(h)) - r.c0) * v for r, v in zip(row, self._q, strict=True))
-            for row, h in zip(self._shapes, self.finger.lengths, strict=True)
+            + ctx.fsum((b - a) * k for a, b, k in rest)
+            for row, h, rest in zip(self._shapes, self.finger.lengths, self._rest, strict=True)
         ]
 
     # internal forces
 
     def _internal(self) -> None:
-        """Elastic and damping forces and the elastic energy, on pieces where all is polynomial."""
+        """Elastic and damping forces and the elastic energy; all is polynomial."""
         f, n, m = self.finger, self.n, self.finger.count
         rule = gauss(4)
         stiffness, eta = ctx.mpf(f.bending_stiffness), ctx.mpf(f.material_damping)
         self.elastic, self.damping = ctx.zeros(n, 1), ctx.zeros(n, 1)
         for e, row in enumerate(self._shapes):
             a, b = self._edges[e], self._edges[e + 1]
-            for start, end, rest in f.pieces:
-                low, high = max(a, start), min(b, end)
-                # The last piece reaches to the tip however the lengths were rounded.
-                if end == f.pieces[-1][1] and e == len(self._shapes) - 1:
-                    high = b
-                if high <= low:
-                    continue
-                for u, v in zip(rule.nodes, rule.weights, strict=True):
-                    x = low - a + (high - low) * u
-                    w = (high - low) * v
-                    share = [shape.curvature(x) for shape in row]
-                    strain = sum(share[j] * self._q[j] for j in range(m)) - rest
-                    strain_rate = sum(share[j] * self._qd[j] for j in range(m))
-                    self.potential += w * stiffness * strain * strain / 2
-                    for i in range(n):
-                        self.elastic[i] += w * stiffness * share[i] * strain
-                        self.damping[i] += w * eta * share[i] * strain_rate
+            for u, v in zip(rule.nodes, rule.weights, strict=True):
+                x, w = (b - a) * u, (b - a) * v
+                share = [shape.curvature(x) for shape in row]
+                strain = sum(share[j] * self._q[j] for j in range(m))
+                strain_rate = sum(share[j] * self._qd[j] for j in range(m))
+                self.potential += w * stiffness * strain * strain / 2
+                for i in range(n):
+                    self.elastic[i] += w * stiffness * share[i] * strain
+                    self.damping[i] += w * eta * share[i] * strain_rate
             h = b - a
             bend = [shape.angle(h) - shape.c0 for shape in row]
             rate = sum(bend[j] * self._qd[j] for j in range(m))
