@@ -106,7 +106,7 @@ def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
 def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """Draw the inputs over time, one line each after those of the limits."""
     ax = axes.new_axes(ax)
-    for limit in plan.scene.input_limits:
+    for limit in np.unique(plan.scene.input_limits):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
     style = "default" if plan.scene.input.form == "linear" else "steps-post"
     for column, name, color in zip(plan.u.T, plan.u_names, axes.colors(plan.u.shape[1]), strict=True):
