@@ -23,7 +23,7 @@ FRAMES = 200
 STEPS = (25, 40, 50, 80, 100, 120, 160, 200, 240, 320, 400, 600, 800, 1000, 1200, 1600, 2400, 3200, 4800, 6400)
 """Steps per second that are tried, about as densely as MuJoCo's; those that do not run through are left out."""
 CANDIDATES = {
-    "matched_clothoid": ((1, 2, 3, 4), (1e-2, 1e-4)),
+    "matched_clothoid": ((1, 2, 3, 4, 6, 8), (1e-2, 1e-4)),
     "clothoid": ((1, 2, 3, 4), (1e-2, 1e-4)),
     "arc": ((2, 3, 4, 5, 8), (1e-4,)),
 }

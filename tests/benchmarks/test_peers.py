@@ -9,9 +9,13 @@ import pytest
 
 from benchmarks.baselines.peers import VARIABLE
 from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
+from benchmarks.bench_peers import releases
 from continuum_grasp.accuracy.truth import find_truth
+from continuum_grasp.scene.simulate import Fidelity, Initial, Timing
 from continuum_grasp.simulation.simulate import simulate
 from tests.rods import NITINOL, rod_scene
+
+FRAMES = Timing(duration=1.0, step=0.01)
 
 
 def test_without_an_interpreter_it_says_which_variable_to_set(monkeypatch):
@@ -20,7 +24,12 @@ def test_without_an_interpreter_it_says_which_variable_to_set(monkeypatch):
         ReleasePeers()
 
 
-@pytest.mark.skipif(not os.environ.get(VARIABLE), reason=f"{VARIABLE} names no interpreter with the peer libraries")
+needs_peers = pytest.mark.skipif(
+    not os.environ.get(VARIABLE), reason=f"{VARIABLE} names no interpreter with the peer libraries"
+)
+
+
+@needs_peers
 def test_hinge_chains_converge_to_our_motion_with_second_order():
     scene = rod_scene(
         NITINOL,
@@ -43,3 +52,21 @@ def test_hinge_chains_converge_to_our_motion_with_second_order():
             errors.append(np.sqrt(np.mean(np.sum((tip - ours) ** 2, axis=1))))
     assert errors[0] < 1.2e-3
     assert 3.2 < errors[0] / errors[1] < 4.8
+
+
+@needs_peers
+@pytest.mark.parametrize(("name", "lengths"), [("stepped", (0.24, 0.36)), ("tendon", (0.36, 0.24))])
+def test_constant_curvature_segments_move_like_arcs(name, lengths):
+    """On parts that are uniform both are the same model, by other equations."""
+    scene = releases()[name].scene
+    fidelity = Fidelity(family="arc", elements=lengths)
+    ours = simulate(scene.replaced(initial=Initial(pose="straight"), fidelity=fidelity, time=FRAMES)).tip
+    with ReleasePeers() as peers:
+        try:
+            peers.version("soromox")
+        except PeerError as error:
+            pytest.skip(f"no SoRoMoX there: {error}")
+        rod = describe_rod(scene, find_truth(scene))
+        rod["bend"] = [0.0, 0.0]
+        tip = peers.make("rod", "soromox", rod, {"segments": 2, "steps": 800}, frames=100).tip
+    assert np.abs(tip - ours).max() < 2e-4

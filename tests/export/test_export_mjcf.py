@@ -13,8 +13,8 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.mjcf.chain import lump
 from continuum_grasp.rod import natural_frequencies, solve_elastica
-from continuum_grasp.scene.profile import Curve
-from tests.graded_rods import RODS, graded_scene, stepped
+from tests.closed_forms.graded import stepped_frequencies
+from tests.graded_rods import CLOSED, FREQUENCIES, RODS, sections
 from tests.rods import UNIT, force, rod_scene
 
 mujoco = pytest.importorskip("mujoco")
@@ -24,36 +24,41 @@ def pulled(first, second, **tendon):
     """Two tendons that run alike on both sides."""
     offset = tendon.pop("offset", (0.02, 0.02))
     sides = [{"offset": [sign * e for e in offset], "max_tension": 1.2 * first, **tendon} for sign in (1.0, -1.0)]
-    return {"finger": {"tendons": sides}, "actuation": {"tensions": [first, second]}}
+    return {"finger": {"tendons": sides, "half_thickness": 0.02}, "actuation": {"tensions": [first, second]}}
 
 
 ACROSS, NONE = (0.0, -1.0), (0.0, 0.0)
-MANY_STEPS = stepped(*[(0.02, value, 1.0 / value) for value in [1.0, 0.2] * 25])
+NOTCHES = [1.0, 0.2] * 25
+MANY_STEPS = sections(*[(0.02 * (k + 1), value, 1.0 / value) for k, value in enumerate(NOTCHES)])
 """More jumps than hinges: a tube with notches."""
+STRAIGHT = {
+    **{name: (rod, FREQUENCIES[name]) for name, rod in CLOSED.items()},
+    "fifty notches": (MANY_STEPS, stepped_frequencies([(0.02, value, 1.0 / value) for value in NOTCHES])),
+}
+"""Rods, and their frequencies [rad/s] when straight."""
+BENT = {"breaks": [0.55], "values": [1.5, -3.0]}
 
 SCENES = {
     "uniform, tendons, weight": rod_scene(UNIT, gravity=(-2.0, -1.0), tip_mass=0.2, **pulled(60.0, 5.0)),
-    "cone, tendons to the tip": graded_scene(
-        RODS["cone 0.25"], gravity=ACROSS, **pulled(15.0, 5.0, offset=(0.02, 0.005))
-    ),
-    "cone, tendons that end inside": graded_scene(
+    "cone, tendons to the tip": rod_scene(RODS["cone 0.25"], gravity=ACROSS, **pulled(15.0, 5.0, offset=(0.02, 0.005))),
+    "cone, tendons that end inside": rod_scene(
         RODS["cone 0.25"],
         gravity=ACROSS,
         loads=[force(1.0, (0.02, 0.05))],
         **pulled(60.0, 5.0, offset=(0.02, 0.0137), to=0.63),
     ),
-    "step, couple and force inside": graded_scene(
+    "step, couple and force inside": rod_scene(
         RODS["step"],
         gravity=NONE,
         loads=[{"kind": "moment", "at": 0.31, "moment": 0.5}, force(0.77, (0.1, -0.2), follows=True)],
     ),
-    "bent at rest by pieces": graded_scene(
+    "bent at rest by pieces": rod_scene(
         RODS["step"],
         gravity=(0.1, 0.2),
-        rest=Curve((0.0, 0.55, 1.0), ((1.5,), (-3.0,))),
+        finger={"rest_curvature": BENT},
         loads=[force(1.0, (0.05, -0.1))],
     ),
-    "fifty notches": graded_scene(MANY_STEPS, gravity=ACROSS, loads=[force(1.0, (0.0, 0.5))]),
+    "fifty notches": rod_scene(MANY_STEPS, gravity=ACROSS, loads=[force(1.0, (0.0, 0.5))]),
 }
 
 
@@ -115,14 +120,15 @@ def test_shapes_and_first_frequency_are_those_of_the_rod(name):
         assert chain.frequencies(q, 1) == pytest.approx(exact, rel=0.01)
 
 
-@pytest.mark.parametrize("rod", [*RODS.values(), MANY_STEPS], ids=[*RODS, "fifty notches"])
-def test_a_straight_chain_has_the_frequencies_of_beam_theory(rod):
+@pytest.mark.parametrize("name", STRAIGHT)
+def test_a_straight_chain_has_the_frequencies_of_beam_theory(name):
+    rod, exact = STRAIGHT[name]
     off = []
     for hinges in (20, 40):
-        chain = Chain(graded_scene(rod, gravity=NONE), hinges)
+        chain = Chain(rod_scene(rod, gravity=NONE), hinges)
         found = chain.frequencies(np.zeros(hinges))
         assert chain.chain.first_frequency == pytest.approx(found[0], rel=1e-6)
-        off.append(2.0 * math.pi * found / rod.frequencies - 1.0)
+        off.append(2.0 * math.pi * found / exact - 1.0)
     assert np.abs(off[1][0]) < 0.01
     assert off[0] == pytest.approx(4.0 * off[1], rel=0.3)
 
@@ -195,14 +201,14 @@ def test_stops_have_the_bilinear_law(side, stopped):
 
 def test_a_body_at_the_tip_is_part_of_the_last_link():
     body = {"mass": 0.7, "rotary_inertia": 0.02, "center_of_mass": [0.1, 0.2]}
-    bare, heavy = (lump(rod_scene(UNIT, finger=f).finger, 6) for f in ({}, {"tip_body": body}))
+    bare, heavy = (lump(rod_scene(UNIT, "clothoid", finger=f).finger, 6) for f in ({}, {"tip_body": body}))
     mass = np.array([bare.mass[-1], 0.7])
     places = np.array([[0.0, bare.center[-1]], [0.1, 1.2]])
     center = mass @ places / mass.sum()
     assert (heavy.mass[-1], heavy.across[-1], heavy.center[-1]) == pytest.approx((mass.sum(), *center), rel=1e-12)
     spread = bare.inertia[-1] + 0.02 + mass @ np.sum((places - center) ** 2, axis=1)
     assert heavy.inertia[-1] == pytest.approx(spread, rel=1e-12)
-    chain = Chain(rod_scene(UNIT, gravity=NONE, finger={"tip_body": body}), 6)
+    chain = Chain(rod_scene(UNIT, "clothoid", gravity=NONE, finger={"tip_body": body}), 6)
     assert chain.chain.first_frequency == pytest.approx(chain.frequencies(np.zeros(6), 1)[0], rel=1e-6)
 
 

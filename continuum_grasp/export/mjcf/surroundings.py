@@ -58,7 +58,7 @@ def add_surroundings(root: ET.Element, world: ET.Element, scene: Scene) -> None:
         world.append(_wall(wall, width, _friction(scene, wall.friction)))
     for peg in scene.pegs:
         radius = max(peg.radius, _POINT * scene.finger.profile.length)
-        geom = ET.SubElement(world, "geom", name=peg.name, type="sphere", pos=numbers(*peg.position, 0.0))
+        geom = ET.SubElement(world, "geom", name=f"support_{peg.name}", type="sphere", pos=numbers(*peg.position, 0.0))
         geom.attrib |= {"size": numbers(radius), **_SUPPORT, **_friction(scene, peg.friction)}
 
 
@@ -81,7 +81,7 @@ def _geometry(asset: ET.Element, name: str, part: Part, width: float) -> ET.Elem
 def _wall(wall: Wall, width: float, friction: dict[str, str]) -> ET.Element:
     """A half plane, or a box behind an edge of finite length."""
     (x, y), (nx, ny) = wall.point, wall.normal
-    geom = ET.Element("geom", {"name": wall.name, **_SUPPORT, **friction})
+    geom = ET.Element("geom", {"name": f"support_{wall.name}", **_SUPPORT, **friction})
     if math.isinf(wall.half_length):
         geom.attrib |= {"type": "plane", "pos": numbers(x, y, 0.0), "zaxis": numbers(nx, ny, 0.0), "size": "0 0 1"}
         return geom

@@ -63,11 +63,8 @@ def written(
     ET.SubElement(world, "site", name="world")
     sites: dict[int, list[tuple[str, float, float]]] = {}
     tendons = _tendons(scene.finger, links, controls, sites)
-    for control in controls:
-        if control.gear is not None and not any(
-            name == _site(control) for name, *_ in sites.get(_on(links, control), [])
-        ):
-            sites.setdefault(_on(links, control), []).append((_site(control), 0.0, control.at))
+    for control in {_site(control): control for control in controls if control.gear is not None}.values():
+        sites.setdefault(links.link_of(control.at), []).append((_site(control), 0.0, control.at))
     sites.setdefault(len(links.at) - 1, []).append(("tip", 0.0, length))
     _bodies(world, scene, links, sites)
     add_surroundings(root, world, scene)
@@ -222,10 +219,6 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
             # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
             one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(2.0 * control.lag), "gainprm": "1"}
     return parent
-
-
-def _on(links: Links, control: Control) -> int:
-    return links.link_of(control.at)
 
 
 def _site(control: Control) -> str:
