@@ -74,8 +74,8 @@ class Kernel:
     """A CasADi function as C without a library: an SX function with named inputs and outputs.
 
     ``name`` stands behind the prefix of the package, ``text`` is what it computes, in one line. ``inputs`` and
-    ``outputs`` are sizes by name; inputs that the function does not read are left out. InputError where an operation
-    has no strict C here.
+    ``outputs`` are sizes by name; inputs that the function does not read are left out, and outputs without entries.
+    InputError where an operation has no strict C here.
     """
 
     def __init__(self, name: str, function: ca.Function, text: str) -> None:
@@ -92,7 +92,7 @@ class Kernel:
                 )
         read = {f.instruction_input(k)[0] for k, operation in enumerate(self._operations) if operation == ca.OP_INPUT}
         self.inputs = {f.name_in(k): f.nnz_in(k) for k in range(f.n_in()) if k in read}
-        self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out())}
+        self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out()) if f.nnz_out(k)}
 
     @property
     def calls(self) -> set[str]:

@@ -22,7 +22,7 @@ from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.pattern import Pattern, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.sweep import Builder, sweep_function, why_dense
+from continuum_grasp.model.sweep import Builder, Kernels, sweep_function, why_dense
 from continuum_grasp.scene.loads import ForceLoad
 
 _STOP_NODES = 3
@@ -485,10 +485,10 @@ class Equations:
         """Whether sweeps along the chain give the accelerations."""
         return self.pattern is not None
 
-    @property
-    def sweep_instructions(self) -> int:
-        """Instructions of the sweeps that give the accelerations."""
-        return Builder(self._structure, self).kernels().instructions
+    @cached_property
+    def sweep_kernels(self) -> Kernels:
+        """Kernels of the sweeps that give the accelerations."""
+        return Builder(self._structure, self).kernels()
 
     def sweep(self, *, implicit: bool = False) -> ca.Function:
         """Rates of the unknowns' rates, and those of the lag, by sweeps; see ``model.sweep``."""

@@ -102,7 +102,7 @@ class Functions(Remade, Summarized):
     def instructions(self) -> int:
         """Instructions of an evaluation of the forward dynamics."""
         f = self.forward_dynamics
-        return self._equations.sweep_instructions if self.sweeps else int(f.n_instructions())
+        return self._equations.sweep_kernels.instructions if self.sweeps else int(f.n_instructions())
 
     def implicit(self) -> ca.Function:
         """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd, where A is the Jacobian of elasticity and damping alone.

@@ -19,4 +19,5 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
     # Inputs act as at the end of each step, as those of an implicit method do.
     middle = x + 0.5 * h * rate(x, u[1], w[1], p, 0.5 * h)
     end = middle + 0.5 * h * rate(middle, u[2], w[2], p, 0.5 * h)
-    return 2.0 * end - (x + h * rate(x, u[2], w[2], p, h))
+    following: ca.MX = 2.0 * end - (x + h * rate(x, u[2], w[2], p, h))
+    return following
