@@ -17,7 +17,6 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
 from continuum_grasp.model.quadrature import RANGES
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.finger import PiecewiseCurvature
 from continuum_grasp.scene.simulate import Fidelity, Scene
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
@@ -116,12 +115,13 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
 
 
 def _marks(scene: Scene) -> tuple[float, ...]:
-    """Contacts, and places inside the finger at which the curvature has a kink or jumps."""
+    """Contacts, and places inside the finger at which the curvature or the bending moment has a kink or jumps."""
     length, finger = scene.finger.rod.length, scene.finger
     places = [load.at for load in (*scene.loads, *scene.initial.held_by)]
     places += [mass.at for mass in finger.masses if mass.mass > 0.0]
-    if isinstance(finger.rest_curvature, PiecewiseCurvature):
-        places += finger.rest_curvature.breaks
+    # Kinks of stiffness and rest curvature, as samples have at each of them, cost nothing.
+    places += (*finger.profile.bending_stiffness.jumps, *finger.profile.rest_curvature.jumps)
+    places += (at for channel in finger.channels for at in channel.shape.breaks)
     found = list(scene.contacts)
     for at in sorted(places):
         if all(abs(at - other) >= SHORTEST * length for other in (0.0, *found, length)):

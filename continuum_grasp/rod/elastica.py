@@ -24,6 +24,9 @@ Guess = Callable[[Array], ArrayLike] | ArrayLike
 _COARSE, _FINE = 10, 16
 """Nodes per panel while the shape is sought, and while it is refined: a panel that bends by 1 rad is then exact to 1e-9
 and to rounding."""
+_RESOLVED = 1e-6
+"""Turn of a panel [rad] that the first mesh may miss where the rod changes along its length, see ``unresolved``: far
+below what the shape needs that is then refined."""
 _MAX_NODES = 1600
 """Unknowns of the dense equations: a Newton step then takes some tenths of a second."""
 _MAX_REFINEMENTS = 16
@@ -47,8 +50,8 @@ class Elastica:
     stable : bool or None
         Whether the second variation of the energy is positive; None where loads have no potential.
     margin : float
-        Least eigenvalue of the second variation in the metric of the integral of (change of curvature)^2, per bending
-        stiffness [1]; 1 without loads, 0 at a critical load; of its symmetric part where loads have no potential.
+        Least eigenvalue of the second variation in the metric of the integral of EI (change of curvature)^2 [1]; 1
+        without loads, 0 at a critical load; of its symmetric part where loads have no potential.
     error : float
         Estimated error of the position of the tip, and of the ends of all panels [m].
     nodes : int
@@ -120,9 +123,10 @@ def solve_elastica(
     """The equilibrium of an inextensible, unshearable elastic rod under a scene's loads at time zero.
 
     Own weight, point masses, dead and following forces, couples, the moment of tip or tendons (with friction: the
-    capstan law along the bent backbone, rounded off where it is straight) and a piecewise rest curvature are taken
-    without further approximation; the balance of moments is solved by collocation of high order on panels that are
-    refined until two meshes agree.
+    capstan law along the bent backbone, rounded off where it is straight) and the rest curvature are taken without
+    further approximation; the balance of moments is solved by collocation of high order on panels that are
+    refined until two meshes agree. Stiffness, density, rest curvature and tendon offsets may change along the rod and
+    jump.
 
     Without a guess the equilibrium is followed from the unloaded shape while all loads grow together. Given a guess,
     the equilibrium near it is sought: the minimum of the energy below it, or with ``stable=False``, or where loads have
@@ -179,7 +183,7 @@ def solve_elastica(
     tolerance = within("tolerance", tolerance, 1e-13, 1e-2)
     choice("side", side, (1, -1))
     problem = read_problem(scene, extra_loads)
-    equations = RodEquations(problem, _first_mesh(problem))
+    equations = _first_equations(problem)
     descends = stable and problem.conservative
     curvature, iterations = _find(equations, guess, descends, side)
     return _refine(equations, curvature, iterations, tolerance, side if descends else 0)
@@ -191,23 +195,27 @@ def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolera
     The curvature [1/m] of the shape is a function of lengths (n,) [m]; the tolerance is that of position, per length.
     Raises SolverError where the way there ends at a fold or is lost.
     """
-    equations = RodEquations(problem, _first_mesh(problem))
+    equations = _first_equations(problem)
     start = problem.length * curvature(problem.length * equations.mesh.nodes)
     found, steps = follow(equations, start, loads=False, folds=False)
     return _refine(equations, found, steps, tolerance, 0)
 
 
-def _first_mesh(problem: RodProblem) -> Mesh:
-    """Panels between breaks, no longer than what forces and moments bend by an angle of about one."""
+def _first_equations(problem: RodProblem) -> RodEquations:
+    """On panels between breaks, no longer than what forces and moments bend by an angle of about one."""
+    equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 0.5), _COARSE))
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
-    moments = [problem.drive, *(value for _, value in problem.couples)]
-    curvature = sum(abs(m) for m in moments) + max(abs(k) for *_, k in problem.rest)
+    curvature = equations.greatest_curvature
     # Panels that bend by about a radian: forces turn the elastica over a length sqrt(EI / F), moments over EI / M.
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
     edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))
     if len(edges) * _COARSE > _MAX_NODES:
         raise _too_many("the loads bend the rod on too small a scale; check their units")
-    return Mesh(edges, _COARSE)
+    equations = RodEquations(problem, Mesh(edges, _COARSE))
+    # Where the rod itself changes steeply, shorter.
+    while (coarse := equations.unresolved(equations.rest) > _RESOLVED).any() and equations.mesh.size < _MAX_NODES:
+        equations = RodEquations(problem, equations.mesh.refined(coarse, _COARSE))
+    return equations
 
 
 def _find(equations: RodEquations, guess: Guess | None, descends: bool, side: int) -> tuple[Array, int]:

@@ -18,6 +18,11 @@ BEND_ROUNDING = 1e-3
 model does."""
 
 
+STOP_ROUNDING = 0.005
+"""Curvature about that at which links touch, per it [1], over which the stop's law is rounded off: as the finger model
+does. A law that is rounded off over 0.02 has the tip off by 3e-3 of the length where all links touch."""
+
+
 @dataclass(frozen=True)
 class Balance:
     """What is missing for equilibrium at the nodes."""
@@ -31,87 +36,129 @@ class RodEquations:
     """The rod as an integral equation of the second kind for its curvature k at the nodes, in dimensionless numbers.
 
     With the section's angle psi = angle + integral of k, the tangent t = i exp(i psi) and the force n(s) that the part
-    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drive exp(-friction b(s)) + integral from s
-    to the tip of t x n, and equilibrium is k - rest = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1, chapter 4).
-    The derivative is one plus a compact operator: it is well conditioned on any mesh.
+    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drive(s) exp(-friction b(s)) + integral from
+    s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
+    chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
+    its rows it is well conditioned on any mesh.
 
-    Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
-    k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
+    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Tendons lose
+    tension by the capstan law, each drive by its own friction; b(s) is the integral of |k| from the base,
+    with |k| rounded off to k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
         self.problem, self.mesh = problem, mesh
-        s = mesh.nodes
-        self._force: Complex = np.asarray(problem.weight * (1.0 - s), dtype=complex)
+        s, place = mesh.nodes, problem.length * mesh.nodes
+        self.bending_stiffness: Array = problem.profile.bending_stiffness(place) / problem.stiffness
+        self.rest: Array = problem.length * problem.profile.rest_curvature(place)
+        density = problem.profile.linear_density(place)
+        self._density: Array = density / (mesh.weights @ density)
+        self._force: Complex = np.asarray(problem.weight * (mesh.backward @ self._density), dtype=complex)
         for at, value in problem.dead:
             self._force += value * (s < at)
         self._couple: Array = np.zeros(mesh.size)
         for at, couple in problem.couples:
             self._couple += couple * (s < at)
-        self.rest: Array = np.zeros(mesh.size)
-        for start, end, value in problem.rest:
-            self.rest[(s > start) & (s < end)] = value
-        self._has_friction = problem.friction > 0.0 and problem.drive != 0.0
+        self._added = 0.0  # stiffness per EI where links touch
+        if problem.stops is not None:
+            limit, self._signs, self._added = problem.stops
+            self._limit: Array = problem.length * limit(place)
+        self._drives: list[tuple[Array, float]] = []  # moments before friction, and frictions
+        for shape, amplitude, friction in problem.drives:
+            self._drives.append((amplitude * shape(place), friction))
+        self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
+
+    @property
+    def greatest_curvature(self) -> float:
+        """Curvature that tendons, couples and rest curvature give on a rod of mean stiffness, at most [1]."""
+        moments = [float(np.abs(drive).max()) for drive, _ in self._drives]
+        return sum(moments) + sum(abs(value) for _, value in self.problem.couples) + float(np.abs(self.rest).max())
 
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
         return np.asarray(1j * np.exp(1j * (self.problem.angle + self.mesh.forward @ curvature)))
 
     def unresolved(self, curvature: Array) -> Array:
-        """Turn [rad] per panel that its polynomials may miss: in curvature, tangent or the tendon's friction."""
-        mesh, problem = self.mesh, self.problem
-        tails = np.maximum(mesh.tails(curvature), mesh.tails(self.tangents(curvature)))
-        if self._has_friction:
-            turned = mesh.tails(_rounded_size(curvature)[0])
-            tails = np.maximum(tails, problem.friction * abs(problem.drive) * turned)
-        return np.asarray(mesh.widths * tails)
+        """Turn [rad] per panel that its polynomials may miss: in curvature, tangent, friction, or the rod itself.
+
+        Of the rod itself it is the turn by a moment of one, and the mass per that of the whole rod.
+        """
+        mesh = self.mesh
+        functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
+        losses = [friction * float(np.abs(drive).max()) for drive, friction in self._drives]
+        if any(losses):
+            functions.append(sum(losses) * _rounded_size(curvature)[0])
+        return np.asarray(mesh.widths * np.max([mesh.tails(function) for function in functions], axis=0))
 
     def turn(self, change: Array) -> float:
         """Greatest turn of a section [rad] by a change of curvature."""
         return float(np.abs(self.mesh.forward @ change).max(initial=0.0))
 
-    def norm(self, change: Array) -> float:
-        """Root mean square of a change of curvature; the greatest turn is not above it."""
-        return float(np.sqrt(self.mesh.weights @ change**2))
+    def norm(self, moment: Array) -> float:
+        """Root of the integral of a moment's square per EI; the greatest turn by the moment is not above it."""
+        return float(np.sqrt(self.mesh.weights @ (moment**2 / self.bending_stiffness)))
 
     def balance(self, curvature: Array, share: float = 1.0) -> Balance:
         """Missing moment under a share of all loads and the actuation."""
         mesh, problem = self.mesh, self.problem
         tangent, force = self.tangents(curvature), self._force.copy()
-        turning = []
+        turning, swung, levered = [], [], np.zeros(mesh.size)
         for at, body in problem.following:
             inside = mesh.nodes < at
             row = mesh.weights * inside
             value = body * np.exp(1j * (problem.angle + row @ curvature))
             force[inside] += value
             turning.append((np.real(np.conj(tangent) * value) * inside, row))
+        for at, lever, weight in problem.levers:
+            inside = mesh.nodes < at
+            row = mesh.weights * inside
+            arm = lever * np.exp(1j * (problem.angle + row @ curvature))
+            levered += np.imag(np.conj(arm) * weight) * inside
+            swung.append((np.real(np.conj(arm) * weight) * inside, row))
         # t x n = Im(conj(t) n); its derivative by the angle is -Re(conj(t) n), and n turns with a following force.
-        moment = self._couple + mesh.backward @ np.imag(np.conj(tangent) * force)
+        moment = self._couple + levered + mesh.backward @ np.imag(np.conj(tangent) * force)
         along = np.real(np.conj(tangent) * force)
         slope = (mesh.backward * along) @ mesh.forward
         for column, row in turning:
             slope -= np.outer(mesh.backward @ column, row)
-        if self._has_friction:
+        for column, row in swung:
+            slope += np.outer(column, row)
+        for drive, friction in self._drives:
+            if friction == 0.0:
+                moment += drive
+                continue
             size, rate = _rounded_size(curvature)
-            pull = problem.drive * np.exp(-problem.friction * (mesh.forward @ size))
+            pull = drive * np.exp(-friction * (mesh.forward @ size))
             moment += pull
-            slope += (problem.friction * pull)[:, None] * mesh.forward * rate
-        else:
-            moment += problem.drive
+            slope += (friction * pull)[:, None] * mesh.forward * rate
         slope *= share
-        slope.flat[:: mesh.size + 1] += 1.0
-        return Balance(curvature - self.rest - share * moment, slope, -moment)
+        _, elastic, stiffness = self._elastic(curvature)
+        slope.flat[:: mesh.size + 1] += stiffness
+        return Balance(elastic - share * moment, slope, -moment)
+
+    def _elastic(self, curvature: Array) -> tuple[Array, Array, Array]:
+        """Elastic energy per length at the nodes, and its first and second derivative: moment and stiffness."""
+        bent = curvature - self.rest
+        energy, moment, stiffness = 0.5 * bent**2, bent, np.ones(bent.shape)
+        for sign in self._signs if self._added else ():
+            beyond, width = sign * curvature - self._limit, STOP_ROUNDING * self._limit
+            root = np.sqrt(beyond**2 + width**2)
+            touching, rate = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
+            energy = energy + 0.5 * self._added * touching**2
+            moment = moment + sign * self._added * touching * rate
+            stiffness = stiffness + self._added * (rate**2 + touching * 0.5 * width**2 / root**3)
+        return self.bending_stiffness * energy, self.bending_stiffness * moment, self.bending_stiffness * stiffness
 
     def stiffness(self, slope: Array) -> Array:
-        """Second variation of the energy in the metric of the integral of (change of curvature)^2; symmetric."""
-        # W^(1/2) slope W^(-1/2) is symmetric to rounding, since the mesh integrates by parts exactly.
-        root = np.sqrt(self.mesh.weights)
-        scaled = root[:, None] * slope / root
-        return 0.5 * (scaled + scaled.T)
+        """Second variation of the energy in the metric of the integral of EI (change of curvature)^2; symmetric."""
+        # W slope is symmetric to rounding, since the mesh integrates by parts exactly.
+        root = np.sqrt(self.metric)
+        scaled = self.mesh.weights[:, None] * slope / (root[:, None] * root)
+        return np.asarray(0.5 * (scaled + scaled.T))
 
     def elastic_energy(self, curvature: Array) -> float:
         """Energy of bending, per EI / L."""
-        return float(0.5 * self.mesh.weights @ (curvature - self.rest) ** 2)
+        return float(self.mesh.weights @ self._elastic(curvature)[0])
 
     def energy(self, curvature: Array) -> float:
         """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
@@ -123,8 +170,12 @@ class RodEquations:
         bends = mesh.to_edges(curvature).real
         for at, couple in problem.couples:
             work += couple * np.interp(at, mesh.edges, bends)
-        if not self._has_friction:
-            work += problem.drive * bends[-1]
+        for at, lever, weight in problem.levers:
+            turned = problem.angle + np.interp(at, mesh.edges, bends)
+            work += np.real(np.conj(lever * np.exp(1j * turned)) * weight)
+        for drive, friction in self._drives:
+            if friction == 0.0:
+                work += (mesh.weights * drive) @ curvature
         return float(self.elastic_energy(curvature) - work)
 
     @property

@@ -19,8 +19,8 @@ _MAX_PATH = 600
 _MAX_DESCENT = 300
 """Steps of a descent, each by 0.7 rad or less."""
 _LEAST_STEP, _GREATEST_STEP = 1e-6, 1.5
-"""Arclengths of a step along a path, in shares of the loads and r.m.s. curvature times length [rad]: below the least
-the path has a kink; beyond the greatest it may jump to another branch."""
+"""Arclengths of a step along a path, in shares of the loads and r.m.s. curvature times length, weighted by EI [rad]:
+below the least the path has a kink; beyond the greatest it may jump to another branch."""
 _NEAR = 1e-3
 """Distance from the full loads [1] that is left to Newton's method."""
 _FARTHEST_BACK = 10.0
@@ -81,7 +81,7 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
         full = equations.balance(x)
         return Balance(full.missing - (1.0 - share) * offset, full.slope, offset)
 
-    weights = equations.mesh.weights
+    weights = equations.metric
     x, share, size = start, 0.0, 0.3
     direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
     for steps in range(1, _MAX_PATH + 1):
@@ -180,12 +180,12 @@ def descend(equations: RodEquations, start: Array, side: int) -> tuple[Array, in
     curvature near a minimum, and the number of steps.
     """
     curvature, energy = start, equations.energy(start)
-    root = np.sqrt(equations.mesh.weights)  # into the metric of ``stiffness``, and back
+    root = np.sqrt(equations.metric)  # into the metric of ``stiffness``, and back
     kicked = False
     for step in range(1, _MAX_DESCENT + 1):
         balance = equations.balance(curvature)
         values, vectors = np.linalg.eigh(equations.stiffness(balance.slope))
-        force = vectors.T @ (root * balance.missing)
+        force = vectors.T @ (equations.mesh.weights * balance.missing / root)
         change: Array = vectors @ (-force / np.maximum(np.abs(values), 1e-6)) / root
         turn = equations.turn(change)
         if turn < 1e-6:

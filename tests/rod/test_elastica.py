@@ -19,9 +19,11 @@ from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.scene import ForceLoad, MomentLoad
+from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.simulation import equilibrium
 from continuum_grasp.simulation.signals import interpolate
 from tests.closed_forms import rods as closed_forms
+from tests.graded_rods import with_profile
 from tests.rods import HANGING, HORIZONTAL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 
 NONE = (0.0, 0.0)
@@ -45,7 +47,11 @@ def tip_pose(found):
 ROD = {"length": 0.6, "linear_density": 0.05, "bending_stiffness": 0.06}
 
 
-def mixed(friction=0.0, follows=True, mirrored=False, elements=2, **fidelity):
+BODY = {"mass": 0.02, "rotary_inertia": 1e-5, "center_of_mass": [0.01, 0.02]}
+STOPS = {"curvature": [4.0, 9.0], "stiffness_ratio": 20.0}
+
+
+def mixed(friction=0.0, follows=True, mirrored=False, elements=2, *, fidelity=None, **finger):
     """Everything at once, on a rod that is not the unit one."""
     m = -1.0 if mirrored else 1.0
     loads = [
@@ -60,6 +66,7 @@ def mixed(friction=0.0, follows=True, mirrored=False, elements=2, **fidelity):
         "masses": [{"at": 0.6, "mass": 0.02}, {"at": 0.225, "mass": 0.05}, {"at": 0.45, "mass": 0.01}],
         "tendons": {"offset": 0.005, "max_tension": 100.0, "friction": friction},
         "base": {"position": [m * 0.3, -0.2], "angle": m * -0.7},
+        **finger,
     }
     tensions = [2.0, 9.0] if mirrored else [9.0, 2.0]
     return rod_scene(
@@ -74,21 +81,37 @@ def mixed(friction=0.0, follows=True, mirrored=False, elements=2, **fidelity):
     )
 
 
+def graded(friction=0.0, follows=True, **finger):
+    """The same on a rod whose stiffness, density and rest curvature change and jump, one tendon pair ending inside."""
+    return with_profile(
+        mixed(friction, follows, tip_body=BODY, **finger),
+        bending_stiffness=Curve((0.0, 0.25, 0.6), ((0.09, -0.1, 0.2), (0.03, -0.12, 0.2, -0.1))),
+        linear_density=Curve((0.0, 0.25, 0.6), ((-2.8, -2.0), (-3.0, 0.0, -3.0, 2.0)), exponential=True),
+        rest_curvature=Curve((0.0, 0.15, 0.375, 0.6), ((1.2, -3.0), (-0.8,), (2.0, 0.0, -9.0))),
+        channels=[Channel(Curve((0.0, 0.4, 0.6), ((1.0, -1.5), (0.0,))), 0.4, (0.005, -0.005))],
+    )
+
+
 def shot(scene, near):
     """World position of the tip by shooting from the tip to the base; the tip's angle and tension are sought nearby."""
-    finger, rod = scene.finger, scene.finger.rod
+    finger, profile = scene.finger, scene.finger.profile
     tendons, base = finger.tendons, finger.base
-    length, g = rod.length, np.array(scene.gravity)
+    length, g = profile.length, np.array(scene.gravity)
     tensions = scene.actuation.tensions if scene.actuation else (0.0, 0.0)
-    drive = (tensions[0] - tensions[1]) * tendons.offset if tendons else 0.0
+    shapes = [(channel.shape, float(np.dot(channel.arms, tensions))) for channel in finger.channels]
     friction, rounding = tendons.friction if tendons else 0.0, 1e-3 / length
     jumps = {0.0, length, *(k.at for k in scene.loads), *(m.at for m in finger.masses)}
-    places = sorted(jumps | {a for a, _, _ in finger.curvature_pieces}, reverse=True)
+    jumps |= {at for channel in finger.channels for at in channel.shape.breaks}
+    places = sorted(jumps | set(profile.breaks), reverse=True)
 
     def at(s, state):
         """Jump of moment and force where something acts."""
         psi = state[0]
         turn = np.array([[math.cos(psi), -math.sin(psi)], [math.sin(psi), math.cos(psi)]])
+        if s == length and finger.tip_body is not None:
+            arm, weight = turn @ finger.tip_body.center_of_mass, finger.tip_body.mass * g
+            state[1] += arm[0] * weight[1] - arm[1] * weight[0]
+            state[3:5] += weight
         for load in scene.loads:
             if load.at == s and isinstance(load, ForceLoad):
                 state[3:5] += turn @ load.force if load.follows else load.force
@@ -97,28 +120,45 @@ def shot(scene, near):
         state[3:5] += sum(m.mass for m in finger.masses if m.at == s) * g
         return state
 
-    def rate(s, state, rest):
-        psi, moment, pull, fx, fy = state[:5]
-        kappa = rest + (moment + pull) / rod.stiffness
+    def rate(s, state, low):
+        s, (psi, moment, left, fx, fy) = max(s, low), state[:5]
+        pull = left * sum(amplitude * shape(s) for shape, amplitude in shapes)
+        kappa = float(profile.rest_curvature(s) + (moment + pull) / profile.bending_stiffness(s))
+        if finger.stops is not None:
+            kappa = stopped(kappa, float(profile.rest_curvature(s)), float(finger.stop_curvature(s)))
         t = (-math.sin(psi), math.cos(psi))
         size = kappa**2 / math.hypot(kappa, rounding)
-        weight = rod.mass_per_length * g
-        return [kappa, t[1] * fx - t[0] * fy, -friction * pull * size, -weight[0], -weight[1], t[0], t[1]]
+        weight = profile.linear_density(s) * g
+        return [kappa, t[1] * fx - t[0] * fy, -friction * left * size, -weight[0], -weight[1], t[0], t[1]]
+
+    def stopped(free, rest, limit):
+        """Curvature of a rod with stops that would have another one without."""
+
+        def missing(kappa):
+            total = kappa - free
+            for sign in finger.stops.signs:
+                beyond = sign * kappa - limit
+                root = math.hypot(beyond, 0.005 * limit)
+                slope = 0.25 * (beyond + root) * (1.0 + beyond / root)  # of half the square of the rounded distance
+                total += sign * (finger.stops.stiffness_ratio - 1.0) * slope
+            return total
+
+        return optimize.brentq(missing, min(free, rest) - 1e-3, max(free, rest) + 1e-3, xtol=1e-14)
 
     def base_of(unknown):
-        state = np.array([unknown[0], 0.0, unknown[1] * drive, 0.0, 0.0, 0.0, 0.0])
+        state = np.array([unknown[0], 0.0, unknown[1], 0.0, 0.0, 0.0, 0.0])
         for high, low in itertools.pairwise(places):
             state = at(high, state)
-            rest = next(k for a, b, k in finger.curvature_pieces if a <= 0.5 * (low + high) <= b)
+            inside = (low + 1e-8 * length,)  # where curves have the values of the side towards the tip
             run = integrate.solve_ivp(
-                rate, (high, low), state, "DOP853", args=(rest,), rtol=1e-13, atol=1e-14, max_step=0.02 * length
+                rate, (high, low), state, "DOP853", args=inside, rtol=1e-13, atol=1e-14, max_step=0.02 * length
             )
             state = run.y[:, -1]
         return state
 
     def missing(unknown):
         state = base_of(unknown)
-        return [state[0] - base.angle, state[2] / drive - 1.0 if drive else unknown[1] - 1.0]
+        return [state[0] - base.angle, state[2] - 1.0]
 
     root = optimize.root(missing, [float(near.angle(length)) + 1e-3, 0.9], tol=1e-12).x
     return np.array(base.position) - base_of(root)[5:]
@@ -255,6 +295,9 @@ SHOT = {
     "mixed": mixed(),
     "mixed dead": mixed(follows=False),
     "mixed with friction": mixed(friction=0.3),
+    "graded": graded(follows=False),
+    "graded with friction": graded(friction=0.3),
+    "graded with stops": graded(stops=STOPS),
 }
 
 
@@ -283,22 +326,22 @@ def test_own_weight_agrees_with_scipys_collocation():
 def test_friction_follows_the_capstan_law():
     friction, tension, offset = 0.4, 15.0, 0.1
     tendons = {"offset": offset, "max_tension": 100.0, "friction": friction}
-    found = solve_elastica(unit(finger={"tendons": tendons}, actuation={"tensions": [tension, 0.0]}))
+    given = {"finger": {"tendons": tendons}, "actuation": {"tensions": [tension, 0.0]}}
+    found = solve_elastica(unit(family="clothoid", **given))
     s = np.linspace(0.0, 1.0, 9)
     bend = np.log1p(friction * tension * offset * s) / friction
     assert found.angle(s) - HORIZONTAL == pytest.approx(bend, abs=1e-6)
 
 
-def test_energy_changes_by_the_displacement_under_the_load():
-    step = 1e-4
+@pytest.mark.parametrize("case", [mixed, graded])
+def test_energy_changes_by_the_displacement_under_the_load(case):
+    step, scene = 1e-4, case(follows=False)
 
     def slope(change):
-        high, low = (
-            solve_elastica(mixed(follows=False), extra_loads=change(h), tolerance=1e-12) for h in (step, -step)
-        )
+        high, low = (solve_elastica(scene, extra_loads=change(h), tolerance=1e-12) for h in (step, -step))
         return (high.energy - low.energy) / (2.0 * step)
 
-    found = solve_elastica(mixed(follows=False))
+    found = solve_elastica(scene)
     for axis, along in enumerate(((1.0, 0.0), (0.0, 1.0))):
         for at in (0.6, 0.25):
             moved = slope(lambda h, at=at, along=along: [ForceLoad(at=at, force=(h * along[0], h * along[1]))])
@@ -333,7 +376,7 @@ def test_the_estimated_error_bounds_the_error(case, tolerance):
     assert found.error <= tolerance * scene.finger.rod.length
 
 
-@pytest.mark.parametrize("case", ["mixed", "mixed dead", "mixed with friction"])
+@pytest.mark.parametrize("case", ["mixed", "mixed dead", "mixed with friction", "graded", "graded with stops"])
 def test_the_derivative_is_exact_and_symmetric_without_following_loads(case):
     problem = read_problem(SHOT[case])
     mesh = Mesh(problem.breaks, 5)
@@ -362,7 +405,7 @@ def test_sampled_loads_and_inputs_have_their_values_at_time_zero(interpolation, 
     moment = interpolate(scene.actuation.tip_moment, [0.0])[0][0]
     problem = read_problem(scene)
     assert problem.dead == ((1.0, pytest.approx(complex(*value), rel=1e-14)),)
-    assert problem.drive == pytest.approx(moment, rel=1e-14)
+    assert dict(problem.couples).get(1.0, 0.0) == pytest.approx(moment, rel=1e-14)
 
 
 @pytest.mark.slow

@@ -94,7 +94,7 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
         base=(complex(*bent.base[:2]), float(bent.base[2])),
         dead=[(bent.joint_position(load.joint), complex(*load.force)) for load in bent.loads],
         couples=[(bent.joint_position(load.joint), load.couple) for load in bent.loads],
-        tip_moment=bent.tip_moment,
+        tensions=bent.tensions.tolist(),
         marks=bent.rod.joints.tolist(),
     )
 
@@ -105,5 +105,6 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 2.0 / SECTIONS), 2))
     shape = bent.length * bent.rod.curvature(bent.profile, bent.length * equations.mesh.nodes)
     gap = equations.balance(shape).missing
-    least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / bent.stiffness
-    return float(np.abs(gap).max() / max(np.abs(shape - equations.rest - gap).max(), least))
+    least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / problem.stiffness
+    moment = equations.bending_stiffness * (shape - equations.rest) - gap
+    return float(np.abs(gap).max() / max(np.abs(moment).max(), least))
