@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.core.lanes import lane_function
@@ -30,12 +31,22 @@ def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
         if name not in SWEEPS:
             continue
         made = SWEEPS[name]
-        symbols = {f.name(): found[f.name()][2] for f in made.functions if f.name() in found}
+        symbols = {f.name(): found[f.name()][2] if f.name() in found else f.name() for f in made.functions}
+        folded = "\n".join(_constant(f) for f in made.functions if f.name() not in found)
         end = source.index("\n}\n", match.end()) + 3
         head = source[match.start() : match.end()].rstrip("{\n").replace("* w,", "* work,")
-        body = f"{_PRELUDE}{lane_function(made.outward)}\n{head}\n{fill('sweep.c', **_words(made, symbols))}\n"
+        body = f"{_PRELUDE}{folded}{lane_function(made.outward)}\n{head}\n{fill('sweep.c', **_words(made, symbols))}\n"
         source = f"{source[: match.start()]}{body}{source[end:]}"
     return _used(source).replace(_PRELUDE, prelude, 1).replace(_PRELUDE, "") if _PRELUDE in source else source
+
+
+def _constant(function: ca.Function) -> str:
+    """C of a function that CasADi has left out of a source, since it does not depend on its inputs."""
+    values = function.call([ca.DM.zeros(function.size_in(k)) for k in range(function.n_in())])
+    entries = [(k, j, v) for k, value in enumerate(values) for j, v in enumerate(value.nonzeros())]
+    lines = "".join(f"  res[{k}][{j}] = {v!r};\n" for k, j, v in entries)
+    arguments = "const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem"
+    return f"static int {function.name()}({arguments})\n{{\n{lines}  return 0;\n}}\n"
 
 
 def _used(source: str) -> str:
@@ -68,13 +79,12 @@ def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
         "gain": inward.size1_out("gain"),
         "force": inward.size1_in("force"),
         "row": made.rows.shape[1],
-        "r": outward.size1_in("r"),
     }
     implicit, tip = outward.size1_in("part") > 0, head.size1_out("tip") > 0
     return {
         # Arrays have an entry at least.
         **{name: max(size, 1) for name, size in sizes.items()},
-        **{f"{f.name().partition('_')[0]}_of": symbols.get(f.name(), "") for f in made.functions},
+        **{f"{f.name().partition('_')[0]}_of": symbols[f.name()] for f in made.functions},
         "outward": outward.name(),
         "widest": max(outward.size1_in(k) for k in range(5)) or 1,
         "drives": sizes["drive"],
@@ -91,12 +101,8 @@ def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
         "lag": 2 * made.unknowns,
         "full": made.unknowns + tip,
         "tip": tip,
-        "spun": sizes["spin"],
-        "still": not sizes["spin"],
         "lagged": head.size1_out("lagging"),
         "implicit": implicit,
-        "explicit": not implicit,
         "row_of": "rows[k]" if made.rows.size else "0",
-        "r_of": "r[k]" if implicit else "0",
         "force_of": "force[k]" if made.loaded else "0",
     }

@@ -97,7 +97,7 @@ class Kernel:
                 )
         read = {f.instruction_input(k)[0] for k, operation in enumerate(self._operations) if operation == ca.OP_INPUT}
         self.inputs = {f.name_in(k): f.nnz_in(k) for k in range(f.n_in()) if k in read}
-        self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out())}
+        self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out()) if f.nnz_out(k)}
 
     @property
     def calls(self) -> set[str]:

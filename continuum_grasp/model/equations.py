@@ -20,9 +20,9 @@ from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.pattern import Pattern, pattern_of
-from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, solve_ldl
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.sweep import Builder, sweep_function, why_dense
+from continuum_grasp.model.sweep import Builder, Kernels, sweep_function, why_dense
 from continuum_grasp.scene.loads import ForceLoad
 
 _STOP_NODES = 3
@@ -459,6 +459,16 @@ class Equations:
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         return [*rates, *solve_ldl(self.mass_matrix, self.net_force), *self.lag_rates]
 
+    def implicit_rate(self, part: ca.SX) -> list[Scalar]:
+        """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
+        n, rates = self._structure.n, self.state_rate
+        stiffness = ca.jacobian(column(self.elastic[:n]), self.q)
+        slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
+        matrix = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
+        pull = part * ca.mtimes(stiffness, self.qd)
+        found = solve_ldl(matrix, [f - pull[k] for k, f in enumerate(self.net_force)])
+        return [*[self.qd[k] + part * rate for k, rate in enumerate(found)], *found, *rates[2 * n :]]
+
     @cached_property
     def lag_rates(self) -> list[Scalar]:
         """Derivative of what lags."""
@@ -475,14 +485,14 @@ class Equations:
         """Whether sweeps along the chain give the accelerations."""
         return self.pattern is not None
 
-    @property
-    def sweep_instructions(self) -> int:
-        """Instructions of the sweeps that give the accelerations."""
-        return Builder(self._structure, self).kernels().instructions
+    @cached_property
+    def sweep_kernels(self) -> Kernels:
+        """Kernels of the sweeps that give the accelerations."""
+        return Builder(self._structure, self).kernels()
 
-    def sweep(self, *, moving: bool = True, implicit: bool = False) -> ca.Function:
+    def sweep(self, *, implicit: bool = False) -> ca.Function:
         """Rates of the unknowns' rates, and those of the lag, by sweeps; see ``model.sweep``."""
-        return sweep_function(Builder(self._structure, self, moving=moving, implicit=implicit))
+        return sweep_function(Builder(self._structure, self, implicit=implicit))
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

@@ -102,30 +102,24 @@ class Functions(Remade, Summarized):
     def instructions(self) -> int:
         """Instructions of an evaluation of the forward dynamics."""
         f = self.forward_dynamics
-        return self._equations.sweep_instructions if self.sweeps else int(f.n_instructions())
+        return self._equations.sweep_kernels.instructions if self.sweeps else int(f.n_instructions())
 
     def implicit(self) -> ca.Function:
-        """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd of a model that sweeps.
+        """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd, where A is the Jacobian of elasticity and damping alone.
 
-        A (nx, nx) is the Jacobian of the finger's elasticity and damping alone, ``part`` [s] a share of a step.
+        ``part`` [s] is a share of a step.
         """
         eq = self._equations
         x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")
         part, n = ca.MX.sym("part"), eq.q.numel()
-        rates, lagging = eq.sweep(implicit=True)(x, u, w, p, part, x[n : 2 * n])
-        k = ca.vertcat(x[n : 2 * n] + part * rates, rates, lagging)
+        if self.sweeps:
+            rates, lagging = eq.sweep(implicit=True)(x, u, w, p, part, x[n : 2 * n])
+            k = ca.vertcat(x[n : 2 * n] + part * rates, rates, lagging)
+        else:
+            symbol = ca.SX.sym("part")
+            value = ca.cse(ca.densify(column(eq.implicit_rate(symbol))))
+            k = ca.Function("implicit_rate", [eq.x, eq.u, eq.w, eq.p, symbol], [value])(x, u, w, p, part)
         return ca.Function("implicit", [x, u, w, p, part], [k], ["x", "u", "w", "p", "part"], ["k"])
-
-    def relaxed(self) -> ca.Function:
-        """``(x, u, p, part, right) -> k``: (1 - part A)^-1 right of a model that sweeps, with A as of ``implicit``."""
-        eq = self._equations
-        x, u, p, right = (ca.MX.sym(key, getattr(eq, key[0]).numel()) for key in ("x", "u", "p", "x_right"))
-        part, n = ca.MX.sym("part"), eq.q.numel()
-        moved, rates = right[:n], right[n : 2 * n]
-        # With rates v of its own, (M + part D + part^2 K) (k - v) = -part K moved - (part D + part^2 K) v.
-        change, _ = eq.sweep(moving=False, implicit=True)(x, u, ca.MX(eq.w.numel(), 1), p, part, moved, rates)
-        k = ca.vertcat(moved + part * (rates + change), rates + change, right[2 * n :])
-        return ca.Function("relaxed", [x, u, p, part, right], [k], ["x", "u", "p", "part", "right"], ["k"])
 
     internal = named(
         "x u p",

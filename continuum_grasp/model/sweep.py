@@ -141,21 +141,21 @@ def why_dense(made: Structure) -> str:
 class Builder:
     """Writes the kernels of a model.
 
-    ``moving``: velocity products, weight, loads and inputs; without them the right side is that of the coordinates
-    alone. ``implicit``: the matrix is M + part D + part^2 K, with the stiffness K and damping D of the finger itself.
+    ``implicit``: the matrix is M + part D + part^2 K, with the stiffness K and damping D of the finger itself, and
+    the elastic force that of what the rates bend in ``part`` [s].
     """
 
-    def __init__(self, made: Structure, equations: Equations, *, moving: bool = True, implicit: bool = False) -> None:
+    def __init__(self, made: Structure, equations: Equations, *, implicit: bool = False) -> None:
         self._made, self._par = made, made.parameters
-        self.equations, self.moving, self.implicit = equations, moving, implicit
+        self.equations, self.implicit = equations, implicit
         self._family = family = made.family
         self._local = len(family.local(0))
         self._shared = len(set(family.local(0)) & set(family.local(1)))
         if equations.pattern is None:
             raise InputError("these equations of motion are solved densely")
         self._pattern = equations.pattern
-        self._loads = equations.loads if moving else []
-        self._touching = np.array(equations.touching() if moving else [])
+        self._loads = equations.loads
+        self._touching = np.array(equations.touching())
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
         self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], self._splits), strict=True))
@@ -220,12 +220,12 @@ class Builder:
 
     @property
     def _rubs(self) -> bool:
-        return self.moving and self._made.has_tendon_friction
+        return self._made.has_tendon_friction
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """What is carried to a link, its coordinates and their rates."""
-        spin = ca.SX.sym("spin", int(self.moving) + self._rubs)
-        return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local if self.moving else 0)
+        spin = ca.SX.sym("spin", 1 + self._rubs)
+        return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local)
 
     def _tip(self) -> ca.Function:
         """Inertia and force at the end of the last link: what is carried there."""
@@ -238,20 +238,18 @@ class Builder:
         total = mass + body.mass
         own: list[list[Scalar]] = [[total], [0.0, total], [first.x, first.y, second]]
         own += [[0.0, 0.0, 0.0, 0.0] for _ in range(self._shared)]
-        pull = first.scaled(spin[0] * spin[0]) if self.moving else ZERO
+        pull = first.scaled(spin[0] * spin[0])
         end = [entry for row in own for entry in row] + [pull.y, -1.0 * pull.x, *[0.0] * (size - 2)]
         if self._made.matched:
-            end += [0.0, eq.known_accelerations[0] if self.moving else 0.0]
+            end += [0.0, eq.known_accelerations[0]]
         return self._function("tip", {"spin": spin, "lag": eq.lag, "u": eq.u, "p": eq.p}, {"end": end})
 
     def _carry(self) -> ca.Function:
         spin, q, qd = self._symbols()
-        following: list[Scalar] = []
-        if self.moving:
-            following.append(spin[0] + ca.dot(self._own["bends"], qd))
-            if self._rubs:
-                bend = self._pattern.link(ca.vertsplit(q), self._numbers).whole_bend
-                following.append(friction_step(0.0, spin[1], bend, self._own["share"])[1])
+        following: list[Scalar] = [spin[0] + ca.dot(self._own["bends"], qd)]
+        if self._rubs:
+            bend = self._pattern.link(ca.vertsplit(q), self._numbers).whole_bend
+            following.append(friction_step(0.0, spin[1], bend, self._own["share"])[1])
         return self._function("carry", {"spin": spin, "q": q, "qd": qd, "row": self.row}, {"spun": following})
 
     def _turn(self) -> ca.Function:
@@ -265,17 +263,14 @@ class Builder:
     def _head(self) -> ca.Function:
         eq = self.equations
         held = self._made.matched
-        if not self.moving:
-            drive = []
-        elif held:
+        if held:
             drive = [eq.per_stiffness([1.0], [each.total]) for each in eq.drives]
         else:
             # Friction wears the moments of the tendons, not the couples.
             drive = [v for each in eq.drives for v in ((each.moment, each.couple) if self._rubs else (each.total,))]
         tip: list[Scalar] = [eq.full[-1]] if held else []
-        tip_rate: list[Scalar] = [eq.full_rates[-1]] if held and self.moving else []
-        weight = eq.gravity_vector.perp() if self.moving else ZERO
-        lagging = eq.lag_rates if self.moving else []
+        tip_rate: list[Scalar] = [eq.full_rates[-1]] if held else []
+        weight = eq.gravity_vector.perp()
         return self._function(
             "head",
             {"lag": eq.lag, "u": eq.u, "p": eq.p},
@@ -284,53 +279,40 @@ class Builder:
                 "tip": tip,
                 "tip_rate": tip_rate,
                 "base": [weight.x, weight.y],
-                "lagging": lagging,
+                "lagging": eq.lag_rates,
             },
         )
 
     def _outward(self) -> ca.Function:
-        size, par, moving = self._local, self._par, self.moving
+        size, par, sources = self._local, self._par, len(self._made.sources)
         spin, q, qd = self._symbols()
-        r = ca.SX.sym("r", size * self.implicit * (1 if moving else 2))
-        sources = len(self._made.sources)
-        drive, part = ca.SX.sym("drive", sources * (1 + self._rubs) * moving), ca.SX.sym("part", int(self.implicit))
+        r, part = ca.SX.sym("r", size * self.implicit), ca.SX.sym("part", int(self.implicit))
+        drive = ca.SX.sym("drive", sources * (1 + self._rubs))
         link = self._pattern.link(ca.vertsplit(q), self._numbers)
-        end, inertia = link.end, link.inertia
+        end, inertia, bias = link.end, link.inertia, link.bias(spin[0], ca.vertsplit(qd))
         block, bends = _symmetric(self._own["stiffness"], size), self._own["bends"]
         driven = ca.reshape(self._own["driven"], sources, size).T
-        force = ca.SX.zeros(SECTION)
-        beta = ZERO
         stiffness, per_arc, damping = par["bending_stiffness"], par["per_arc_damping"], self.equations.viscosity
-        if moving:
-            omega = spin[0]
-            bias = link.bias(omega, [qd[a] for a in range(size)])
-            beta = bias.end.perp()
-            # What the input bends is subtracted from the coordinates where it is known.
-            above = q - ca.mtimes(driven, drive) if self._made.matched else q
-            own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
-            if self._touching.size:
-                numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
-                own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
-            own -= bends * (per_arc * ca.dot(bends, qd))
-            if self._rubs:
-                factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
-                own += ca.mtimes(driven, factor * drive[::2] + drive[1::2])
-            elif not self._made.matched:
-                own += ca.mtimes(driven, drive)
-            force = column([bias.force.y, -bias.force.x, bias.moment])
-        else:
-            own = ca.SX.zeros(size)
+        # What the input bends is subtracted from the coordinates where it is known.
+        above = q - ca.mtimes(driven, drive) if self._made.matched else q
+        own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
+        own -= bends * (per_arc * ca.dot(bends, qd))
+        if self._touching.size:
+            numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
+            own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
+        if self._rubs:
+            factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
+            own += ca.mtimes(driven, factor * drive[::2] + drive[1::2])
+        elif not self._made.matched:
+            own += ca.mtimes(driven, drive)
         matrix = _lower(inertia.matrix)
         if self.implicit:
-            # As if the step were implicit in the finger's own elasticity and damping; see ``core.integrators.ros2``.
             slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T)) + part**2 * (stiffness * block)
-            own -= part * stiffness * ca.mtimes(block, r[:size])
-            if not moving:
-                own -= ca.mtimes(slowed, r[size:])
+            own -= part * stiffness * ca.mtimes(block, r)
             matrix = [m + k for m, k in zip(matrix, _lower(slowed), strict=True)]
-        spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, beta])]
+        spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
         body = [*_flat([inertia.first]), inertia.second, *_flat(inertia.arms), *inertia.swing, *matrix]
-        body += [force[k] for k in range(SECTION)] + [own[a] for a in range(size)]
+        body += [bias.force.y, -1.0 * bias.force.x, bias.moment, *ca.vertsplit(own)]
         return self._function(
             "outward",
             {
@@ -532,9 +514,9 @@ SWEEPS: dict[str, Kernels] = {}
 
 
 def sweep_function(builder: Builder) -> ca.Function:
-    """A sweep as CasADi's own loops: (x, u, w, p [, part, r [, v]]) -> rates of the unknowns, and those of the lag.
+    """A sweep as CasADi's own loops: (x, u, w, p [, part, r]) -> rates of the unknowns' rates, and those of the lag.
 
-    x, u, w and p are those of the equations; ``part`` [s], r and v (n) those of an implicit step.
+    x, u, w and p are those of the equations; ``part`` [s] and r (n), the rates, those of an implicit step.
     """
     made, eq = builder.kernels(), builder.equations
     x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")
@@ -542,8 +524,6 @@ def sweep_function(builder: Builder) -> ca.Function:
     n, count, local = made.unknowns, made.links, made.local
     if builder.implicit:
         inputs |= {"part": ca.MX.sym("part"), "r": ca.MX.sym("r", n)}
-    if not builder.moving:
-        inputs["v"] = ca.MX.sym("v", n)
     drive, tip, tip_rate, base, lagging = made.head(x[2 * n :], u, p)
 
     def windows(vector: ca.MX, tip: ca.MX) -> ca.MX:
@@ -551,18 +531,15 @@ def sweep_function(builder: Builder) -> ca.Function:
         whole, last = ca.vertcat(vector, tip), made.stride * (count - 1) + 1
         return ca.vertcat(*[whole[a : a + last : made.stride].T for a in range(local)])
 
-    none, empty = ca.MX.zeros(tip.numel()), ca.MX(0, count)
-    q = windows(x[:n], tip)
-    qd = windows(x[n : 2 * n], tip_rate) if builder.moving else empty
-    r = ca.vertcat(empty, *[windows(inputs[key], none) for key in ("r", "v") if key in inputs])
+    q, qd = windows(x[:n], tip), windows(x[n : 2 * n], tip_rate)
+    # The tip that moves with the input is at the end of the step already.
+    r = windows(inputs["r"], ca.MX.zeros(tip.numel())) if builder.implicit else ca.MX(0, count)
     rows = ca.MX(ca.DM(made.rows.T))
     part = inputs.get("part", ca.MX(0, 1))
     same = [ca.repmat(each, 1, count) for each in (drive, p, part)]
 
     def from_base(state: ca.DM, function: ca.Function, *given: ca.MX) -> ca.MX:
         """What a function accumulates, at the start of every link and at the tip."""
-        if not state.numel():
-            return ca.MX(0, count + 1)
         return ca.horzcat(state, function.mapaccum(count)(state, *given))
 
     *starts, last = ca.horzsplit(from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows))

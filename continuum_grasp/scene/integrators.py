@@ -44,7 +44,10 @@ INTEGRATORS = {
         double_only=True,
         failure="Newton's method did not converge within a step",
     ),
-    "ros2": Integrator("implicit in the finger's own elasticity and damping alone", 2, 2),
+    "extrapolated_euler": Integrator(
+        "linearly implicit in the finger's own elasticity and damping alone, at linear cost with many elements", 2, 3
+    ),
+    "ros2": Integrator("implicit in the finger's own elasticity and damping alone", 2, 2, simulates=False),
     "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
 }
 SIMULATION_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.simulates)

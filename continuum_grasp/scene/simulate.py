@@ -103,8 +103,9 @@ class Timing(Value):
     step: Annotated[Duration, Field(examples=[0.001, "1 ms"])]
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
     method: Method = "auto"
-    """auto: rk4, or rodas for a stiff scene, in sub-steps that keep ``tolerance``; a method by name: in sub-steps that
-    are stable, with a warning where they do not keep it; reference: variable step with error control at 1e-11."""
+    """auto: rk4, or rodas for a stiff scene (extrapolated_euler with 16 elements or more), in sub-steps that keep
+    ``tolerance``; a method by name: in sub-steps that are stable, with a warning where they do not keep it; reference:
+    variable step with error control at 1e-11."""
     tolerance: Annotated[float, Field(ge=1e-10, le=0.1, examples=[1e-4, "0.01 %"]), Unit("1")] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger [1]."""
 

@@ -33,7 +33,7 @@ from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnin
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-_FAST, _STIFF, _STIFF_SWEPT = "rk4", "rodas", "ros2"
+_FAST, _STIFF, _STIFF_SWEPT = "rk4", "rodas", "extrapolated_euler"
 """What ``time.method: auto`` chooses between; the last for models of many elements, whose Jacobian costs more with
 every element than the steps that it saves."""
 _IMPLICIT_FROM = 40

@@ -697,7 +697,7 @@ WRONG = {
     "elements as a text": (FULL, {"elements": "2"}, "elements: expected a whole number of elements"),
     "elements as a truth": (FULL, {"elements": True}, "elements: expected a whole number of elements"),
     "very many elements": (FULL, {"elements": 10**9}, "elements: expected a number of elements from 1 to 128"),
-    "very many lengths": (FULL, {"elements": [0.6 / 65] * 65}, "elements: expected the lengths of up to 64"),
+    "very many lengths": (FULL, {"elements": [0.6 / 129] * 129}, "elements: expected the lengths of up to 128"),
     "a length of no number": (FULL, {"elements": [0.3, math.nan]}, r"elements\[1\]: expected a finite number, got nan"),
     "a length next to nothing": (FULL, {"elements": [0.6, 1e-300]}, "elements: element lengths must be positive"),
     "one contact": (FULL, {"contacts": 0.3}, r"contacts: expected a list of numbers, got 0.3 \(write \[0.3\]\)"),

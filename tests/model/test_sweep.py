@@ -144,7 +144,9 @@ def test_accelerations_are_those_of_the_dense_equations(family, name):
     assert np.abs(rates[model.n : 2 * model.n] - true).max() <= rounding * np.abs(true).max()
 
 
-@pytest.mark.parametrize(("family", "name"), [("arc", "everything"), ("matched_clothoid", "graded"), *ALL[-3:]])
+@pytest.mark.parametrize(
+    ("family", "name"), [("arc", "bare"), ("arc", "everything"), ("matched_clothoid", "graded"), *ALL[-3:]]
+)
 def test_the_loop_in_c_is_that_of_the_virtual_machine(family, name):
     model = model_of(family, name)
     arguments = state_of(model)

@@ -19,18 +19,8 @@ _GAMMA = 1.0 - math.sqrt(0.5)
 
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
-    """Next state; x begins with the coordinates (n) and their rates (n), model.internal is (x, u, p) -> M, K, D.
-
-    Of a model that sweeps ``implicit`` and ``relaxed`` are taken in its place.
-    """
-    f = model.forward_dynamics
-    if getattr(model, "sweeps", False):
-        part = _GAMMA * h
-        first = model.implicit()(x, u[0], w[0], p, part)
-        second = model.relaxed()(x, u[0], p, part, f(x + h * first, u[2], w[2], p) - 2.0 * first)
-        following: ca.MX = x + 1.5 * h * first + 0.5 * h * second
-        return following
-    n = model.internal.size1_out(0)
+    """Next state; x begins with the coordinates (n) and their rates (n), model.internal is (x, u, p) -> M, K, D."""
+    f, n = model.forward_dynamics, model.internal.size1_out(0)
     mass, stiffness, damping = model.internal(x, u[0], p)
     part, solve = _GAMMA * h, _ldl_solver(n)
     matrix = mass + part * damping + part**2 * stiffness

@@ -3,9 +3,8 @@
   static const casadi_real rows[N][<<row>>] = {<<rows>>};<<end>>
   casadi_real drive[<<drive>>], tip[1], tip_rate[1], lagging[2], base[2];
   casadi_real q[<<full>>], qd[<<full>>], ends[2][<<end>>], starts[2][<<start>>], rates[<<full>>];
-  casadi_real shape[N][<<shape>>], body[N][<<body>>], gain[N][<<gain>>];<<if spun>>
-  casadi_real spins[N + 1][<<spin>>];<<end>><<if implicit>>
-  casadi_real r[N][<<r>>];<<end>><<if loads>>
+  casadi_real shape[N][<<shape>>], body[N][<<body>>], gain[N][<<gain>>], spins[N + 1][<<spin>>];<<if implicit>>
+  casadi_real r[<<full>>];<<end>><<if loads>>
   static const int loaded[<<loads>>] = {<<loaded>>};
   casadi_real turns[N + 1][2], before[<<loads>>][2], force[N][<<force>>], acting[<<loads>>][<<force>>];<<end>>
   cg_lanes same_drive[<<drive>>], same_p[<<p>>], same_part[1], wide[6][<<widest>>];
@@ -20,19 +19,16 @@
   for (i = 0; i < <<n>>; ++i) qd[i] = x[<<n>> + i];<<if tip>>
   q[<<n>>] = tip[0];
   qd[<<n>>] = tip_rate[0];<<end>><<if implicit>>
-  for (k = 0; k < N; ++k)
-    for (i = 0; i < <<r>>; ++i) {
-      const casadi_int at = k * <<stride>> + i % <<local>>;
-      r[k][i] = at < <<n>> ? arg[5 + i / <<local>>][at] : 0;
-    }<<end>><<if spun>>
+  r[<<full>> - 1] = 0;
+  for (i = 0; i < <<n>>; ++i) r[i] = arg[5][i];<<end>>
   for (i = 0; i < <<spin>>; ++i) spins[0][i] = 0;
   for (k = 0; k < N; ++k) {
     const casadi_real *in[] = {spins[k], q + k * <<stride>>, qd + k * <<stride>>, <<row_of>>};
     casadi_real *out[] = {spins[k + 1]};
     <<carry_of>>(in, out, iw, work, mem);
-  }<<end>>
+  }
   {
-    const casadi_real *in[] = {<<if spun>>spins[N]<<end>><<if still>>0<<end>>, x + <<lag>>, u, p};
+    const casadi_real *in[] = {spins[N], x + <<lag>>, u, p};
     casadi_real *out[] = {ends[0]};
     <<tip_of>>(in, out, iw, work, mem);
   }
@@ -44,11 +40,11 @@
     const cg_lanes *in[] = {wide[0], wide[1], wide[2], wide[3], wide[4], same_drive, same_p, same_part};
     cg_lanes shapes[<<shape>>], bodies[<<body>>], *out[] = {shapes, bodies};
     for (l = 0; l < CG_LANES; ++l) {
-      const casadi_int at = k + l < N ? k + l : LAST;<<if spun>>
+      const casadi_int at = k + l < N ? k + l : LAST;
       for (i = 0; i < <<spin>>; ++i) wide[0][i][l] = spins[at][i];
-      for (i = 0; i < <<local>>; ++i) wide[2][i][l] = qd[at * <<stride>> + i];<<end>>
-      for (i = 0; i < <<local>>; ++i) wide[1][i][l] = q[at * <<stride>> + i];<<if implicit>>
-      for (i = 0; i < <<r>>; ++i) wide[3][i][l] = r[at][i];<<end>><<if rows>>
+      for (i = 0; i < <<local>>; ++i) wide[1][i][l] = q[at * <<stride>> + i];
+      for (i = 0; i < <<local>>; ++i) wide[2][i][l] = qd[at * <<stride>> + i];<<if implicit>>
+      for (i = 0; i < <<local>>; ++i) wide[3][i][l] = r[at * <<stride>> + i];<<end>><<if rows>>
       for (i = 0; i < <<row>>; ++i) wide[4][i][l] = rows[at][i];<<end>>
     }
     <<outward>>_lanes(in, out);

@@ -13,12 +13,16 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Reference, Rows
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""
-    return Kernel("dynamics", subject.model.forward_dynamics, "Rate of change xd of the state x; equation of motion.")
+    text = "Rate of change xd of the state x; equation of motion."
+    if subject.model.sweeps:
+        return SweptKernel("dynamics", subject.equations.sweep_kernels, text)
+    return Kernel("dynamics", subject.model.forward_dynamics, text)
 
 
 def _codes_of(result: Array) -> Array:

@@ -1,0 +1,178 @@
+"""Strict C of forward dynamics by sweeps: kernels of one link in a loop, and the same loop on numpy arrays."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from continuum_grasp.export.fields import Real
+from continuum_grasp.export.kernel import Array, Kernel
+from continuum_grasp.export.template import fill
+from continuum_grasp.model.sweep import SECTION, Kernels
+
+_TEXTS = {
+    "head": "What acts, from the input.",
+    "carry": "What motion and friction depend on, from the start of a link to its end.",
+    "tip": "Inertia at the tip.",
+    "outward": "Shape, inertia and forces of a link.",
+    "turn": "Rotation from the start of a link to its end.",
+    "loads": "Forces of point loads on their links.",
+    "inward": "Inertia and force that the start of a link feels.",
+    "root": "Accelerations at the base.",
+    "onward": "Accelerations from the start of a link to its end.",
+}
+
+
+class SweptKernel(Kernel):
+    """Forward dynamics (x, u, w, p) -> xd; see ``Kernel``."""
+
+    def __init__(self, name: str, made: Kernels, text: str) -> None:
+        self.name, self.text, self._made = name, text, made
+        parts = dict(zip(_TEXTS, made.functions, strict=True))
+        if not made.loaded:
+            del parts["turn"], parts["loads"]
+        self._parts = {key: Kernel(f"{name}_{key}", f, _TEXTS[key]) for key, f in parts.items()}
+        self._sizes = {key: {name: f.size1_out(name) for name in f.name_out()} for key, f in parts.items()}
+        read = {name for part in self._parts.values() for name in part.inputs}
+        loads = made.loads
+        sizes = {"u": made.head.size1_in("u"), "w": loads.size1_in("w"), "p": made.head.size1_in("p")}
+        nx = 2 * made.unknowns + made.head.size1_in("lag")
+        self.inputs = {"x": nx, **{key: size for key, size in sizes.items() if key in read}}
+        self.outputs = {"xd": nx}
+
+    @property
+    def calls(self) -> set[str]:
+        """Mathematical functions that its parts need."""
+        return set().union(*(part.calls for part in self._parts.values()))
+
+    @property
+    def operations(self) -> Counter[str]:
+        """How many operations of each kind an evaluation has."""
+        total: Counter[str] = Counter()
+        for key, part in self._parts.items():
+            times = 1 if key in ("head", "tip", "loads", "root") else self._made.links
+            total.update({kind: times * count for kind, count in part.operations.items()})
+        return total
+
+    def c_source(self, prefix: str, real: Real) -> str:
+        """The C definition, with those of its parts."""
+        parts = [part.c_source(prefix, real).replace("\nvoid ", "\nstatic void ", 1) for part in self._parts.values()]
+        kind = f"{prefix}_real"
+        calls = {key: part.call(prefix, **self._arguments(key, wide=False)) for key, part in self._parts.items()}
+        return "\n".join([*parts, self._loop(self.prototype(prefix), kind, kind, real, calls)])
+
+    def lane_source(self, real: Real) -> str:
+        """The same on vectors of the type ``lanes``."""
+        parts = [part.lane_source(real) for part in self._parts.values()]
+        calls = {}
+        for key, part in self._parts.items():
+            given = self._arguments(key, wide=True)
+            calls[key] = f"{part.name}_lanes({', '.join(given[name] for name in (*part.inputs, *part.outputs))});"
+        arguments = [f"const lanes *{name}" for name in self.inputs] + ["lanes *xd"]
+        head = f"static void {self.name}_lanes({', '.join(arguments)})"
+        return "\n".join([*parts, self._loop(head, "lanes", real.name, real, calls)])
+
+    def lane_helpers(self, real: Real) -> str:
+        """C of the functions that its lanes need one by one, each once."""
+        texts = [part.lane_helpers(real) for part in self._parts.values()]
+        found = dict.fromkeys(text for helpers in texts for text in helpers.split("\n\n") if text)
+        return "".join(f"{text}\n\n" for text in found)
+
+    def _arguments(self, key: str, *, wide: bool) -> dict[str, str]:
+        """C of the arguments of a part."""
+        made = self._made
+        window = f"k * {made.stride}"
+        given = {name: name for name in ("u", "w", "p", "x", "drive", "tip", "tip_rate", "base", "lagging", "end")}
+        given |= {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]", "start": "start"}
+        given |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "row" if wide else "rows[k]"}
+        given |= {"shape": "shape[k]", "body": "body[k]", "gain": "gain[k]", "turn": "turns[k]"}
+        given |= {"turned": "turns[k + 1]", "turns": "before", "handed": "end", "following": "start"}
+        given |= {"rates": f"rates + {made.shared} + {window}", "force": "acting" if key == "loads" else "force[k]"}
+        return given | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
+
+    def _loop(self, head: str, kind: str, plain: str, real: Real, calls: dict[str, str]) -> str:
+        made, sizes = self._made, dict[str, int]()
+        for part in self._sizes.values():
+            sizes |= part
+        lanes = kind == "lanes"
+        zero, one = (f"same({v})" if lanes else v for v in (real.literal(0.0), real.literal(1.0)))
+        tip = sizes["tip"]
+        rows = made.rows.tolist()
+        return fill(
+            "sweep.c",
+            {
+                **{f"{key}_call": calls.get(key, "") for key in _TEXTS},
+                "text": self.text,
+                "head": head,
+                "t": kind,
+                "real": plain,
+                "zero": zero,
+                "one": one,
+                "rows": ",\n    ".join(f"{{{', '.join(map(real.literal, row))}}}" for row in rows if row),
+                "row": made.rows.shape[1],
+                "wide": lanes and made.rows.size,
+                "links": made.links,
+                "drive": max(sizes["drive"], 1),
+                "lags": sizes["lagging"],
+                "full": made.unknowns + tip,
+                "tip": tip,
+                "n": made.unknowns,
+                "spin": sizes["spun"],
+                "shape": sizes["shape"],
+                "body": sizes["body"],
+                "gain": sizes["gain"],
+                "start": sizes["start"],
+                "end_size": sizes["end"],
+                "loads": len(made.loaded),
+                "loaded": ", ".join(map(str, made.loaded)),
+                "force": SECTION + made.local,
+                "shared": made.shared,
+                "section": SECTION,
+            },
+        )
+
+    def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
+        """What the C computes, to the last bit; see ``Kernel``."""
+        made, t = self._made, real.dtype
+        n, links = made.unknowns, range(made.links)
+        x = np.asarray(rows["x"], dtype=t)
+        count = len(x)
+
+        def part(key: str, **given: Array) -> dict[str, Array]:
+            own = self._parts[key]
+            read = {name: given[name] for name in own.inputs} or {"none": np.zeros((count, 0))}
+            none = {name: np.zeros((count, size), dtype=t) for name, size in self._sizes[key].items()}
+            return none | own.evaluate(real, **read)
+
+        outer = {name: rows[name] for name in ("u", "w", "p") if name in rows} | {"x": x, "lag": x[:, 2 * n :]}
+        head = part("head", **outer)
+        q, qd = np.hstack([x[:, :n], head["tip"]]), np.hstack([x[:, n : 2 * n], head["tip_rate"]])
+        row = [np.tile(made.rows[k].astype(t), (count, 1)) for k in links]
+        window = [slice(k * made.stride, k * made.stride + made.local) for k in links]
+        spin = [np.zeros((count, self._sizes["carry"]["spun"]), dtype=t)]
+        bodies = []
+        for k in links:
+            own = {"q": q[:, window[k]], "qd": qd[:, window[k]], "row": row[k], "spin": spin[k], **outer}
+            spin.append(part("carry", **own)["spun"])
+            bodies.append(part("outward", **own, drive=head["drive"]))
+        force = [np.zeros((count, SECTION + made.local), dtype=t) for _ in links]
+        if made.loaded:
+            turns = [np.tile(np.array([1, 0], dtype=t), (count, 1))]
+            for k in links:
+                turns.append(part("turn", turn=turns[k], shape=bodies[k]["shape"])["turned"])
+            acting = part("loads", turns=np.hstack([turns[k] for k in made.loaded]), **outer)["force"]
+            for link, one in zip(made.loaded, np.split(acting, len(made.loaded), axis=1), strict=True):
+                force[link] = force[link] + one
+        end, gains = part("tip", spin=spin[-1], **outer)["end"], []
+        for k in reversed(links):
+            found = part("inward", end=end, row=row[k], force=force[k], **bodies[k], **outer)
+            end = found["handed"]
+            gains.append(found["gain"])
+        start = part("root", end=end, base=head["base"])["start"]
+        rates = [start[:, SECTION:]]
+        for k in links:
+            found = part("onward", start=start, shape=bodies[k]["shape"], gain=gains[-1 - k], row=row[k])
+            start = found["following"]
+            rates.append(found["rates"])
+        return {"xd": np.hstack([x[:, n : 2 * n], np.hstack(rates)[:, :n], head["lagging"]])}
