@@ -15,7 +15,7 @@ from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import ForceLoad
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run
-from tests.model.test_sweep import COUNT, model_of, state_of
+from tests.model.test_many_elements import COUNT, model_of, state_of
 
 CASES = [("arc", "lag", "float"), ("matched_clothoid", "everything", "double"), ("clothoid", "friction", "double")]
 
