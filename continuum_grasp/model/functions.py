@@ -18,6 +18,9 @@ Output = ca.SX | Vec | Scalar | list[Scalar]
 MATRICES = frozenset(
     (
         "mass_matrix.M",
+        "internal.M",
+        "internal.K",
+        "internal.D",
         "statics.K",
         "jacobian.J",
         "jacobian_rate.Jd",
