@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -19,14 +18,13 @@ from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.profile import Profile
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.value import Value
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
-_Of = TypeVar("_Of", bound=Value)
 
 
 def plant_scene(scene: ControlScene) -> Scene:
@@ -79,22 +77,13 @@ def _bends(profile: Profile, lengths: Sequence[float]) -> Array:
     return found
 
 
-def _stiffer(rod: _Of, factor: float) -> _Of:
-    """The same rod, or part of one, with a multiple of its stiffness, however it is given."""
-
-    def scaled(value: Any) -> Any:
-        return tuple(map(scaled, value)) if isinstance(value, tuple) else value * factor
-
-    changes: dict[str, Any] = {}
-    for name in type(rod).model_fields:
-        value = getattr(rod, name)
-        if value is not None and name in ("youngs_modulus", "bending_stiffness"):
-            changes[name] = scaled(value)
-        elif isinstance(value, Value):
-            changes[name] = _stiffer(value, factor)
-        elif isinstance(value, tuple) and all(isinstance(one, Value) for one in value):
-            changes[name] = tuple(_stiffer(one, factor) for one in value)
-    return rod.replaced(**changes)
+def _stiffer(rod: Rod, factor: float) -> Rod:
+    """The same rod with a multiple of its stiffness, however it is given."""
+    if rod.graded:
+        return rod.replaced(factors=rod.factors.replaced(bending_stiffness=rod.factors.bending_stiffness * factor))
+    if rod.bending_stiffness is not None:
+        return rod.replaced(bending_stiffness=rod.bending_stiffness * factor)
+    return rod.replaced(youngs_modulus=(rod.youngs_modulus or 0.0) * factor)
 
 
 class PlantModel(Remade):

@@ -224,7 +224,7 @@ class ControlRun(MotionResult):
     @cached_property
     def _disturbed(self) -> list[tuple[int, int]]:
         """Columns in ``parameters`` and in ``std`` of each disturbance."""
-        columns = {name: k for k, name in enumerate(self.p_names)}
+        columns = {name.split(" [")[0]: k for k, name in enumerate(self.p_names)}
         added_to = [_parameter(name) for name in self.estimated_names]
         return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
 
@@ -333,7 +333,5 @@ _RELATIVE = "_error [1]"
 
 
 def _parameter(name: str) -> str:
-    """The parameter that a disturbance of the estimator adds to, by its name without what tells them apart."""
-    if name.endswith(_RELATIVE):
-        return f"{name.removesuffix(_RELATIVE)} [N m2]"
-    return name.removeprefix("unknown_")
+    """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
+    return name.removesuffix(_RELATIVE).removeprefix("unknown_").split(" [")[0]
