@@ -28,7 +28,7 @@ def exact(scene, count=2):
     return 2.0 * math.pi * natural_frequencies(scene.finger, solve_elastica(scene), count)
 
 
-def modelled(scene):
+def modeled(scene):
     """First two frequencies of the model [rad/s]."""
     return 2.0 * math.pi * modes(scene).frequencies_hz[:2]
 
@@ -62,7 +62,7 @@ def test_the_models_frequencies_converge_at_the_familys_order(name, family):
         # Arcs alone need an element to end where the stiffness jumps.
         elements = ([0.8 / count] * (count // 2) + [1.2 / count] * (count // 2)) if (name, family) == STEPPED else count
         scene = rod_scene(CLOSED[name], family, elements, gravity=NONE, fidelity=fidelity)
-        errors.append(np.abs(modelled(scene) / FREQUENCIES[name] - 1.0))
+        errors.append(np.abs(modeled(scene) / FREQUENCIES[name] - 1.0))
     assert np.all(errors[-1] < ([1e-2, 3e-2] if family == "arc" else [1e-4, 5e-4]))
     assert order(np.array(errors)[:, 0])[-1] > (1.8 if family == "arc" else 4.0)
 
@@ -113,6 +113,25 @@ def test_a_couple_inside_bends_up_to_its_place():
     turn, x, y = bent(lambda s: 0.2 if s < 0.4 else 2.0, [0.0, 0.4, 0.7])
     for found in rests_at(rod_scene(RODS["step"], **ONE, loads=[couple])):
         assert found == pytest.approx([turn, x + 0.3 * math.cos(turn), y + 0.3 * math.sin(turn)], abs=1e-9)
+
+
+def test_elements_with_stops_approach_the_exact_rod():
+    """The kink moves with the load: elements cannot follow it, and the order is low."""
+    finger = {
+        "tendons": [{"offset": [0.01, 0.0025], "max_tension": 100.0}],
+        "stops": {"curvature": [1.0, 4.0], "stiffness_ratio": 50.0},
+    }
+    keys = {"gravity": NONE, "finger": finger, "actuation": {"tensions": [40.0]}}
+    errors = []
+    for count in (3, 8):
+        fidelity = {"accuracy": 1e-4, "bending_range": 4.0}
+        scene = rod_scene(RODS["cone 0.25"], "clothoid", count, fidelity=fidelity, **keys)
+        rod, found = solve_elastica(scene), equilibrium(scene)
+        errors.append(np.linalg.norm(found.tip - rod.tip))
+    touching = np.abs(rod.curvature(np.linspace(0.0, 1.0, 101))) > np.linspace(1.0, 4.0, 101)
+    assert 0.2 < touching.mean() < 0.9
+    assert errors[1] < 2e-3
+    assert errors[1] < errors[0]
 
 
 LOADED = {
