@@ -99,6 +99,12 @@ class Mesh:
         whole = (self.weights * values).reshape(*values.shape[:-1], self.panels, self.count).sum(axis=-1)
         return np.concatenate([np.zeros_like(whole[..., :1]), np.cumsum(whole, axis=-1)], axis=-1)
 
+    def to_nodes(self, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
+        """Integrals (..., N) of functions, given at the nodes (..., N), from the start to each node."""
+        blocks = values.reshape(*values.shape[:-1], self.panels, self.count)
+        within = 0.5 * self.widths[:, None] * (blocks @ self._within.T)
+        return np.asarray((self.to_edges(values)[..., :-1, None] + within).reshape(values.shape))
+
     def series(self, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
         """Legendre coefficients (P, count) on each panel."""
         return np.asarray(values.reshape(self.panels, self.count) @ self._to_series.T)
@@ -129,33 +135,21 @@ class Mesh:
         return Mesh(np.sort(np.concatenate([self.edges, middles])), count)
 
 
-def curvature_profile(shapes: Array, q: Array, tip_curvature: float) -> Array:
-    """Compute the curvature (..., N, D) [1/m] at D places spread evenly along each element.
-
-    Between them it is the polynomial through these values; a single value holds for the whole element. ``shapes``
-    (N, D, M) is the curvature there per coordinate. ``q`` (..., n) are all M coordinates, or all but the last, which is
-    then the curvature at the tip [1/m].
-    """
-    if q.shape[-1] < shapes.shape[-1]:
-        q = np.concatenate([q, np.full((*q.shape[:-1], 1), tip_curvature, dtype=q.dtype)], axis=-1)
-    return np.asarray(np.einsum("kda,...a->...kd", shapes, q))
-
-
 class DenseRod:
-    """Position and angle of a planar rod whose curvature is a polynomial in each element.
+    """Position and angle of a planar rod whose curvature is given at the Gauss nodes of panels along it.
 
-    The elements are cut into short panels; joints and marks are panel edges. All shapes may have leading axes, one for
-    each of several rods, and may be complex, for derivatives by complex steps.
+    Joints of elements, places where something of the finger jumps, and marks are panel edges. Curvatures may have
+    leading axes, one for each of several rods, and may be complex, for derivatives by complex steps.
 
-    ``lengths`` are those of the elements [m], ``panel`` the greatest length of a panel as a part of the finger's, with
-    ``nodes`` Gauss points. ``base`` is world x, y [m] and angle [rad], the finger's where not given; ``marks`` are
-    further panel edges [m], point masses and steps of the rest curvature where not given.
+    ``joints`` are the ends of the elements from base to tip [m], ``panel`` the greatest length of a panel as a part of
+    the finger's, with ``nodes`` Gauss points. ``base`` is world x, y [m] and angle [rad], the finger's where not given;
+    ``marks`` are further panel edges [m], point masses where not given.
     """
 
     def __init__(
         self,
         finger: Finger,
-        lengths: Array,
+        joints: Array,
         panel: float = 1 / 400,
         base: Sequence[float] | Array | None = None,
         *,
@@ -164,43 +158,23 @@ class DenseRod:
     ) -> None:
         pose = (*finger.base.position, finger.base.angle) if base is None else base
         self.start, self.start_angle = np.asarray(pose[:2], dtype=float), float(pose[2])
-        self.lengths = np.asarray(lengths, dtype=float)
-        self.joints = np.concatenate([[0.0], np.cumsum(self.lengths)])
-        pieces = finger.curvature_pieces
-        if marks is None:
-            marks = [*(mass.at for mass in finger.masses), *(end for _, end, _ in pieces)]
-        self.mesh = Mesh(panel_edges(with_places(self.joints, marks), panel * self.joints[-1]), nodes)
-        self.edges, self.weights = self.mesh.edges, self.mesh.weights
-        self._inside = self._place(self.mesh.nodes)
-        self._at_edges = self._place(self.edges)
-        steps = np.array([end for _, end, _ in pieces[:-1]])
-        self.rest = np.array([value for *_, value in pieces])[np.searchsorted(steps, self.mesh.nodes)]
+        self.joints = np.asarray(joints, dtype=float)
+        marks = [mass.at for mass in finger.masses] if marks is None else marks
+        inner = [at for at in (*marks, *finger_breaks(finger)) if at < self.joints[-1]]
+        self.mesh = Mesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), nodes)
+        self.nodes, self.edges, self.weights = self.mesh.nodes, self.mesh.edges, self.mesh.weights
 
-    def curvature(self, profile: Array, s: Array | None = None) -> Array:
-        """Curvature (..., G) [1/m] at the Gauss points, or at places (G,) [m].
-
-        ``profile`` (..., N, D) is the curvature at places along each element, as `curvature_profile` gives.
-        """
-        element, share = self._inside if s is None else self._place(s)
-        return _horner(_coefficients(profile)[..., element, :], share)
-
-    def bends(self, profile: Array) -> Array:
-        """Bending angle of each element (..., N) [rad]."""
-        degrees = np.arange(profile.shape[-1])
-        weights = (1.0 / (degrees + 1.0)) @ _polynomials(profile.shape[-1])
-        return np.asarray(self.lengths * (profile @ weights))
-
-    def angle(self, profile: Array) -> Array:
+    def angle(self, curvature: Array) -> Array:
         """World angle of the section's X axis at the Gauss points (..., G) [rad]."""
-        return self._angle(profile, *self._inside)
+        return np.asarray(self.start_angle + self.mesh.to_nodes(curvature))
 
-    def edge_angle(self, profile: Array) -> Array:
+    def edge_angle(self, curvature: Array) -> Array:
         """World angle of the section's X axis at the panel edges (..., P + 1) [rad]."""
-        return self._angle(profile, *self._at_edges)
+        return np.asarray(self.start_angle + self.mesh.to_edges(curvature))
 
-    def edge_points(self, profile: Array, angle: Array | None = None) -> Array:
+    def edge_points(self, curvature: Array, angle: Array | None = None) -> Array:
         """World positions of the panel edges (..., P + 1, 2) [m]; ``angle`` as `angle` gives, where it is known."""
-        angle = self.angle(profile) if angle is None else angle
+        angle = self.angle(curvature) if angle is None else angle
         walked = [self.mesh.to_edges(-np.sin(angle)), self.mesh.to_edges(np.cos(angle))]
         return np.asarray(self.start + np.stack(walked, axis=-1))
 
@@ -208,45 +182,28 @@ class DenseRod:
         """Index of the panel edge at a position, for joints, ends and marks."""
         return int(np.argmin(np.abs(self.edges - s)))
 
-    def mean_point(self, profile: Array, angle: Array | None = None) -> Array:
-        """Integral of the position over the length (..., 2) [m2]."""
-        angle = self.angle(profile) if angle is None else angle
-        lever = self.weights * (self.joints[-1] - self.mesh.nodes)
-        walked = np.stack([-np.sin(angle) @ lever, np.cos(angle) @ lever], axis=-1)
-        return np.asarray(self.start * self.joints[-1] + walked)
+    def bends(self, curvature: Array) -> Array:
+        """Bending angle of each element (..., N) [rad]."""
+        return np.diff(self.mesh.to_edges(curvature)[..., [self.edge_index(s) for s in self.joints]], axis=-1)
 
-    def at(self, profile: Array, s: Array) -> tuple[Array, Array]:
+    def first_moment(self, density: Array, angle: Array) -> Array:
+        """Integral of a density, given at the Gauss points (G,), times the position (..., 2); angles as `angle`."""
+        # The mass beyond a section moves with its tangent.
+        lever = self.weights * (self.mesh.to_edges(density)[-1] - self.mesh.to_nodes(density))
+        walked = np.stack([-np.sin(angle) @ lever, np.cos(angle) @ lever], axis=-1)
+        return np.asarray(self.start * float(self.weights @ density) + walked)
+
+    def at(self, curvature: Array, s: Array) -> tuple[Array, Array]:
         """World positions (K, 2) [m] and angles (K,) [rad] of one rod at any places (K,) [m] along it."""
         s = np.asarray(s, dtype=float)
-        walked = self.mesh.integrate(1j * np.exp(1j * self.angle(profile)), s)
-        return self.start + np.stack([walked.real, walked.imag], axis=-1), self._angle(profile, *self._place(s))
-
-    def _place(self, s: Array) -> tuple[NDArray[np.intp], Array]:
-        """Elements in which positions lie, and how far along them [1]."""
-        element = np.clip(np.searchsorted(self.joints, s) - 1, 0, self.lengths.size - 1)
-        return element, (s - self.joints[element]) / self.lengths[element]
-
-    def _angle(self, profile: Array, element: NDArray[np.intp], share: Array) -> Array:
-        coefficients = _coefficients(profile)
-        integrals = self.lengths[:, None] * (coefficients / np.arange(1.0, coefficients.shape[-1] + 1.0))
-        bends = self.bends(profile)
-        before = np.cumsum(bends, axis=-1) - bends
-        return np.asarray(self.start_angle + before[..., element] + share * _horner(integrals[..., element, :], share))
+        walked = self.mesh.integrate(1j * np.exp(1j * self.angle(curvature)), s)
+        turned = np.real(self.mesh.integrate(curvature, s))
+        return self.start + np.stack([walked.real, walked.imag], axis=-1), self.start_angle + turned
 
 
-def _coefficients(profile: Array) -> Array:
-    """Coefficients (..., D) of 1, u, u^2 ... of the polynomials of each element."""
-    return np.asarray(profile @ _polynomials(profile.shape[-1]).T)
-
-
-def _polynomials(count: int) -> Array:
-    """Coefficients (D, D) of 1, u, u^2 ... on [0, 1], by value at the places spread evenly."""
-    # Curvatures have degree 0 to 2: powers are well conditioned.
-    return np.asarray(np.linalg.inv(np.vander(np.linspace(0.0, 1.0, count), increasing=True)))
-
-
-def _horner(coefficients: Array, u: Array) -> Array:
-    total = coefficients[..., -1]
-    for k in range(coefficients.shape[-1] - 2, -1, -1):
-        total = coefficients[..., k] + total * u
-    return np.asarray(total)
+def finger_breaks(finger: Finger) -> list[float]:
+    """Places along a finger [m] where its rod, its thickness or the moments of its tendons may jump or have kinks."""
+    profile = finger.profile
+    depths = () if profile.half_depth is None else profile.half_depth.breaks
+    shapes = (at for channel in finger.channels for at in channel.shape.breaks)
+    return sorted({*profile.breaks, *profile.half_thickness.breaks, *depths, *shapes})

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.finger import PiecewiseCurvature
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -61,8 +60,25 @@ class FingerSetup:
 
     @property
     def tendons(self) -> Tendons:
-        """The finger's tendons, which every finger of a grasp has."""
-        return cast(Tendons, self.finger.tendon_pair)
+        """The finger's tendons, a pair which every finger of a grasp has; the offset is that at the base."""
+        if isinstance(self.finger.tendons, Tendons):
+            return self.finger.tendons
+        one = self.finger.tendon_list[0]
+        # The arm has the cosine of tendons that are inclined.
+        return Tendons(
+            offset=self.finger.channels[0].arms[0],
+            **{name: getattr(one, name) for name in Tendons.model_fields if name != "offset"},
+        )
+
+    @property
+    def graded(self) -> bool:
+        """Whether something of the finger changes along it."""
+        return is_graded(self.finger)
+
+    @property
+    def stiffness(self) -> float:
+        """A bending stiffness of the finger as a scale of moments [N m2]."""
+        return self.finger.profile.mean_stiffness
 
     @property
     def middle_names(self) -> tuple[str, ...]:
@@ -214,8 +230,10 @@ class GraspScene(Value):
             before=(after,) if isinstance(after, int) else after,
             elements=count,
             family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
-            # All elements together may bend by two turns, and each by 120 degrees at least.
-            bending_range=fidelity.bending_range or max(4 * math.pi / count, 2 * math.pi / 3),
+            # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
+            # greatest curvature counts, by 180.
+            bending_range=fidelity.bending_range
+            or max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi),
             accuracy=fidelity.accuracy,
             # A contact at base or tip would leave an element of no length.
             middle_bounds=contacts["middle_range"] or (0.05 * length, 0.95 * length),
@@ -243,6 +261,19 @@ class GraspScene(Value):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
+        if isinstance(finger.tendons, tuple) and not _are_pair(finger):
+            raise ValueError(
+                f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
+                "offset and the second with the same offset on the other side, that end at the same place"
+            )
+        for key in ("stops", "tip_body"):
+            if getattr(finger, key) is not None:
+                raise ValueError(f"{where}.{key}: grasps do not know what this does to the finger; leave it out")
+        if setup.graded and finger.has_tendon_friction:
+            raise ValueError(
+                f"{where}.tendons.friction must be zero here: friction along a finger that changes along its length is "
+                "not modeled in grasps"
+            )
         if finger.tendons_used != "both" and any(finger.tension_limits[0]):
             raise ValueError(
                 f"{where}.tendons.min_tension keeps the antagonist taut; with tendons_used: {finger.tendons_used} "
@@ -274,11 +305,6 @@ class GraspScene(Value):
                 f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
                 f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
             )
-        if isinstance(finger.rest_curvature, PiecewiseCurvature):
-            raise ValueError(
-                f"{where}.rest_curvature must be one number here: the lengths of the elements are sought, and the "
-                "curvature of each could not follow"
-            )
         low, high = setup.middle_bounds
         check_increasing("contacts.middle_range", (low, high))
         if high >= length:
@@ -307,3 +333,20 @@ class GraspScene(Value):
                 raise ValueError(f"supports.{peg.name} lies {-gap:.4g} m deep in the object")
             if peg.touch == "on" and gap > TOUCHING * size:
                 raise ValueError(f"supports.{peg.name} should touch the object, which is {gap:.4g} m away and fixed")
+
+
+def is_graded(finger: GraspFinger) -> bool:
+    """Whether something of a finger that matters to grasps changes along it."""
+    profile, shapes = finger.profile, [channel.shape for channel in finger.channels]
+    curves = (profile.rest_curvature, profile.half_thickness, profile.half_depth, *shapes)
+    return not profile.uniform or any(curve is not None and curve.constant is None for curve in curves)
+
+
+def _are_pair(finger: GraspFinger) -> bool:
+    """Whether a list of tendons is a pair at opposite offsets."""
+    if len(finger.tendon_list) != 2 or len(finger.channels) != 1:
+        return False
+    first, second = finger.tendon_list
+    left, right = finger.channels[0].arms
+    same = all(getattr(first, name) == getattr(second, name) for name in Tendons.model_fields if name != "offset")
+    return same and left > 0.0 and abs(left + right) <= 1e-12 * left

@@ -21,6 +21,10 @@ _JUMP = 1e-12
 """Jump per value from which on a curve jumps [1]: above the rounding of its pieces."""
 
 
+_MEAN_NODES = 32
+"""Gauss nodes per piece for a mean along the finger: rounding for a taper to a tenth."""
+
+
 @dataclass(frozen=True)
 class Curve:
     """A function of the position s along the finger [m]: a polynomial, or its exponential, on each of some pieces.
@@ -142,6 +146,19 @@ class Profile:
             if not found or at - found[-1] > _SAME * self.length:
                 found.append(at)
         return tuple(found)
+
+    @cached_property
+    def mean_stiffness(self) -> float:
+        """E I of the uniform rod whose tip a couple turns as far [N m2]: the harmonic mean, a scale of moments."""
+        curve = self.bending_stiffness
+        if curve.constant is not None:
+            return curve.constant
+        nodes, weights = np.polynomial.legendre.leggauss(_MEAN_NODES)
+        turns = [
+            0.5 * (b - a) * float(weights @ (1.0 / curve(0.5 * (a + b) + 0.5 * (b - a) * nodes)))
+            for a, b in self.panels()
+        ]
+        return self.length / sum(turns)
 
     def panels(self, *places: float) -> list[tuple[float, float]]:
         """Parts [m] between breaks and further places, from base to tip: smooth inside, for quadrature."""

@@ -246,15 +246,14 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
     imbalance = float(np.max(np.abs(finger.virtual_work())))
     yield Check(f"finger equilibrium, {finger.name}", imbalance / scale, EQUILIBRIUM, "1", reference)
     if finger.matches_tip:
-        bent = finger.profile[-1, -1] - finger.rod.rest[-1]
-        gap = finger.stiffness * bent - finger.tip_moment - finger.tip_couple
+        gap = float(finger.shape.moment(np.array(finger.length))) - finger.tip_moment - finger.tip_couple
         yield Check(f"tip moment balance, {finger.name}", abs(gap) / scale, EQUILIBRIUM, "1", reference)
 
 
 def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     stored, length = finger.stored_backbone, finger.length
     s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
-    points, angles = finger.rod.at(finger.profile, s)
+    points, angles = finger.rod.at(finger.curvature, s)
     off = worst(
         float(np.abs(stored[:, 0] - s).max()) / length,
         abs(stored[0, 0]) / length,
@@ -264,7 +263,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
         float(np.abs(stored[:, 3] - angles).max()),
     )
     yield Check(f"stored backbone, {finger.name}", off, GAP, "1", f"{length:.4g} m")
-    off = abs(finger.stored_tip_curvature - finger.profile[-1, -1]) * length
+    off = abs(finger.stored_tip_curvature - float(finger.shape.elastic(np.array(length)))) * length
     yield Check(f"stored tip curvature, {finger.name}", off, GAP, "1", f"{1 / length:.4g} 1/m")
     base = finger.finger.base
     off = _beyond((*base.position, base.angle), finger.finger.base_free, finger.base, length)
@@ -286,10 +285,14 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
             at = finger.joint_position(contact.joint)
             over_length = worst(low - at, at - high) / length
             yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
-    if np.isfinite(most := finger.finger.curvature_limit):
-        kappa = float(np.abs(finger.profile).max())
-        yield Check(f"bending strain, {finger.name}", kappa / most - 1, LIMIT, "1", f"{most:.4g} 1/m")
-    bends = float(np.abs(finger.lengths[:, None] * finger.profile).max())
+    # Curvatures where they may be greatest: at ends of panels, on both sides, and densely between.
+    places = (finger.rod.edges, False), (finger.rod.edges, True), (finger.rod.nodes, False)
+    allowed, depth = finger.finger.strain_limit, finger.profile.half_depth
+    if allowed is not None and depth is not None:
+        strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for s, side in places]
+        value = float(np.max(np.concatenate(strains))) / allowed - 1
+        yield Check(f"bending strain, {finger.name}", value, LIMIT, "1", f"{allowed:.4g}")
+    bends = float(np.abs(finger.lengths[:, None] * finger.shape.curvatures).max())
     most = setup.bending_range
     yield Check(f"bending range, {finger.name}", bends / most - 1, LIMIT, "1", f"{most:.4g} rad")
 

@@ -134,8 +134,9 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         depths = [("the object", depth_in_object(finger.points, grasp.object, finger.thickness))]
         depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.walls]
         for peg in grasp.pegs:
-            away = float(segment_distance(np.asarray(peg.position), finger.points[:-1], finger.points[1:]).min())
-            depths.append((peg.name, finger.thickness + peg.radius - away))
+            away = segment_distance(np.asarray(peg.position), finger.points[:-1], finger.points[1:])
+            thick = np.maximum(finger.thickness[:-1], finger.thickness[1:])
+            depths.append((peg.name, float((thick + peg.radius - away).max())))
         for what, depth in depths:
             name = f"penetration into {what}, {finger.name}"
             yield Check(name, depth / finger.length, PENETRATION, "1", f"{finger.length:.4g} m")
@@ -147,12 +148,13 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         yield Check(f"penetration of the object into {what}", depth / length, PENETRATION, "1", f"{length:.4g} m")
 
 
-def depth_in_object(points: Array, body: PlacedObject, thickness: float) -> float:
+def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array) -> float:
     """Greatest depth of a finger in an object [m], negative where they are apart.
 
-    ``points`` (K, 2) [m] are its backbone, densely; ``thickness`` is half the finger's [m].
+    ``points`` (K, 2) [m] are its backbone, densely; ``thickness`` is half the finger's [m], or (K,) there.
     """
-    depth = thickness - float(body.distance(points).min())
+    half = np.broadcast_to(thickness, len(points))
+    depth = float((half - body.distance(points)).max())
     start, end = points[:-1], points[1:]
     step = float(np.hypot(*(end - start).T).max())
     corners, radii = body.sharp_places(_SHARP * step)
@@ -160,14 +162,15 @@ def depth_in_object(points: Array, body: PlacedObject, thickness: float) -> floa
         return depth
     # Between two samples a corner may reach deeper: panels that pass one are sampled finely.
     gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
-    close = np.flatnonzero((gaps < thickness + step).any(axis=0))
+    close = np.flatnonzero((gaps < np.maximum(half[:-1], half[1:]) + step).any(axis=0))
     if close.size:
         fine = start[close, None] + _FINE[:, None] * (end - start)[close, None]
-        depth = worst(depth, thickness - float(body.distance(fine.reshape(-1, 2)).min()))
+        thick = half[close, None] + _FINE * (half[close + 1] - half[close])[:, None]
+        depth = worst(depth, float((thick.ravel() - body.distance(fine.reshape(-1, 2))).max()))
     return depth
 
 
-def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> float:
+def depth_in_wall(points: Array, wall: Wall, thickness: float | Array, emerges: int) -> float:
     """Greatest depth of a finger's body in a wall [m]; negative where they are apart.
 
     A finger whose base is closer to the wall than half its thickness comes out of it: it then needs space only
@@ -188,10 +191,10 @@ def depth_in_wall(points: Array, wall: Wall, thickness: float, emerges: int) -> 
         beside = np.abs((points - middle) @ along) <= wall.half_length
         passes = beside[:-1] & beside[1:] & (height[:-1] * height[1:] < 0.0)
         if passes.any():
-            crossing = thickness + min(float(height[beside].max()), -float(height[beside].min()))
-    needed = np.full(len(points), thickness)
+            crossing = float(np.max(thickness)) + min(float(height[beside].max()), -float(height[beside].min()))
+    needed = np.array(np.broadcast_to(thickness, len(points)), dtype=float)
     # 1e-9: a base that stands exactly off the wall is free, whatever rounding says.
-    if not spare[0] >= thickness * (1.0 - 1e-9):
+    if not spare[0] >= needed[0] * (1.0 - 1e-9):
         needed[: emerges + 1] = min(0.0, float(spare[0]))
     return worst(float((needed - spare).max()), crossing)
 
@@ -229,8 +232,9 @@ def overlap(fingers: tuple[RecomputedFinger, ...]) -> float:
         # Every second point finds the nearest pair; the distance is then that from the chain's segments beside it.
         a, b = one.points[::2], other.points[::2]
         apart = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
+        apart -= one.thickness[::2, None] + other.thickness[None, ::2]
         i, j = np.unravel_index(int(apart.argmin()), apart.shape)
         near = b[max(int(j) - 1, 0) : int(j) + 2]
         closest = float(segment_distance(a[i], near[:-1], near[1:]).min())
-        most = worst(most, one.thickness + other.thickness - closest)
+        most = worst(most, one.thickness[::2][i] + other.thickness[::2][j] - closest)
     return most

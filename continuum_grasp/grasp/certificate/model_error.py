@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -75,7 +74,7 @@ def model_error(grasp: RecomputedGrasp) -> ModelError:
         problem = _problem(finger)
         moment = float(np.maximum(moment, _moment_left_out(finger, problem)))
         try:
-            exact = deformed(problem, partial(finger.rod.curvature, finger.profile))
+            exact = deformed(problem, finger.shape.curvature)
         except SolverError:
             lost.append(finger.name)
             continue
@@ -103,7 +102,7 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     """Moment of the shape against that of everything beyond a section, greatest relative difference."""
     # Two nodes per panel; dimensionless, with lengths over L and moments over E I / L.
     equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 2.0 / SECTIONS), 2))
-    shape = bent.length * bent.rod.curvature(bent.profile, bent.length * equations.mesh.nodes)
+    shape = bent.length * bent.shape.curvature(bent.length * equations.mesh.nodes)
     gap = equations.balance(shape).missing
     least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / problem.stiffness
     moment = equations.bending_stiffness * (shape - equations.rest) - gap

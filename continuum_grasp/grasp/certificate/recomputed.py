@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
+from continuum_grasp.grasp.shape import FingerShape, slope
+from continuum_grasp.grasp.skin import skin
+from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 from continuum_grasp.scene.supports import Peg, Wall
@@ -42,34 +44,31 @@ class RecomputedFinger:
         def stored(key: str) -> Array:
             return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
 
-        self.q, self.lengths, self.tensions = stored("q"), stored("lengths"), stored("tensions")
+        self.shape = FingerShape(setup, arrays)
+        self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
+        self.tensions, self.base = stored("tensions"), stored("base")
         self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
-        self.base, self._shapes = stored("base"), stored("curvature_shapes")
-        self.length = self.finger.rod.length
-        self.stiffness = self.finger.rod.stiffness
-        self.thickness = self.finger.thickness_radius
+        self.profile, self.length, self.stiffness = self.finger.profile, self.finger.profile.length, setup.stiffness
         self.gravity = gravity_vector(gravity)
-        self.rod = DenseRod(self.finger, self.lengths, base=self.base)  # 400 panels at least
-        self.profile = self.curvatures(self.q)
-        self.angles = self.rod.edge_angle(self.profile)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
-        self.points = self.rod.edge_points(self.profile)
+        self.rod = DenseRod(self.finger, self.shape.joints, base=self.base)  # 400 panels at least
+        self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points
+        self.angles = self.rod.edge_angle(self.curvature)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
+        self.points = self.rod.edge_points(self.curvature)
+        self.skin = skin(self.profile.half_thickness)
+        self.thickness = self.skin(self.rod.edges)  # half the thickness (P + 1,) at the ends of panels [m]
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
         self.tendon_shares = self._capstan()
         self.loads: list[FingerLoad] = []
 
-    def curvatures(self, q: Array) -> Array:
-        """Curvature (..., N, D) [1/m] at places along each element, from coordinates (..., n)."""
-        return curvature_profile(self._shapes, q, self.stored_tip_curvature)
-
     @property
-    def matches_tip(self) -> bool:
-        """Whether the curvature at the tip is no coordinate, but set by the moment balance there."""
-        return bool(self._shapes.shape[-1] > self.q.size)
+    def amplitudes(self) -> Array:
+        """Moments [N m] of the channels of the tendons."""
+        return self.shape.of_channels(self.tensions)
 
     @property
     def tip_moment(self) -> float:
         """Moment of the tendons at the tip [N m]."""
-        return float((self.tensions[0] - self.tensions[1]) * self.setup.tendons.offset)
+        return float(self.shape.actuation(np.array(self.length), self.amplitudes))
 
     @property
     def tip_couple(self) -> float:
@@ -83,9 +82,10 @@ class RecomputedFinger:
     def moment_scale(self, force: float) -> float:
         """Greatest moment in play [N m], with a floor for straight fingers under forces of up to ``force`` [N]."""
         # 1 %: a straight finger under a force along it has no moment at all, and rounding would count.
-        bent = float(np.abs(self.rod.curvature(self.profile) - self.rod.rest).max())
+        bent = float(np.abs(self.shape.moment(self.rod.nodes)).max())
         least = 0.01 * max(force * self.length, self.stiffness / self.length)
-        return float(np.max([abs(self.tip_moment), self.stiffness * bent, least]))
+        drive = float(np.abs(self.shape.actuation(self.rod.nodes, self.amplitudes)).max())
+        return float(np.max([drive, bent, least]))
 
     def virtual_work(self) -> Array:
         """Virtual work of all moments and forces in each bending coordinate, per greatest turn of a section (n,) [N m]:
@@ -93,23 +93,25 @@ class RecomputedFinger:
         """
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
         step = 1e-30
-        rod = DenseRod(self.finger, self.lengths, _COARSE, self.base)
-        shifted = self.q + 1j * step * np.eye(self.q.size)
-        profile = self.curvatures(shifted)
-        angles = rod.edge_angle(profile)
-        slopes = self._potential(rod, profile, angles).imag / step
+        rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base)
+        elastic = self.shape.elastic(rod.nodes, self.q + 1j * step * np.eye(self.q.size))
+        angles = rod.edge_angle(self.profile.rest_curvature(rod.nodes) + elastic)
+        slopes = self._potential(rod, elastic, angles).imag / step
         turns = np.abs(angles.imag).max(axis=-1) / step
         return np.asarray(slopes / turns)
 
-    def _potential(self, rod: DenseRod, profile: Array, edge_angles: Array) -> Array:
+    def _potential(self, rod: DenseRod, elastic: Array, edge_angles: Array) -> Array:
         """Energy of bending and of all loads, contact forces and couples frozen (...,) [J]."""
-        bent = rod.curvature(profile) - rod.rest
-        angle = rod.angle(profile)
-        points = rod.edge_points(profile, angle)
-        bends = rod.bends(profile)
-        energy = 0.5 * self.stiffness * (bent**2 @ rod.weights) - self.tip_moment * (bends @ self.tendon_shares)
+        s = rod.nodes
+        curvature = self.profile.rest_curvature(s) + elastic
+        angle = rod.angle(curvature)
+        points = rod.edge_points(curvature, angle)
+        energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
+        element = np.clip(np.searchsorted(rod.joints, s) - 1, 0, self.lengths.size - 1)
+        drive = self.shape.actuation(s, self.amplitudes) * self.tendon_shares[element]
+        energy = energy - curvature @ (rod.weights * drive)
         if self.gravity.any():
-            energy = energy - self.finger.rod.mass_per_length * (rod.mean_point(profile, angle) @ self.gravity)
+            energy = energy - rod.first_moment(self.profile.linear_density(s), angle) @ self.gravity
             for mass in self.finger.masses:
                 energy = energy - mass.mass * (points[..., rod.edge_index(mass.at), :] @ self.gravity)
         for load in self.loads:
@@ -123,7 +125,7 @@ class RecomputedFinger:
         friction = self.setup.tendons.friction
         if friction == 0.0:
             return np.ones(self.lengths.size)
-        bends = self.rod.bends(self.profile)
+        bends = self.rod.bends(self.curvature)
         rounded = 1e-3 * self.lengths / self.lengths.sum()
         # Without sign, and rounded off below 1e-3 rad: the law of the model that is verified.
         turned = bends**2 / np.sqrt(bends**2 + rounded**2)
@@ -191,7 +193,7 @@ class RecomputedGrasp:
         self.contacts = self._contacts(arrays)
         for contact in self.contacts:
             if contact.finger is not None:
-                couple = -contact.finger.thickness * contact.friction_force
+                couple = -contact.radius * contact.friction_force
                 contact.finger.loads.append(FingerLoad(contact.name, contact.joint, contact.force, couple))
 
     def of(self, finger: RecomputedFinger) -> list[RecomputedContact]:
@@ -209,7 +211,8 @@ class RecomputedGrasp:
             kind, owner, joint, support = known[name]
             finger = None if owner is None else self.fingers[owner]
             if finger is not None:
-                radius, length = finger.thickness, finger.length
+                radius = float(finger.skin(finger.joint_position(joint)))
+                length = finger.length
             else:
                 radius = support.radius if isinstance(support, Peg) else np.inf
                 length = max(self.size, *(one.length for one in self.fingers))
@@ -237,7 +240,10 @@ class RecomputedGrasp:
             if c.kind == "middle" and c.finger is not None:  # tangent: the finger's own normal
                 angle = c.finger.angles[c.finger.joint_edges[c.joint]]
                 own = np.array([np.cos(angle), np.sin(angle)])
-                c.normal = own if own @ unit >= 0.0 else -own
+                own = own if own @ unit >= 0.0 else -own
+                # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
+                lean = slope(c.finger.skin, c.finger.joint_position(c.joint))
+                c.normal = np.sqrt(1.0 - lean**2) * own + lean * np.array([-np.sin(angle), np.cos(angle)])
             else:
                 c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]
             c.point = centers[k] - c.radius * c.normal

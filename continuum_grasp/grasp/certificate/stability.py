@@ -91,7 +91,14 @@ class _Chain:
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
         self.edges = np.concatenate([*pieces, marks[-1:]])
         self.ds = np.diff(self.edges)
-        angle = finger.rod.at(finger.profile, 0.5 * (self.edges[1:] + self.edges[:-1]))[1]
+        middles = 0.5 * (self.edges[1:] + self.edges[:-1])
+        angle = finger.rod.at(finger.curvature, middles)[1]
+        mesh, profile = finger.rod.mesh, finger.profile
+        # Turn per moment between middles of neighbors, the first being clamped, and mass beyond each middle.
+        give = mesh.integrate(1.0 / profile.bending_stiffness(mesh.nodes), np.append(0.0, middles))
+        self.springs = 1.0 / np.diff(give)
+        density = profile.linear_density(mesh.nodes)
+        self.beyond = mesh.to_edges(density)[-1] - mesh.integrate(density, middles)
         # A turn of a cell moves all beyond it by the cell's length along its normal.
         self.tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
         self.arm = -np.stack([np.cos(angle), np.sin(angle)], axis=-1) * self.ds[:, None]
@@ -104,17 +111,16 @@ class _Chain:
         """Of bending, weight and the contact forces that act on the cells."""
         finger, ds = self.finger, self.ds
         matrix = np.zeros((ds.size, ds.size))
-        # Springs between the middles of neighboring cells; the first is clamped half a cell before its middle.
-        springs = 2 * finger.stiffness / (ds[1:] + ds[:-1])
+        springs = self.springs[1:]
         index = np.arange(ds.size - 1)
-        matrix[0, 0] += 2 * finger.stiffness / ds[0]
+        matrix[0, 0] += self.springs[0]
         matrix[index, index] += springs
         matrix[index + 1, index + 1] += springs
         matrix[index, index + 1] -= springs
         matrix[index + 1, index] -= springs
         middle = 0.5 * (self.edges[1:] + self.edges[:-1])
         # Weight beyond a cell, and forces beyond it, pull along it or push: the second derivative of their work.
-        beyond = finger.finger.rod.mass_per_length * (self.edges[-1] - middle)
+        beyond = self.beyond
         for mass in finger.finger.masses:
             beyond = beyond + np.where(middle < mass.at, mass.mass, 0.0)
         matrix[np.diag_indices(ds.size)] += beyond * (self.tangent @ finger.gravity) * ds

@@ -69,7 +69,7 @@ def add_disturbances(problem: Unknowns) -> ca.SX:
     ]
     for k in range(spec.wrenches):
         change = _Change(
-            [add(f"{f.spec.name}.change of q, {k}", f.model.n) for f in problem.fingers],
+            [add(f"{f.spec.name}.change of q, {k}", f.q.numel()) for f in problem.fingers],
             [add(f"{f.spec.name}.change of pulls, {k}", 2) for f in problem.fingers],
             [add(f"change of force, {c.spec.name}, {k}", 2) for c in problem.contacts],
             add(f"change of pose, {k}", 3),
@@ -105,7 +105,7 @@ def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
         return ours, problem.numbers(f"{name}.support curvature")
     finger = problem.fingers[spec.finger]
     if spec.joint < 0:  # the tip is round
-        return ours, 1.0 / finger.thickness
+        return ours, 1.0 / finger.half(spec)
     end = finger.end_of(spec)
     at = finger.curvatures()[1]
     # Where the curvature steps, at the joint of two arcs, the mean of both sides.
@@ -113,7 +113,9 @@ def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
     side = ca.dot(contact.normal, ca.vertcat(ca.cos(finger.angles[end]), ca.sin(finger.angles[end])))
     bent = side * bent / finger.number("length")
     # The skin is a parallel curve of the backbone: radii differ by half the thickness.
-    return ours, -bent / (1.0 - finger.thickness * bent)
+    lean = finger.lean(spec)
+    upright = 1.0 if lean is None else ca.sqrt(1.0 - lean**2)
+    return ours, -bent / (upright - finger.half(spec) * bent)
 
 
 def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
@@ -123,12 +125,15 @@ def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
 
 def _slope(finger: UnitFinger, touching: list[Touch]) -> ca.SX:
     """Derivative of (missing force, ends, angles) with respect to (q, u, w), in units and axes of the finger."""
-    model, share, h = finger.model, finger.number("force share"), finger.number("thickness")
-    q, u, w = (ca.SX.sym(name, size) for name, size in (("q", model.n), ("u", 3), ("w", model.nw)))
+    share, sizes = finger.number("force share"), (("q", finger.q.numel()), ("u", 3), ("w", finger.loads_size))
+    q, u, w = (ca.SX.sym(name, size) for name, size in sizes)
     missing = finger.missing_force(q, u, w)
-    ends, angles = model.joints(q, u, finger.p)
+    ends, angles = finger.joints_at(q, u)
     back = rotation(-finger.base[2])
-    now = {c.spec.joint: (back @ c.world / share, -h * c.force[1] / share) for c in touching}
+    now = {
+        c.spec.joint: (back @ c.world / share, -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share)
+        for c in touching
+    }
     forces = {joint: force for joint, (force, _) in now.items()}
     couples = {joint: couple for joint, (_, couple) in now.items()}
     slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles), ca.vertcat(q, u, w))
@@ -138,20 +143,21 @@ def _slope(finger: UnitFinger, touching: list[Touch]) -> ca.SX:
 def _moved(problem: Unknowns, change: _Change, index: int, slope: ca.SX) -> _Moved:
     """A finger after the changes."""
     finger = problem.fingers[index]
-    share, h, size = finger.number("force share"), finger.thickness, finger.spec.elements
+    share, size = finger.number("force share"), finger.spec.elements
     back = rotation(-finger.base[2])
     touching = [(c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.spec.finger == index]
-    n, rows = finger.model.n, slope.shape[0] - size
+    n, rows = finger.q.numel(), slope.shape[0] - size
     angles, du = slope[rows:, :], finger.input(change.pulls[index], ca.SX(0))
     moments = share * finger.number("length")
     for contact, own in touching:  # a round tip rolls about its own center
         if contact.spec.joint < 0:
-            du[2] = -h * own[1] / moments
+            du[2] = -finger.half(contact.spec) * own[1] / moments
     turns = angles[:, : n + 3] @ ca.vertcat(change.q[index], du)
     rolls, couples, moved = {}, {}, {}
     for contact, own in touching:
         turn = turns[finger.end_of(contact.spec)]
         roll = rolls[contact.spec.name] = _rolled(problem, contact, turn, change.pose[2])
+        h = finger.half(contact.spec)
         # The force moves on with the contact, by the step along the skin less what the section turns ahead of it.
         lever = h * (turn - roll.turn) - roll.step
         couples[contact.spec.joint] = (-h * own[1] + contact.force[0] * lever) / moments
@@ -196,7 +202,7 @@ def _stick(problem: Unknowns, change: _Change, moved: list[_Moved], k: int) -> N
             finger = problem.fingers[contact.spec.finger]
             own, end = moved[contact.spec.finger], finger.end_of(contact.spec)
             gap -= finger.number("length") * rotation(finger.base[2]) @ own.ends[:, end]
-            gap += _spin(own.angles[end], finger.thickness * contact.normal)
+            gap += _spin(own.angles[end], finger.half(contact.spec) * contact.normal)
         problem.rows.require(f"sticking contact, {contact.spec.name}, {k}", gap, "m", "disturbances")
 
 

@@ -28,27 +28,22 @@ def add_limits(problem: Unknowns) -> None:
         _keep_object_clear(problem)
 
 
-def guarded(finger: UnitFinger) -> tuple[ca.SX, list[int], list[bool]]:
-    """World positions (2, K) that must stay clear along a finger, the elements that they are in, and whether the finger
-    touches the object there.
+def guarded(finger: UnitFinger) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
+    """World positions (2, K) that must stay clear along a finger, the elements that they are in, whether the finger
+    touches the object there, and half its thickness (K,) in units of the problem, one where it is the same everywhere.
 
     These are waypoints, joints, and probes, which the search puts where a finger is deepest.
     """
-    spec, model = finger.spec, finger.model
+    spec = finger.spec
     touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
     touching |= {spec.elements - 1} if spec.tip else set()
     joints, count = range(spec.elements), finger.probes
     at = ca.reshape(finger.number("probes", count * spec.elements), count, spec.elements)
-    shares = finger.waypoint_shares
-    every = model.waypoints(finger.q, finger.u, finger.p)
-    points = ca.horzcat(
-        finger.world(every[:, [k for k, _ in shares]]),
-        *(finger.ends[:, k] for k in joints),
-        finger.world(model.probes(count)(finger.q, finger.u, at, finger.p)),
-    )
-    elements = [*(element for _, element in shares), *joints, *(k for k in joints for _ in range(count))]
-    touches = [*(False for _ in shares), *(k in touching for k in joints), *(False for _ in range(count * len(joints)))]
-    return points, elements, touches
+    along, owners, probed, half = finger.guarded(at)
+    points = ca.horzcat(finger.world(along), *(finger.ends[:, k] for k in joints), finger.world(probed))
+    elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
+    touches = [*(False for _ in owners), *(k in touching for k in joints), *(False for _ in range(count * len(joints)))]
+    return points, elements, touches, half
 
 
 def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
@@ -76,8 +71,8 @@ def _bound_contacts(problem: Unknowns) -> None:
 
 def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
-    points, _, touches = guarded(finger)
-    places, tolerance, half = ca.horzsplit(points), number("tolerance"), finger.thickness
+    points, _, touches, thick = guarded(finger)
+    places, tolerance, half = ca.horzsplit(points), number("tolerance"), thick
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
@@ -91,7 +86,7 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
             local = back @ (places[j] - problem.pose[:2])
             near = finger.number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
             away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
-            spare.append(away + slack)
+            spare.append(away + _each(slack, j))
         require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
     slack = problem.slack["clearance at the supports"] + tolerance
     spare = []
@@ -101,12 +96,17 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
     for k in range(spec.lines):
         ends = ca.reshape(number(f"line_{k}.ends", 4), 2, 2)
         beta = _directions(problem, f"{name}.beside_{k}", len(places), True)
-        spare += [separation(z, beta[j], ends) - half + slack for j, z in enumerate(places)]
+        spare += [separation(z, beta[j], ends) - _each(half, j) + slack for j, z in enumerate(places)]
     for k in range(spec.pegs):
         at, radius = number(f"peg_{k}.position", 2), number(f"peg_{k}.radius")
         # 1e-24 keeps the root differentiable where a place is at the peg's center.
-        spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - half + slack for z in places]
+        spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - _each(half, j) + slack for j, z in enumerate(places)]
     require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
+
+
+def _each(values: ca.SX, k: int) -> ca.SX:
+    """One of several values, or the one that there is for all."""
+    return values if values.numel() == 1 else values[k]
 
 
 def _directions(problem: Unknowns, name: str, count: int, wanted: bool) -> ca.SX:

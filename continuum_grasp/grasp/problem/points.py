@@ -8,10 +8,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Touch
-from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.problem.values import Units, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
@@ -50,28 +51,74 @@ def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, featu
 
 def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: Units) -> Values:
     """The unknowns of a finger, whose curvature is that of the start at the places of its family."""
-    rod, tendons, start = setup.finger.rod, setup.tendons, whole.fingers[setup.name]
-    length, family = rod.length, finger.model.structure.family
+    tendons, start = setup.tendons, whole.fingers[setup.name]
+    length, stiffness = setup.finger.rod.length, setup.stiffness
     joints = [s / length for s in start.joints]
-    lengths = np.array(finger.element_lengths(joints))
+    graded = isinstance(finger, GradedUnitFinger)
+    lengths = np.diff(node_places(setup, start.joints)) / length if graded else np.array(finger.element_lengths(joints))
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
-    places = ends[:-1, None] + lengths[:, None] * family.places
-    at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
-    bends = np.diff(turning(knots, curvatures, ends[None])[0])
     if setup.name in whole.tensions:
-        pulls = [t * tendons.offset * length / rod.stiffness for t in whole.tensions[setup.name]]
+        pulls = [t * tendons.offset * length / stiffness for t in whole.tensions[setup.name]]
     else:
         # The tendon on the inside of the tip's bend holds it; 0.1 E I / L where the tip is straight.
+        profile = setup.finger.profile
         bent = float(curvature_at(knots, curvatures, ends[None, -1:])[0, 0])
-        moment = bent - setup.finger.curvature_pieces[0][2] * length
-        least = tendons.min_tension * tendons.offset * length / rod.stiffness
+        moment = (bent - float(profile.rest_curvature(length)) * length) * float(
+            profile.bending_stiffness(length) / stiffness
+        )
+        least = tendons.min_tension * tendons.offset * length / stiffness
         pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
     return {
-        "q": family.coordinates(bends, at)[: finger.model.n],
+        "q": _coordinates(setup, finger, lengths, knots, curvatures),
         "pulls": pulls,
         "base": units.pose(start.base),
         **{f"joint_{k}": s for k, s in enumerate(joints)},
+    }
+
+
+def _coordinates(setup: FingerSetup, finger: UnitFinger, lengths: Array, knots: Array, curvatures: Array) -> Array:
+    """Coordinates of the unit finger near a shape, curvatures being linear between knots (1, K) along it."""
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    size = finger.q.numel()
+    if isinstance(finger, GradedUnitFinger):
+        # Elastic curvatures at the nodes.
+        length = setup.finger.rod.length
+        above = curvature_at(knots, curvatures, ends[None])[0] - length * setup.finger.profile.rest_curvature(
+            length * ends
+        )
+        return np.asarray(above)[:size]
+    family = finger.model.structure.family
+    places = ends[:-1, None] + lengths[:, None] * family.places
+    at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
+    bends = np.diff(turning(knots, curvatures, ends[None])[0])
+    # The unit finger is straight at rest but for a run-time number.
+    rest = float(setup.finger.profile.rest_curvature(0.0)) * setup.finger.rod.length
+    return np.asarray(family.coordinates(bends - rest * lengths, at - rest)[:size])
+
+
+def bending_arrays(
+    setup: FingerSetup, finger: UnitFinger, q: Array, lengths: Array, tip: float, pulls: Array
+) -> Values:
+    """Coordinates above rest, their shapes and the curvature at the tip, as a result stores them (SI)."""
+    length, profile = setup.finger.rod.length, setup.finger.profile
+    if isinstance(finger, GradedUnitFinger):
+        ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        # Nodes have the stiffness of their base side; at a jump, the element beyond bends by another curvature.
+        stiffness, beyond = (profile.bending_stiffness(ends, tip_side=side) for side in (False, True))
+        moments = q * setup.stiffness / length
+        if finger.statics.matched:
+            amplitudes = [np.dot(c.arms, pulls) for c in setup.finger.channels]
+            moments = moments + sum(a * c.shape(ends) for a, c in zip(amplitudes, setup.finger.channels, strict=True))
+        bent, nodes = moments / stiffness, np.eye(ends.size)
+        first = nodes[:-1] * (stiffness / beyond)[:-1, None]
+        shapes = np.stack([first, nodes[1:]], axis=1)
+        return {"q": bent[: finger.q.numel()], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
+    family, rest = finger.model.structure.family, float(profile.rest_curvature(0.0)) * length
+    return {
+        "q": family.coordinate_size(q, length),
+        "curvature_shapes": family.curvature_shapes(lengths.tolist()),
+        "tip_curvature": np.array((tip - rest) / length),
     }
 
 
@@ -83,15 +130,14 @@ def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values
     out: dict[str, Array] = {"object.pose": pose.ravel() * [m, m, 1.0]}
     for k, setup in enumerate(scene.setups):
         q, shares, tip, pulls, base, line = rest[6 * k : 6 * k + 6]
-        name, rod, length = setup.name, setup.finger.rod, setup.finger.rod.length
-        family, elements = problem.fingers[k].model.structure.family, shares.ravel() * length
-        out |= {
+        name, length = setup.name, setup.finger.rod.length
+        elements = shares.ravel() * length
+        tensions = pulls.ravel() * setup.stiffness / length / setup.tendons.offset
+        bending = bending_arrays(setup, problem.fingers[k], q.ravel(), elements, float(tip.ravel()[0]), tensions)
+        out |= {f"{name}.{key}": value for key, value in bending.items()} | {
             f"{name}.family": np.array(setup.family),
-            f"{name}.q": family.coordinate_size(q.ravel(), length),
             f"{name}.lengths": elements,
-            f"{name}.curvature_shapes": family.curvature_shapes(elements.tolist()),
-            f"{name}.tip_curvature": np.array(float(tip.ravel()[0]) / length),
-            f"{name}.tensions": pulls.ravel() * rod.stiffness / length / setup.tendons.offset,
+            f"{name}.tensions": tensions,
             f"{name}.base": base.ravel() * [m, m, 1.0],
             f"{name}.backbone": line.T * [length, m, m, 1.0],
         }
@@ -126,9 +172,7 @@ def point_reader(problem: GraspProblem) -> ca.Function:
     ]
     shared = len(plain)
     for finger in problem.fingers:
-        # Curvature at the tip; where it is matched, what the moment balance imposes.
-        tip = finger.curvatures()[1][-1, -1]
-        plain += [finger.q, finger.p[: finger.spec.elements], tip, finger.pulls, finger.base]
+        plain += finger.stored()
     read = ca.Function("read", [x, numbers], plain)
     mx, mp = ca.MX.sym("x", x.numel()), ca.MX.sym("p", numbers.numel())
     values = list(read(mx, mp))
@@ -136,9 +180,9 @@ def point_reader(problem: GraspProblem) -> ca.Function:
     s = ca.SX.sym("s")
     along = ca.DM(np.linspace(0.0, 1.0, BACKBONE_POINTS)).T
     for k, finger in enumerate(problem.fingers):
-        point = finger.world(finger.model.position(finger.q, finger.u, s, finger.p))
-        angle = finger.model.orientation(finger.q, finger.u, s, finger.p) + finger.base[2]
-        place = ca.Function("place", [s, x, numbers], [ca.vertcat(s, point, angle)])
+        point, angle = finger.section(s)
+        section = ca.vertcat(s, finger.world(point), angle + finger.base[2])
+        place = ca.Function("place", [s, x, numbers], [section])
         # Mapped, not unrolled: the expression of one place serves all.
         line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
         out += [*values[shared + 5 * k : shared + 5 + 5 * k], line]

@@ -52,11 +52,13 @@ class GraspProblem(Unknowns):
         """A finger touches: no gap, and a middle contact is tangent."""
         spec, require, key = contact.spec, self.rows.require, f"contacts.{contact.spec.name}"
         end = finger.end_of(spec)
-        gap = finger.ends[:, end] - contact.point - finger.thickness * contact.normal
+        gap = finger.ends[:, end] - contact.point - finger.half(spec) * contact.normal
         require(f"contact gap, {spec.name}", gap, "m", key)
         if spec.joint >= 0:
             along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
-            require(f"contact tangency, {spec.name}", ca.dot(along, contact.normal), "rad", key)
+            tilt, lean = ca.dot(along, contact.normal), finger.lean(spec)
+            # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
+            require(f"contact tangency, {spec.name}", tilt if lean is None else tilt - lean, "rad", key)
 
     def _close_support(self, contact: Touch) -> None:
         """A support touches the object, whose pose is sought."""
@@ -76,11 +78,11 @@ class GraspProblem(Unknowns):
             require(f"contact within its support, {name}", within, "m", key, upper=ca.inf)
 
     def _balance_finger(self, finger: UnitFinger, contacts: list[Touch]) -> None:
-        share, h = finger.number("force share"), finger.number("thickness")
+        share = finger.number("force share")
         back = rotation(-finger.base[2])
         forces = {c.spec.joint: back @ c.world / share for c in contacts}
         # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
-        couples = {c.spec.joint: -h * c.force[1] / share for c in contacts}
+        couples = {c.spec.joint: -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share for c in contacts}
         missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
         # In units of the whole problem, so that the residuals of different fingers compare.
         scale = share * finger.number("length")

@@ -57,7 +57,7 @@ def _fingers(scene: GraspScene, change: Callable[[FingerSetup], GraspFinger]) ->
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
     def stronger(setup: FingerSetup) -> GraspFinger:
-        return _with(setup.finger, tendons=_with(setup.tendons, max_tension=setup.tendons.max_tension + amount))
+        return setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
 
     return _fingers(scene, stronger)
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from continuum_grasp.grasp.problem.graded_curves import GradedSpec
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Surface
@@ -36,12 +37,13 @@ class FingerSpec:
     free: bool  # whether the base may move
     bending_range: float  # [rad]
     accuracy: float | None
+    graded: GradedSpec | None  # curves along the finger; None where all is the same everywhere
 
     @staticmethod
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
         """The structure of a finger with some of its contacts on."""
         finger = setup.finger
-        inner = inner_masses(finger)
+        inner, graded = inner_masses(finger), GradedSpec.of(setup, weighs)
         return FingerSpec(
             name=setup.name,
             family=setup.family,
@@ -51,13 +53,14 @@ class FingerSpec:
             tip=setup.tip_name in on,
             has_tendon_friction=setup.tendons.friction > 0.0,
             weighs=weighs,
-            preshaped=finger.curvature_pieces[0][2] != 0.0,
-            tip_heavy=weighs and len(inner) < len(finger.masses),
-            masses=len(inner) if weighs else 0,
+            preshaped=graded is None and finger.profile.rest_curvature.constant != 0.0,
+            tip_heavy=graded is None and weighs and len(inner) < len(finger.masses),
+            masses=len(inner) if weighs and graded is None else 0,
             strained=finger.strain_limit is not None,
             free=finger.base_free is not None,
             bending_range=next((r for r in _RANGES if setup.bending_range <= r), setup.bending_range),
             accuracy=setup.accuracy,
+            graded=graded,
         )
 
 

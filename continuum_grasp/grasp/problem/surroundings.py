@@ -9,13 +9,19 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.limits import guarded
+from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan.curves import sample
-from continuum_grasp.model.family import Family
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import CORNERS
+from continuum_grasp.rod.dense_rod import DenseRod
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.supports import Wall
@@ -51,17 +57,18 @@ class _Obstacle:
     corners: str = ""  # what the nearest corners among its numbers are called, where it moves with the object
 
     def near(
-        self, at: Array, owner: Array, setup: FingerSetup, base: Array, pose: Array, units: Units
+        self, at: Array, owner: Array, half: Array, setup: FingerSetup, base: Array, pose: Array, units: Units
     ) -> tuple[Nearest, Array]:
-        """What is nearest to places (K, 2) on the elements ``owner`` (K,) of a finger, and the gaps needed (K,)."""
-        half = setup.finger.thickness_radius / units.length
-        needed = np.full(len(at), half)
+        """What is nearest to places (K, 2) on the elements ``owner`` (K,) of a finger, half as thick as ``half`` (K,)
+        there, and the gaps needed (K,).
+        """
+        needed = half.copy()
         if not isinstance(self.body, Wall):
             return _nearest(self.body, _local(at, pose) if self.corners else at, units), needed
         normal, point = np.asarray(self.body.normal), np.asarray(self.body.point) / units.length
         height = float((base[:2] - point) @ normal)
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
-        if height < CLEAR * half:
+        if height < CLEAR * float(setup.finger.profile.half_thickness(0.0)) / units.length:
             needed[owner < setup.before[0]] = min(0.0, height)
         return (np.zeros(len(at)), (at - point) @ normal, np.zeros((len(at), 2 * CORNERS))), needed
 
@@ -76,12 +83,13 @@ class Surroundings:
         self._elements: list[list[int]] = []
         self._free: list[Array] = []  # which guarded places do not touch the object
         for finger in problem.fingers:
-            points, elements, touches = guarded(finger)
+            points, elements, touches, half = guarded(finger)
             # The probes are where this look puts them; all others follow from the unknowns.
             count = points.shape[1] - finger.probes * finger.spec.elements
             self._elements.append(elements[:count])
             self._free.append(~np.array(touches))
-            out += [points[:, :count], finger.curvatures()[1], finger.p[: finger.spec.elements], finger.base]
+            half = half[:count] if half.numel() > 1 else ca.repmat(half, count, 1)
+            out += [points[:, :count], half, finger.curvatures()[1], *finger.stored()]
         self._places = ca.Function("places", [x, numbers], out)
 
     def look(self, scene: GraspScene, x: Array, numbers: Array) -> Sight:
@@ -93,7 +101,7 @@ class Surroundings:
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         for k, setup in enumerate(scene.setups):
-            self._along(scene, setup, k, rest[4 * k : 4 * k + 4], pose, units, allowed, sight)
+            self._along(scene, setup, k, rest[8 * k : 8 * k + 8], pose, units, allowed, sight)
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, part in enumerate(scene.object.parts):
@@ -114,25 +122,31 @@ class Surroundings:
     ) -> None:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
-        points, curvatures, lengths, base = (values[0], values[1], values[2].ravel(), values[3].ravel())
+        points, half, curvatures, q, lengths, tip, pulls, base = values
+        half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
+        line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
         obstacles = _obstacles(scene)
         spare = [allowed[bool(obstacle.corners)] for obstacle in obstacles]  # what moves is the object
 
-        def line(fractions: Array) -> tuple[Array, Array]:
-            at, owner = _backbone(finger.model.structure.family, curvatures, lengths, fractions)
-            at = at * np.exp(1j * base[2]) * (setup.finger.rod.length / units.length)
-            return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner
+        def along(fractions: Array) -> tuple[Array, Array, Array]:
+            at = line.points(fractions) * np.exp(1j * base[2]) * (size / units.length)
+            owner = np.repeat(np.arange(len(fractions)), fractions.shape[1])
+            thick = skin(setup.finger.profile.half_thickness)(size * line.places(fractions)) / units.length
+            return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner, thick
 
-        def look(at: Array, owner: Array) -> list[tuple[Nearest, Array]]:
-            return [obstacle.near(at, owner, setup, base, pose, units) for obstacle in obstacles]
+        def look(at: Array, owner: Array, thick: Array) -> list[tuple[Nearest, Array]]:
+            return [obstacle.near(at, owner, thick, setup, base, pose, units) for obstacle in obstacles]
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         depth = np.max(
-            [needed - near[1] - r for (near, needed), r in zip(look(*line(even)), spare, strict=True)], axis=0
+            [needed - near[1] - r for (near, needed), r in zip(look(*along(even)), spare, strict=True)], axis=0
         )
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.probes)
-        at, owner = line(probes)
-        looked = look(np.concatenate([points.T, at]), np.concatenate([self._elements[index], owner]).astype(int))
+        at, owner, thick = along(probes)
+        owner = np.concatenate([self._elements[index], owner]).astype(int)
+        looked = look(np.concatenate([points.T, at]), owner, np.concatenate([half, thick]))
+        if finger.spec.strained and line.shape is not None:
+            sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
         sight.numbers[f"{name}.probes"] = probes.ravel()
         planes = 0
         for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, spare, strict=True):
@@ -158,19 +172,72 @@ def _obstacles(scene: GraspScene) -> list[_Obstacle]:
     ]
 
 
-def _backbone(family: Family, curvatures: Array, lengths: Array, fractions: Array) -> tuple[Array, Array]:
-    """Positions (N * M,) of the unit finger at increasing fractions (N, M) of its elements, and their elements."""
-    ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    places = family.places if family.degree else np.array([0.0, 1.0])
-    knots = ends[:-1, None] + lengths[:, None] * places
-    values = np.broadcast_to(curvatures.T, knots.shape)
-    if family.continuous:
-        knots, values = (np.append(v[:, :-1], v[-1, -1]) for v in (knots, values))
-    every = np.concatenate([_EVEN, (ends[:-1, None] + lengths[:, None] * fractions).ravel()])
-    order = np.argsort(every, kind="stable")
-    line = np.empty(len(every), complex)
-    line[order] = sample(knots.reshape(1, -1), values.reshape(1, -1), every[None, order])[0]
-    return line[len(_EVEN) :], np.repeat(np.arange(len(fractions)), fractions.shape[1])
+@dataclass(frozen=True)
+class _Line:
+    """The backbone of a unit finger; ``ends`` (N + 1,) of its elements, and their curvature (K,) linear between knots,
+    or of a graded finger its ``shape``.
+    """
+
+    ends: Array
+    knots: Array
+    curvatures: Array
+    shape: FingerShape | None
+    finger: Finger
+
+    @classmethod
+    def of(
+        cls,
+        setup: FingerSetup,
+        finger: UnitFinger,
+        curvatures: Array,
+        q: Array,
+        lengths: Array,
+        tip: float,
+        pulls: Array,
+    ) -> _Line:
+        """The line of stored numbers, in units of the problem."""
+        ends, size = np.concatenate([[0.0], np.cumsum(lengths)]), setup.finger.rod.length
+        if isinstance(finger, GradedUnitFinger):
+            tensions = pulls * setup.stiffness / size / setup.tendons.offset
+            arrays = bending_arrays(setup, finger, q, lengths * size, tip, tensions)
+            arrays |= {"lengths": lengths * size, "tensions": tensions}
+            shape = FingerShape(setup, {f"{setup.name}.{key}": value for key, value in arrays.items()})
+            return cls(ends, ends, ends, shape, setup.finger)
+        family = finger.model.structure.family
+        places = family.places if family.degree else np.array([0.0, 1.0])
+        knots = ends[:-1, None] + lengths[:, None] * places
+        values = np.broadcast_to(curvatures.T, knots.shape)
+        if family.continuous:
+            knots, values = (np.append(v[:, :-1], v[-1, -1]) for v in (knots, values))
+        return cls(ends, knots.ravel(), values.ravel(), None, setup.finger)
+
+    def places(self, fractions: Array) -> Array:
+        """Positions (N * M,) along the finger at fractions (N, M) of its elements."""
+        return np.asarray((self.ends[:-1, None] + np.diff(self.ends)[:, None] * fractions).ravel())
+
+    def points(self, fractions: Array) -> Array:
+        """World points (N * M,) of a finger from 0 along i at increasing fractions (N, M) of its elements."""
+        at = self.places(fractions)
+        if self.shape is not None:
+            rod = DenseRod(self.finger, self.shape.joints, _EVEN[1], (0.0, 0.0, 0.0))
+            length = self.shape.joints[-1]
+            points, _ = rod.at(self.shape.curvature(rod.nodes), length * at)
+            return np.asarray((points[:, 0] + 1j * points[:, 1]) / length)
+        every = np.concatenate([_EVEN, at])
+        order = np.argsort(every, kind="stable")
+        line = np.empty(len(every), complex)
+        line[order] = sample(self.knots[None], self.curvatures[None], every[None, order])[0]
+        return line[len(_EVEN) :]
+
+
+def _most_strained(setup: FingerSetup, line: _Line, fractions: Array) -> Array:
+    """Per element, the fraction (N,) where the strain is greatest, by the parabola through it."""
+    shape, depth = line.shape, setup.finger.profile.half_depth
+    if shape is None or depth is None:
+        return np.zeros(len(fractions))
+    at = shape.joints[-1] * line.places(fractions)
+    strain = np.abs(shape.curvature(at) * depth(at)).reshape(fractions.shape)
+    return _deepest(strain, 1)[:, 0]
 
 
 def _deepest(depth: Array, count: int) -> Array:

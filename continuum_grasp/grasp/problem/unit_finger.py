@@ -34,7 +34,25 @@ class UnitFinger:
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
         self.spec, self._numbers = spec, numbers
-        optional = {
+        size = self._build()
+        name, number = spec.name, self.number
+        self.q = x(f"{name}.q", size)  # bending coordinates of the unit finger
+        # Positions of the middle contacts, as parts of the length.
+        self.joints = [x(f"{name}.joint_{k}") if on else number(f"joint_{k}") for k, on in enumerate(spec.touching)]
+        self.pulls = x(f"{name}.pulls", 2)  # tensions times offset, in E I / L of the finger
+        self.base = x(f"{name}.base", 3) if spec.free else number("base", 3)  # x, y and angle in the world
+        # Friction acts on the skin, half a thickness from the backbone; the tip's couple is an input of the model.
+        couple = -self.half_at(spec.elements - 1) * tip[1] / number("force share") if spec.tip else ca.SX(0)
+        self.u = self.input(self.pulls, couple)  # input of the model
+        self.p = self._parameters()  # run-time argument of the model
+        ends, angles = self.joints_at(self.q, self.u)
+        # World positions (2, N) of the elements' ends, and world angles (N,) there.
+        self.ends, self.angles = self.world(ends), angles + self.base[2]
+
+    def _build(self) -> int:
+        """Build the mechanics; the number of coordinates."""
+        spec = self.spec
+        self._optional = {
             "gravity": spec.weighs,
             "rest_curvature": spec.preshaped,
             "tendon_friction": spec.has_tendon_friction,
@@ -43,7 +61,6 @@ class UnitFinger:
         # The values only state what there is: the run-time argument replaces them.
         unit = Finger(
             rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
-            rest_curvature=1.0 if spec.preshaped else 0.0,
             masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
             tendons=Tendons(offset=_OFFSET, max_tension=1.0, friction=0.1 if spec.has_tendon_friction else 0.0),
         )
@@ -56,36 +73,66 @@ class UnitFinger:
             elements=(1.0 / spec.elements,) * spec.elements,
             bending_range=spec.bending_range,
             accuracy=spec.accuracy or ACCURACY,
-            parameters=("element_lengths", *(name for name, wanted in optional.items() if wanted)),
+            parameters=("element_lengths", *(name for name, wanted in self._optional.items() if wanted)),
             loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
             tip_force=True,
         )
-        name, number = spec.name, self.number
-        self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
-        # Positions of the middle contacts, as parts of the length.
-        self.joints = [x(f"{name}.joint_{k}") if on else number(f"joint_{k}") for k, on in enumerate(spec.touching)]
-        self.pulls = x(f"{name}.pulls", 2)  # tensions times offset, in E I / L of the finger
-        self.base = x(f"{name}.base", 3) if spec.free else number("base", 3)  # x, y and angle in the world
-        # Friction acts on the skin, half a thickness from the backbone; the tip's couple is an input of the model.
-        couple = -number("thickness") * tip[1] / number("force share") if spec.tip else ca.SX(0)
-        self.u = self.input(self.pulls, couple)  # input of the model
+        return self.model.n
+
+    def _parameters(self) -> ca.SX:
         values = [ca.SX(ca.vertcat(*self.element_lengths(self.joints)))]
-        if spec.weighs:
-            values.append(rotation(-self.base[2]) @ number("weight", 2))
-        values += [number(key) for key, wanted in optional.items() if wanted and key != "gravity"]
-        self.p = ca.vertcat(*values)  # run-time argument of the model
-        ends, angles = self.model.joints(self.q, self.u, self.p)
-        # World positions (2, N) of the elements' ends, and world angles (N,) there.
-        self.ends, self.angles = self.world(ends), angles + self.base[2]
+        if self.spec.weighs:
+            values.append(rotation(-self.base[2]) @ self.number("weight", 2))
+        values += [self.number(key) for key, wanted in self._optional.items() if wanted and key != "gravity"]
+        return ca.vertcat(*values)
 
     def number(self, name: str, size: int = 1) -> ca.SX:
         """A run-time number of this finger."""
         return self._numbers(f"{self.spec.name}.{name}", size)
 
+    def half_at(self, end: int) -> ca.SX:
+        """Half thickness at the end of an element, per the finger's length."""
+        return self.number("thickness")
+
+    def half(self, contact: ContactSpec) -> ca.SX:
+        """Half thickness at a contact, in units of the problem."""
+        return self.half_at(self.end_of(contact)) * self.number("length")
+
+    def lean(self, contact: ContactSpec) -> ca.SX | None:
+        """Slope of the half thickness along the finger at a contact; None where there is none."""
+        return None
+
+    def joints_at(self, q: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Positions (2, N) and angles (N,) of the ends of the elements of the unit finger."""
+        ends, angles = self.model.joints(q, u, self.p)
+        return ends, angles
+
     @property
-    def thickness(self) -> ca.SX:
-        """Half thickness, in units of the problem."""
-        return self.number("thickness") * self.number("length")
+    def loads_size(self) -> int:
+        """Number of entries of the model's loads."""
+        return self.model.nw
+
+    def guarded(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
+        """Positions (2, K) of the unit finger that must stay clear, the elements that they are in, positions (2, M) at
+        ``fractions`` (count, N) of the elements, and half the thickness in units of the problem: one, or that at all
+        places, the ends of the elements being between both.
+        """
+        shares = self._waypoint_shares
+        every = self.model.waypoints(self.q, self.u, self.p)
+        probed = self.model.probes(self.probes)(self.q, self.u, fractions, self.p)
+        half = self.number("thickness") * self.number("length")
+        return every[:, [k for k, _ in shares]], [element for _, element in shares], probed, half
+
+    def stored(self) -> list[ca.SX]:
+        """What a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base."""
+        # Where the tip is matched, what the moment balance imposes.
+        tip = self.curvatures()[1][-1, -1]
+        return [self.q, self.p[: self.spec.elements], tip, self.pulls, self.base]
+
+    def section(self, s: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Position and angle of the unit finger at a place."""
+        point = self.model.position(self.q, self.u, s, self.p)
+        return point, self.model.orientation(self.q, self.u, s, self.p)
 
     def world(self, points: ca.SX) -> ca.SX:
         """World positions (2, K) of points of the unit finger."""
@@ -127,24 +174,30 @@ class UnitFinger:
     def _curvatures(self) -> ca.Function:
         return self.model.curvatures()
 
-    def curvatures(self) -> list[ca.SX]:
-        """Curvature of each arc, or at each node of the clothoids; (degree + 1, N) at the family's places on each
-        element; and the latter times the lengths of the elements.
+    def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Curvatures that the strain limit is for; (degree + 1, N) at the family's places on each element; and the
+        latter times the lengths of the elements.
         """
-        return self._curvatures.call([self.q, self.u, self.p])
+        kappa, at, bends = self._curvatures.call([self.q, self.u, self.p])
+        return kappa, at, bends
 
     @property
     def probes(self) -> int:
         """Guarded places per element, where it is deepest: long elements can enter an object at two places."""
         return 2 if self.spec.elements < 4 else 1
 
+    @property
+    def guards(self) -> int:
+        """Most guarded waypoints per element."""
+        # Few are enough beside the probes: clearance makes two thirds of the Hessian's instructions (mug).
+        return 4 if self.spec.elements > 3 else 6
+
     @cached_property
-    def waypoint_shares(self) -> list[tuple[int, int]]:
+    def _waypoint_shares(self) -> list[tuple[int, int]]:
         """Indices and elements of the guarded waypoints: a few of each element, spread evenly."""
         found, start = [], 0
         for element, inside in enumerate(self.model.waypoint_fractions):
-            # Few are enough beside the probes: clearance makes two thirds of the Hessian's instructions (mug).
-            count = min(len(inside), 4 if self.spec.elements > 3 else 6)
+            count = min(len(inside), self.guards)
             wanted = (np.arange(count) + 0.5) / count
             picks = {int(np.abs(np.array(inside) - at).argmin()) for at in wanted}
             found += [(start + k, element) for k in sorted(picks)]

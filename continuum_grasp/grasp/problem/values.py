@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses, support_of
-from continuum_grasp.grasp.starts.values import ContactStart, Start
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
@@ -26,6 +28,8 @@ Values = dict[str, Any]
 
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
+_FINE = 65
+"""Places per segment between which the lengths of a graded finger's elements are measured out."""
 HELD = 1e-3
 """Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
@@ -40,8 +44,8 @@ class Units:
     @staticmethod
     def of(scene: GraspScene) -> Units:
         """The units for a scene."""
-        rods = [finger.rod for finger in scene.named_fingers.values()]
-        return Units(max(r.length for r in rods), max(r.stiffness / r.length**2 for r in rods))
+        rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
+        return Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
 
     @property
     def amounts(self) -> dict[str, float]:
@@ -81,7 +85,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
         **_objective_values(scene, units),
     }
     for setup in scene.setups:
-        values |= _finger_values(scene, setup, units)
+        values |= _finger_values(scene, setup, start.fingers[setup.name], units)
     for contact in problem.spec.contacts:
         values |= _contact_values(scene, contact.name, start.contacts[contact.name], features[contact.name], units)
     return values
@@ -98,7 +102,7 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
         name, finger, length = setup.name, setup.finger, setup.finger.rod.length
         for k in range(len(setup.middles)):
             low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in setup.middle_bounds)
-        least = setup.tendons.min_tension * setup.tendons.offset * length / finger.rod.stiffness
+        least = setup.tendons.min_tension * setup.tendons.offset * length / setup.stiffness
         low[f"{name}.pulls"] = [least, least]
         # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
         if finger.tendons_used != "both":
@@ -124,25 +128,61 @@ def _pose_bounds(pose: Pose, free: Freedom | None, units: Units) -> tuple[list[f
     return units.pose(low), units.pose(high)
 
 
-def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Values:
+def _graded_values(setup: FingerSetup, start: FingerStart, weighs: bool) -> Values:
+    """Numbers of a graded finger: its curves, and what they are at the nodes of a start."""
+    finger, profile = setup.finger, setup.finger.profile
+    nodes = node_places(setup, start.joints)
+    segments = np.repeat(np.diff([0.0, *start.joints, profile.length]), _counts(setup))
+    arms = [np.asarray(channel.arms) / setup.tendons.offset for channel in finger.channels]
+    return {
+        "curves": curve_numbers(setup, weighs),
+        "shares": np.diff(nodes) / segments,
+        "node stiffness": profile.bending_stiffness(nodes) / setup.stiffness,
+        # Column after column: of all channels at one node, or of one tendon.
+        "node shapes": np.stack([channel.shape(nodes) for channel in finger.channels]).ravel(order="F"),
+        "arms": np.stack(arms).ravel(order="F"),
+        "curvature_limit": finger.strain_limit or 0.0,
+    }
+
+
+def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
+    """Positions (N + 1,) of the ends of a graded finger's elements for positions of the middle contacts [m].
+
+    Between contacts they are equal parts of the integral of (rho A / E I)^(1/4), the local length of bending waves.
+    """
+    profile, marks = setup.finger.profile, [0.0, *joints, setup.finger.profile.length]
+    pieces: list[Array] = []
+    for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
+        at = np.linspace(a, b, _FINE)
+        middle = 0.5 * (at[1:] + at[:-1])
+        waves = (profile.linear_density(middle) / profile.bending_stiffness(middle)) ** 0.25
+        parts = np.concatenate([[0.0], np.cumsum(waves)])
+        pieces.append(np.interp(np.linspace(0.0, parts[-1], count + 1)[:-1], parts, at))
+    return np.concatenate([*pieces, marks[-1:]])
+
+
+def _counts(setup: FingerSetup) -> list[int]:
+    """Number of elements of each segment between base, middle contacts and tip."""
+    return [b - a for a, b in pairwise((0, *setup.before, setup.elements))]
+
+
+def _finger_values(scene: GraspScene, setup: FingerSetup, start: FingerStart, units: Units) -> Values:
     finger, rod, tendons = setup.finger, setup.finger.rod, setup.tendons
     length, offset, most, used = rod.length, tendons.offset, tendons.max_tension, finger.tendons_used
-    moment = rod.stiffness / length
+    moment = setup.stiffness / length
     own = rod.mass_per_length * length
     gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
+    weighs = any(gravity)
     inner = inner_masses(finger)
     least = tendons.min_tension * offset / moment
     values: Values = {
         "length": length / units.length,
         "force share": moment / length / units.force,
-        "thickness": finger.thickness_radius / length,
         "base": [*units.point(finger.base.position), finger.base.angle],
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
-        "weight": [g * rod.mass_per_length * length**3 / rod.stiffness for g in gravity],
-        "rest_curvature": finger.curvature_pieces[0][2] * length,
+        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
         "tendon_friction": tendons.friction,
         "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / own,
-        "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
         "bending_range": setup.bending_range,
         "pull_max": most * offset / moment,
         "pull_min": [least, least],
@@ -150,6 +190,14 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
         "pull_per_force": units.force * offset / moment,
         "tension weight": tension_weight(scene) * moment / offset,
     }
+    if GradedSpec.of(setup, weighs) is None:
+        values |= {
+            "thickness": finger.thickness_radius / length,
+            "rest_curvature": float(finger.profile.rest_curvature(0.0)) * length,
+            "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
+        }
+    else:
+        values |= _graded_values(setup, start, weighs)
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / own, f"mass_{k}.at": mass.at / length}
     values |= {f"joint_{k}": count / setup.elements for k, count in enumerate(setup.before)}
@@ -159,8 +207,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, units: Units) -> Value
 def tension_weight(scene: GraspScene) -> float:
     """Of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are unique."""
     if scene.aims == ("least_tension",):
-        rods = ((setup.finger.rod, setup.tendons.offset) for setup in scene.setups)
-        return 1.0 / max(rod.stiffness / rod.length / offset for rod, offset in rods)
+        return 1.0 / max(s.stiffness / s.finger.rod.length / s.tendons.offset for s in scene.setups)
     return max(scene.weights.least_tension, LITTLE) / sum(setup.tendons.max_tension for setup in scene.setups)
 
 

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
-from continuum_grasp.rod.dense_rod import DenseRod, curvature_profile
+from continuum_grasp.grasp.shape import FingerShape, slope
+from continuum_grasp.grasp.skin import skin
+from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity
 
@@ -39,52 +41,61 @@ class Section:
     shift: Array  # (2, n) change of the world position [m]
     turn: Array  # (n,) change of the angle [rad]
     at_tip: bool
+    half: float  # half the finger's thickness [m]
+    lean: float  # its slope [1]
 
 
 class BentFinger:
     """A finger in its stored shape; the n unknowns are changes of curvature [1/m], linear in each cell.
 
-    They are continuous but at the middle contacts, where a couple of friction makes them jump. A tendon's path changes
-    by its offset times ``tip_turn`` (n,), the change of the whole bend per unknown; ``tendon_turn`` (n,) is the same
-    weighted with the share of the tension that gets past tendon friction.
+    They are continuous but at the middle contacts, where a couple of friction makes them jump. ``tip_turn`` (n,) is the
+    change of the whole bend per unknown; a tendon's path changes by its offset at the base times ``tendon_path`` (n,),
+    which weighs the bend with the offset along the finger. ``tendon_work`` (n,) is that of a unit of tension, weighted
+    with the share of the tension that gets past tendon friction.
     """
 
     def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet) -> None:
-        lengths, q, shapes, tip, base = (
-            np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
-            for key in ("lengths", "q", "curvature_shapes", "tip_curvature", "base")
-        )
-        self.finger, self._contacts = setup.finger, contacts
+        self.finger, self._contacts, self._shape = setup.finger, contacts, FingerShape(setup, arrays)
+        base = np.asarray(arrays[f"{setup.name}.base"], dtype=float)
         self.touching = contacts.of(setup.name)  # the contacts of this finger
-        self._profile = curvature_profile(shapes, q, float(tip))
-        self.length = float(lengths.sum())
+        self.length, self.stiffness = float(self._shape.joints[-1]), setup.stiffness
         stations = [float(contacts.stations[k]) for k in self.touching]
         inner = [s for s in stations if _SAME < s / self.length < 1.0 - _SAME]
         marks = [*inner, *(mass.at for mass in self.finger.masses)]
-        self.rod = DenseRod(self.finger, lengths, 1.0 / CELLS, base, marks=marks, nodes=_NODES)
-        self._angles = self.rod.edge_angle(self._profile)
+        self.rod = DenseRod(self.finger, self._shape.joints, 1.0 / CELLS, base, marks=marks, nodes=_NODES)
+        bent, profile = self._shape.curvature(self.rod.nodes), self.finger.profile
+        self._angles = self.rod.edge_angle(bent)
         mesh, hats = self.rod.mesh, self._hats(inner)
         self.size = hats.shape[1]  # n
-        angle = self.rod.angle(self._profile)
+        angle = self.rod.angle(bent)
         self._turns = mesh.to_edges(hats.T).T
         self._spins = mesh.forward @ hats
         self._tangents = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         # A turn of a section moves all beyond it along the normal: the derivative of the tangent by the angle.
         normals = -np.cos(angle), -np.sin(angle)
         self._shifts = np.stack([mesh.to_edges(normal * self._spins.T).T for normal in normals], axis=1)
-        self.bending = self.finger.rod.stiffness * (hats.T @ (mesh.weights[:, None] * hats))  # (n, n) [N m2 m]
+        stiffness = mesh.weights * profile.bending_stiffness(mesh.nodes)
+        self.bending = hats.T @ (stiffness[:, None] * hats)  # (n, n) [N m2 m]
+        self._density = profile.linear_density(mesh.nodes)
         # The capstan equation: tension falls with the turn that the tendon has taken, exp(-friction * turn).
         turned = np.abs(np.diff(self._angles))
         shares = np.exp(-setup.tendons.friction * (np.cumsum(turned) - 0.5 * turned))
         self.tip_turn = self._turns[-1]
-        self.tendon_turn = shares @ np.diff(self._turns, axis=0)
+        # A scene has one pair of tendons that run alike.
+        (channel,) = self.finger.channels
+        paths = mesh.to_edges(channel.shape(mesh.nodes) * hats.T).T
+        self.tendon_path = paths[-1]
+        self.tendon_work = channel.arms[0] * (shares @ np.diff(paths, axis=0))
 
     def section(self, contact: int) -> Section:
         """The section at a contact, which is met exactly."""
         station = float(self._contacts.stations[contact])
         edge = self.rod.edge_index(station)
         at_tip = station >= self.length * (1.0 - _SAME)
-        return Section(self._angles[edge], self._curvature(edge), self._shifts[edge], self._turns[edge], at_tip)
+        thickness = skin(self.finger.profile.half_thickness)
+        half, lean = float(thickness(np.array(station))), slope(thickness, station)
+        moved = self._shifts[edge], self._turns[edge]
+        return Section(self._angles[edge], self._curvature(edge), *moved, at_tip, half, lean)
 
     def load_stiffness(self) -> Array:
         """Stiffness (n, n) that contact forces and weight, dead in the world, give the bent finger.
@@ -96,7 +107,8 @@ class BentFinger:
         forces = [(float(contacts.stations[k]), contacts.pushes[k]) for k in self.touching]
         if isinstance(gravity, PlanarGravity):
             vector = np.asarray(gravity.vector)
-            beyond += self.finger.rod.mass_per_length * (self.length - s)[:, None] * vector
+            mesh = self.rod.mesh
+            beyond += (mesh.to_edges(self._density)[-1] - mesh.to_nodes(self._density))[:, None] * vector
             forces += [(mass.at, mass.mass * vector) for mass in self.finger.masses]
         # As for a column: the force beyond a section times half the square of its turn, along the tangent.
         for at, force in forces:
@@ -108,9 +120,9 @@ class BentFinger:
         """Mass matrix (n, n) of rod and point masses, in motions of the unknowns [kg m2 m2]."""
         # The rod's mass is lumped at the ends of its cells.
         share = np.zeros(self.rod.edges.size)
-        share[:-1] += 0.5 * self.rod.mesh.widths
-        share[1:] += 0.5 * self.rod.mesh.widths
-        share *= self.finger.rod.mass_per_length
+        cells = np.diff(self.rod.mesh.to_edges(self._density))
+        share[:-1] += 0.5 * cells
+        share[1:] += 0.5 * cells
         for mass in self.finger.masses:
             share[self.rod.edge_index(mass.at)] += mass.mass
         return np.asarray(np.einsum("e,ein,eim->nm", share, self._shifts, self._shifts))
@@ -130,9 +142,10 @@ class BentFinger:
     def _curvature(self, edge: int) -> float:
         """Of the section at an edge [1/m], the mean of both sides where it jumps."""
         s = self.rod.edges[edge]
+        sides = [self._shape.curvature(np.array(s), tip_side=side) for side in (False, True)]
         for k in np.flatnonzero(self.rod.joints[1:-1] == s):
-            return float(0.5 * (self._profile[k, -1] + self._profile[k + 1, 0]))
-        return float(self.rod.curvature(self._profile, s))
+            sides = [self._shape.curvatures[k, -1], self._shape.curvatures[k + 1, 0]]
+        return float(np.mean(sides))
 
 
 @dataclass(frozen=True)
@@ -159,15 +172,17 @@ class Rolling:
         return cls(1.0 / total, share, 1.0 - share)
 
 
-def finger_rolling(contacts: ContactSet, contact: int, section: Section, half: float) -> Rolling:
-    """Rolling on the object of the side or rounded tip of a finger with half thickness ``half`` [m]."""
+def finger_rolling(contacts: ContactSet, contact: int, section: Section) -> Rolling:
+    """Rolling on the object of the side or rounded tip of a finger."""
+    half = section.half
     if section.at_tip:
         other = 1.0 / half if half > 0.0 else math.inf
     else:
         inward = -np.array([math.cos(section.angle), math.sin(section.angle)])  # where positive curvature bends to
         towards = -section.curvature if contacts.normals[contact] @ inward > 0.0 else section.curvature
         # A parallel curve at distance h of one with curvature k has k / (1 - k h); sharper bends than 1 / h are cusps.
-        other = -towards / max(1.0 - towards * half, 1e-9)
+        # Where h changes by its slope, the normal leans: k / (cos(lean) - k h).
+        other = -towards / max(math.sqrt(1.0 - section.lean**2) - towards * half, 1e-9)
     return Rolling.of(contacts.curvature(contact), other, contacts.scene.object.size)
 
 

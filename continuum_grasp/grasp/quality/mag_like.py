@@ -89,7 +89,7 @@ class _Mobility:
         rows, grasp = [], []
         for k in finger.touching:
             section = finger.section(k)
-            rows.append(section.shift - finger.finger.thickness_radius * np.outer(contacts.across[k], section.turn))
+            rows.append(section.shift - section.half * np.outer(contacts.across[k], section.turn))
             x, y = contacts.arms[k]
             grasp.append(np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]))
         jacobian, inertia = np.concatenate(rows), finger.inertia()

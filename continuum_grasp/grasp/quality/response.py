@@ -55,13 +55,14 @@ class GraspResponse:
         self._turn_of_normal = np.zeros((count, size))
         # Change of a tendon's path per its offset, and the work of its tension: with tendon friction, which the motion
         # leaves as it is, the two differ and locked tendons make the system unsymmetric.
-        self._plain, self._shared = np.zeros((len(self._fingers), size)), np.zeros((len(self._fingers), size))
-        for k, (setup, finger, part) in enumerate(zip(self.setups, self._fingers, self._slices, strict=True)):
+        self._plain, self._shared, self._turned = (np.zeros((len(self._fingers), size)) for _ in range(3))
+        for k, (finger, part) in enumerate(zip(self._fingers, self._slices, strict=True)):
             self._stiffness[part, part] += finger.bending + finger.load_stiffness()
-            self._plain[k, part], self._shared[k, part] = finger.tip_turn, setup.tendons.offset * finger.tendon_turn
+            self._turned[k, part] = finger.tip_turn
+            self._plain[k, part], self._shared[k, part] = finger.tendon_path, finger.tendon_work
         for contact in range(count):
             self._add_contact(contact)
-        self._compliance = COMPLIANCE * min(f.length**3 / f.finger.rod.stiffness for f in self._fingers)
+        self._compliance = COMPLIANCE * min(f.length**3 / f.stiffness for f in self._fingers)
 
     def stable(self, tendons: Tendons) -> bool:
         """Whether every small motion that the contacts and, where locked, the tendons leave raises the energy."""
@@ -76,7 +77,7 @@ class GraspResponse:
         hessian = self._stiffness + jacobian.T @ jacobian / (10.0 * self._compliance)
         hessian = 0.5 * (hessian + hessian.T) / np.outer(scale, scale)
         # Zero up to rounding, a motion without stiffness, is not stable.
-        least = 1e-9 * min(f.finger.rod.stiffness / f.length for f in self._fingers)
+        least = 1e-9 * min(f.stiffness / f.length for f in self._fingers)
         try:
             np.linalg.cholesky(hessian - least * np.eye(len(hessian)))
         except np.linalg.LinAlgError:
@@ -108,13 +109,13 @@ class GraspResponse:
             rolling = support_rolling(contacts, k)
         else:
             at = [setup.name for setup in self.setups].index(name)
-            part, thickness = self._slices[at], self.setups[at].finger.thickness_radius
-            section = self._fingers[at].section(k)
+            part, section = self._slices[at], self._fingers[at].section(k)
+            thickness = section.half
             turn[part] = section.turn
             move[:, part] += section.shift - thickness * np.outer(across, section.turn)
             # The surface circles about the backbone: h turn^2 / 2 along the normal, on which the normal force works.
             self._stiffness[part, part] -= thickness * push * np.outer(section.turn, section.turn)
-            rolling = finger_rolling(contacts, k, section, thickness)
+            rolling = finger_rolling(contacts, k, section)
         # The arm of a dead force turns with the object, and the point of contact wanders as the surfaces roll.
         self._stiffness -= float(contacts.pushes[k] @ arm) * np.outer(spin, spin)
         self._stiffness += push * rolling.travel * np.outer(turn - spin, turn - spin)
@@ -144,4 +145,4 @@ class GraspResponse:
         forces = [changed[:, 0] + stored[:, 1, None] * turned, changed[:, 1] - stored[:, 0, None] * turned]
         differences = np.zeros((len(self._fingers), causes.shape[1]))
         differences[:fingers] = unknowns[pulling]
-        return Change(motion[self._object :], np.stack(forces, axis=1), differences, self._plain @ motion)
+        return Change(motion[self._object :], np.stack(forces, axis=1), differences, self._turned @ motion)

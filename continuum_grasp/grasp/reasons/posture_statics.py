@@ -87,7 +87,7 @@ def _finger_rows(
         if not finger.matches_tip:
             return slopes
         # The tip's curvature is no free coordinate: it is set by the balance of moments there.
-        bent = finger.stiffness * (finger.profile[-1, -1] - finger.rod.rest[-1])
+        bent = float(finger.shape.moment(np.array(finger.length)))
         return np.append(slopes, bent - finger.tip_moment - finger.tip_couple)
 
     try:
@@ -100,7 +100,7 @@ def _finger_rows(
             # Friction acts on the skin: a couple by its arm, half the thickness.
             for k, direction, couple in (
                 (0, contact.normal, 0.0),
-                (1, across(contact.normal), -finger.thickness * force),
+                (1, across(contact.normal), -contact.radius * force),
             ):
                 load = FingerLoad(contact.name, contact.joint, force * direction, couple)
                 rows[:, at + k] = work(load=load) - alone

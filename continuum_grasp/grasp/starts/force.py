@@ -86,7 +86,7 @@ def loads_of(scene: GraspScene) -> Loads:
     """What a scene's contacts have to carry."""
     gravity = complex(*scene.gravity.vector) if isinstance(scene.gravity, PlanarGravity) else 0j
     upright = scene.gravity if isinstance(scene.gravity, OutOfPlaneGravity) else None
-    stiff = max(s.finger.rod.stiffness / s.finger.rod.length**2 for s in scene.setups)
+    stiff = max(s.stiffness / s.finger.rod.length**2 for s in scene.setups)
     return Loads(
         # Where nothing weighs, forces that bend a finger well are about E I / L^2.
         force=max(scene.weight, 0.3 * stiff),
@@ -153,10 +153,11 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     curve = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
     base = found.bases
     world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
-    rest = finger.rest_curvature if isinstance(finger.rest_curvature, int | float) else 0.0
-    needed = finger.rod.stiffness * (curvature_at(found.knots, found.curvatures, at) / length - rest)
+    profile, (channel,) = finger.profile, finger.channels
+    bent = curvature_at(found.knots, found.curvatures, at) / length - profile.rest_curvature(length * at)
+    needed = profile.bending_stiffness(length * at) * bent
     # A straight finger needs no moment, but a scale.
-    scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * finger.rod.stiffness / length)[:, None]
+    scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * setup.stiffness / length)[:, None]
     if loads.gravity:
         needed = needed - _own_weight(setup, world, at, loads.gravity)
     slopes, lifts = _slopes(loads, setup.friction)
@@ -168,7 +169,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     moments = moments.reshape(*at.shape, -1)
     tendons, used = setup.tendons, finger.tendons_used
     low, high = tendons.min_tension, tendons.max_tension
-    moments = np.concatenate([moments, np.broadcast_to([tendons.offset, -tendons.offset], (*at.shape, 2))], axis=2)
+    moments = np.concatenate([moments, channel.shape(length * at)[..., None] * np.asarray(channel.arms)], axis=2)
     com = origin + turn * complex(*scene.object.com)
     onto = _onto(loads, points - com, edges, lifts)
     onto = np.concatenate([onto, np.zeros((len(found), loads.rows, 2))], axis=2)
@@ -235,7 +236,8 @@ def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -
     """Moment about each section of the weight of the finger beyond it (P, S)."""
     rod = setup.finger.rod
     # Lumped half-way between sections, which is enough to rank starts.
-    share = np.diff(at, axis=1, prepend=0.0) * rod.length * rod.mass_per_length
+    density = setup.finger.profile.linear_density(rod.length * at)
+    share = np.diff(at, axis=1, prepend=0.0) * rod.length * density
     middle = 0.5 * (world + np.concatenate([world[:, :1], world[:, :-1]], axis=1))
     force = np.cumsum(share[:, ::-1], axis=1)[:, ::-1] - share
     first = np.cumsum((share * middle)[:, ::-1], axis=1)[:, ::-1] - share * middle

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.rod.dense_rod import curvature_profile
+from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
@@ -63,17 +63,16 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
     fingers = {}
     for setup in scene.setups:
         finger = setup.name
-        ends = np.concatenate([[0.0], np.cumsum(arrays[f"{finger}.lengths"])])
+        shape = FingerShape(setup, arrays)
+        ends = shape.joints
         joints = tuple(float(ends[count]) for count in setup.before)
-        tip = float(arrays[f"{finger}.tip_curvature"])
-        profile = curvature_profile(arrays[f"{finger}.curvature_shapes"], arrays[f"{finger}.q"], tip)
         line, sides = arrays[f"{finger}.backbone"], []
         for name, joint in zip(setup.middle_names, joints, strict=True):
             angle = float(np.interp(joint, line[:, 0], line[:, 3]))
             across = np.array([np.cos(angle), np.sin(angle)])
             sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
         base = tuple(arrays[f"{finger}.base"].tolist())
-        fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(profile, ends))
+        fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(shape.curvatures, ends))
     contacts = {}
     for k, name in enumerate(names):
         point = back @ (arrays["contact_positions"][k] - [x, y])

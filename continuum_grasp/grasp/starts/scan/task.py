@@ -14,6 +14,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
@@ -28,6 +29,9 @@ ALLOWED = 2e-3
 IPOPT removes what is left of it."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
+_EVEN = np.linspace(0.0, 1.0, _STATIONS)
+_TOUCHES = 0.75
+"""Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
 _FINE = 6
 """Most elements of a tip-only posture in the scan; for more, IPOPT starts from this shape."""
 
@@ -41,9 +45,10 @@ class FingerTask:
     middles: tuple[bool, ...]  # which middle contacts are on, from the base
     tip: bool  # whether the tip touches
     shapes: tuple[Outline, ...]
-    half: float  # half the finger's thickness
-    limit: float  # greatest curvature
-    rest: float  # rest curvature
+    half: float  # half the finger's thickness, where it is likely to touch
+    halves: Array  # the same at the places whose clearance is looked at
+    limits: Array  # greatest curvature there
+    rest: float  # mean rest curvature
     counts: tuple[int, ...]  # elements between base, joints and tip
     nodes: tuple[float, ...]  # ends of its elements, or fewer positions where it has many
     friction: float
@@ -151,9 +156,11 @@ def make_task(
         world = Frame(-tilt.conjugate(), (at * tilt).conjugate() * scale, scale, True)
     turned = cmath.exp(1j * (-pose[2] if world.mirrored else pose[2]))
     frame = Frame(world.turn * turned, complex(world.point(complex(pose[0], pose[1]))), scale, world.mirrored)
-    half = setup.finger.thickness_radius * scale
+    finger, profile = setup.finger, setup.finger.profile
+    places = profile.length * _EVEN
+    halves = skin(profile.half_thickness)(places) * scale
+    half = float(halves[int(_TOUCHES * (_STATIONS - 1))])
     marks = (0, *setup.before, setup.elements)
-    rest = setup.finger.rest_curvature
     few = min(setup.elements, _FINE)
     return FingerTask(
         base=base,
@@ -162,8 +169,9 @@ def make_task(
         tip=setup.tip_name in on,
         shapes=tuple(surface_of(part).outline(part, frame, half) for part in scene.object.parts),
         half=half,
-        limit=setup.finger.curvature_limit / scale,
-        rest=side * rest / scale if isinstance(rest, int | float) else 0.0,
+        halves=halves,
+        limits=finger.curvature_limit_at(places) / scale,
+        rest=side * float(profile.rest_curvature(places).mean()) / scale,
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
         friction=setup.friction,
@@ -185,27 +193,28 @@ def make_task(
 
 def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
     """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
-    at = np.broadcast_to(np.linspace(0.0, 1.0, _STATIONS), (len(knots), _STATIONS))
+    at, half = np.broadcast_to(_EVEN, (len(knots), _STATIONS)), task.halves
     points = sample(knots, curvatures, at)
-    worst = np.maximum(task.half - task.distance(points).min(axis=1) - ALLOWED, 0.0)
+    worst = np.maximum((np.minimum(half, task.half) - task.distance(points)).max(axis=1) - ALLOWED, 0.0)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:
         rel = (points - point) * np.conj(normal)
         height = rel.real
         if math.isinf(half_length):
-            inside = height[:, :1] < (1.0 - 1e-9) * task.half
-            need = np.where(beyond | ~inside, task.half, np.minimum(height[:, :1], 0.0))
+            inside = height[:, :1] < (1.0 - 1e-9) * half[0]
+            need = np.where(beyond | ~inside, half, np.minimum(height[:, :1], 0.0))
             short = need - height
         else:
             over = np.maximum(np.abs(rel.imag) - half_length, 0.0)
-            short = np.where(beyond, task.half, 0.0) - np.hypot(over, height)
+            short = np.where(beyond, half, 0.0) - np.hypot(over, height)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
     for center, radius in task.pegs:
-        short = np.where(beyond, radius + task.half, radius) - np.abs(points - center)
+        short = np.where(beyond, radius + half, radius) - np.abs(points - center)
         worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
     # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
-    if math.isfinite(task.limit):
-        worst = np.maximum(worst, 0.1 * (np.abs(curvatures).max(axis=1) - task.limit))
+    if math.isfinite(task.limits[0]):
+        over = np.abs(curvatures) - np.interp(knots, _EVEN, task.limits)
+        worst = np.maximum(worst, 0.1 * over.max(axis=1))
     return np.asarray(
         np.maximum(worst, 0.1 * (bends(knots, curvatures, joints, task.counts) - task.bending_range) - 1e-9)
     )

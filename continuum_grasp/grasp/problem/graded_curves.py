@@ -1,0 +1,231 @@
+"""The curves of a graded finger in units of its own: their structure, their numbers, and their values as expressions.
+
+Between the places where a curve jumps or has a kink (the *panels*) every curve is a polynomial of the distance from
+the panel's start, or the exponential of one. Their coefficients are run-time numbers: fingers of one structure share
+one solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.skin import skin
+from continuum_grasp.model.family import family_class
+from continuum_grasp.rod.dense_rod import with_places
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.profile import Curve
+
+Array = NDArray[np.float64]
+
+MOST_PANELS = 16
+"""Most parts of a finger on which a curve is one polynomial: every element has Gauss nodes in each of them."""
+_MASS_DEGREE = 12
+"""Degree of the mass beyond a section where the density is an exponential: rounding for densities 1:100 in a panel."""
+
+
+@dataclass(frozen=True)
+class CurveSpec:
+    """Structure of a curve: in each panel a polynomial, or its exponential."""
+
+    name: str
+    panels: int
+    degree: int
+    exponential: bool
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.panels * (self.degree + 1)
+
+
+@dataclass(frozen=True)
+class GradedSpec:
+    """Structure of the curves of a graded finger; thickness and depth have panels of their own."""
+
+    curves: tuple[CurveSpec, ...]
+    channels: int
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are: inner edges of the panels, and the coefficients of the curves."""
+        return sum(self.edges.values()) + sum(curve.size for curve in self.curves)
+
+    @property
+    def edges(self) -> dict[str, int]:
+        """Number of inner edges, of those curves that have their own and of all others together."""
+        return {_group(curve.name): curve.panels - 1 for curve in self.curves}
+
+    @staticmethod
+    def of(setup: FingerSetup, weighs: bool) -> GradedSpec | None:
+        """The structure of a finger's curves; None for what is the same everywhere."""
+        if not setup.graded:
+            return None
+        if family_class(setup.family).degree != 1:
+            raise InputError(
+                f"elements of family {setup.family} do not follow a finger that changes along its length in a grasp: "
+                "take matched_clothoid",
+                key="fidelity.family",
+            )
+        made = _curves(setup, weighs)
+        most = max(each.spec.panels for each in made)
+        if most > MOST_PANELS:
+            raise InputError(
+                f"{setup.name} consists of {most} parts with curves of their own, a grasp takes {MOST_PANELS} at most: "
+                "give fewer sections or samples",
+                key="rod",
+            )
+        return GradedSpec(tuple(each.spec for each in made), len(setup.finger.channels))
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A curve on the panels: coefficients (panels, degree + 1) per powers of the distance, lengths per L."""
+
+    spec: CurveSpec
+    edges: Array  # per L
+    coefficients: Array
+
+
+def curve_numbers(setup: FingerSetup, weighs: bool) -> Array:
+    """The run-time numbers of a graded finger's curves, as `GradedCurves` takes them."""
+    made = _curves(setup, weighs)
+    edges = {_group(each.spec.name): each.edges[1:-1] for each in made}
+    return np.concatenate([*edges.values(), *(each.coefficients.ravel() for each in made)])
+
+
+def _group(name: str) -> str:
+    """Whose panels a curve has: its own, or those of the statics."""
+    return name if name in ("thickness", "depth") else "statics"
+
+
+def _edges(setup: FingerSetup, weighs: bool) -> Array:
+    """Ends of the panels of the statics [m]."""
+    finger, length = setup.finger, setup.finger.profile.length
+    places = [at for channel in finger.channels for at in channel.shape.breaks]
+    if weighs:
+        places += [mass.at for mass in finger.masses]
+    return with_places((0.0, length), [at for at in (*finger.profile.breaks, *places) if at < length])
+
+
+def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
+    """All curves of a finger: per E I (its mean) and L where they have units."""
+    finger, profile, length = setup.finger, setup.finger.profile, setup.finger.profile.length
+    edges = _edges(setup, weighs)
+    found = [
+        _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
+        _made("rest", profile.rest_curvature, edges, length),
+        _alone("thickness", skin(profile.half_thickness), 1.0 / length),
+        *(_made(f"channel_{k}", channel.shape, edges, 1.0) for k, channel in enumerate(finger.channels)),
+    ]
+    if finger.strain_limit is not None and profile.half_depth is not None:
+        found.append(_alone("depth", profile.half_depth, 1.0 / length))
+    if weighs:
+        found.append(_mass_beyond(setup, edges))
+    return found
+
+
+def _alone(name: str, curve: Curve, scale: float) -> _Made:
+    """A curve on panels of its own."""
+    return _made(name, curve, np.array([0.0, *curve.breaks, curve.edges[-1]]), scale)
+
+
+def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
+    degree, rows = max(len(c) for c in curve.coefficients) - 1, []
+    for a in edges[:-1]:
+        piece = int(np.searchsorted(curve.edges[1:-1], a + 1e-9 * edges[-1]))
+        shifted = Polynomial(curve.coefficients[piece])(Polynomial([a - curve.edges[piece], edges[-1]]))
+        row = np.zeros(degree + 1)
+        row[: len(shifted.coef)] = shifted.coef
+        if curve.exponential:
+            row[0] += np.log(scale)
+        rows.append(row if curve.exponential else scale * row)
+    return _Made(CurveSpec(name, len(rows), degree, curve.exponential), edges / edges[-1], np.array(rows))
+
+
+def _mass_beyond(setup: FingerSetup, edges: Array) -> _Made:
+    """Mass of rod and point masses beyond a section, per that of the rod with the density at its base."""
+    finger, length = setup.finger, float(edges[-1])
+    made = _made("density", finger.profile.linear_density, edges, 1.0 / finger.rod.mass_per_length)
+    rows: list[Polynomial] = []
+    for coefficients, (a, b) in zip(made.coefficients, pairwise(edges / length), strict=True):
+        density = Polynomial(coefficients)
+        if made.spec.exponential:
+            places = 0.5 * (b - a) * (np.polynomial.chebyshev.chebpts1(_MASS_DEGREE + 1) + 1.0)
+            fit = Chebyshev.fit(places, np.exp(density(places)), _MASS_DEGREE, domain=[0.0, b - a])
+            density = fit.convert(kind=Polynomial)
+        rows.append(density.integ())
+    beyond, own = 0.0, finger.rod.mass_per_length * length
+    out: list[Array] = []
+    degree = max(len(row.coef) for row in rows) - 1
+    masses = list(finger.masses)
+    for row, (a, b) in reversed(list(zip(rows, pairwise(edges), strict=True))):
+        here = [mass for mass in masses if mass.at > b - 1e-9 * length]
+        masses = [mass for mass in masses if mass not in here]
+        beyond += sum(mass.mass for mass in here) / own
+        beyond += float(row((b - a) / length))
+        coefficients = np.zeros(degree + 1)
+        coefficients[: len(row.coef)] = -row.coef
+        coefficients[0] += beyond
+        out.append(coefficients)
+    return _Made(CurveSpec("mass", len(out), degree, False), edges / length, np.array(out[::-1]))
+
+
+class GradedCurves:
+    """The curves of a graded finger as expressions of the position, per its length."""
+
+    def __init__(self, spec: GradedSpec, numbers: ca.SX) -> None:
+        self.spec, start = spec, 0
+        self._breaks: dict[str, list[ca.SX]] = {}
+        for group, count in spec.edges.items():
+            self._breaks[group] = [numbers[start + k] for k in range(count)]
+            start += count
+        self.breaks = self._breaks["statics"]
+        self.names = frozenset(curve.name for curve in spec.curves)
+        self._curves: dict[str, tuple[CurveSpec, ca.SX]] = {}
+        for curve in spec.curves:
+            coefficients = ca.reshape(numbers[start : start + curve.size], curve.degree + 1, curve.panels)
+            self._curves[curve.name] = curve, coefficients
+            start += curve.size
+
+    def on(self, name: str, panel: int, s: Any) -> ca.SX:
+        """A curve in a panel."""
+        spec, coefficients = self._curves[name]
+        distance = s - (self._breaks[_group(name)][panel - 1] if panel else 0.0)
+        value = coefficients[spec.degree, panel]
+        for k in range(spec.degree - 1, -1, -1):
+            value = value * distance + coefficients[k, panel]
+        return ca.exp(value) if spec.exponential else value
+
+    def at(self, name: str, s: Any, *, tip_side: bool = False) -> ca.SX:
+        """A curve anywhere; where it jumps, on the base side or the other."""
+        return self._piece(name, lambda panel, at: self.on(name, panel, at), s, tip_side)
+
+    def slope(self, name: str, s: Any) -> ca.SX:
+        """Derivative of a curve anywhere, per length; on the base side of a kink."""
+
+        def derivative(panel: int, at: Any) -> ca.SX:
+            place = ca.SX.sym("s")
+            return ca.substitute(ca.jacobian(self.on(name, panel, place), place), place, at)
+
+        return self._piece(name, derivative, s, False)
+
+    def _piece(self, name: str, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
+        breaks = self._breaks[_group(name)]
+        found = value(0, ca.fmin(s, breaks[0]) if breaks else s)
+        for panel, start in enumerate(breaks, 1):
+            # Clipped to its panel, beyond which a polynomial may vanish, and its inverse be infinite.
+            at = ca.fmax(s, start)
+            if panel < len(breaks):
+                at = ca.fmin(at, breaks[panel])
+            beyond = s >= start if tip_side else s > start
+            found = ca.if_else(beyond, value(panel, at), found)
+        return found

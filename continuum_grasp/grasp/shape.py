@@ -1,0 +1,111 @@
+"""The curvature of a finger from a grasp's stored numbers, for any rod: by numpy alone, from the scene's profile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.profile import Curve
+
+Array = NDArray[Any]
+
+
+def slope(curve: Curve, s: float) -> float:
+    """Derivative of a curve at a position [m]; where it has a kink or jumps, that of the base side."""
+    piece = int(np.searchsorted(np.asarray(curve.edges[1:-1]), s - 1e-9 * curve.edges[-1]))
+    # A complex step subtracts nothing: exact to rounding.
+    return float(np.imag(curve.on(piece, s + 1e-30j)) / 1e-30)
+
+
+class FingerShape:
+    """The curvature along a finger of a grasp, linear in its coordinates.
+
+    The bending moment is m(s) = p(s) + K(s) - k(s), with p a polynomial on each element. Of families whose tip is
+    matched, K is the moment of the tendons, and k is linear on each element and equal to K at its ends: what inputs do
+    is then known, wherever tendons end. Of others both are zero. The curvature is k*(s) + m(s) / EI(s).
+
+    ``lengths`` (N,) are those of the elements [m]; ``q`` (n,) the coordinates: elastic curvatures, above the rest
+    curvature, at nodes (of arcs: bends); ``shapes`` (N, D, M) the elastic curvature at D places spread evenly along
+    each element per coordinate, the first on the tip side of its node. Where M = n + 1, the last coordinate is
+    ``tip``, the elastic curvature at the tip [1/m]. ``tensions`` (T,) are those of the tendons [N].
+    """
+
+    def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any]) -> None:
+        def stored(key: str) -> Array:
+            return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
+
+        self.profile, self.channels = setup.finger.profile, setup.finger.channels
+        self.lengths, self.q, self.tip, self._shapes = (
+            stored(key) for key in ("lengths", "q", "tip_curvature", "curvature_shapes")
+        )
+        self.joints = np.concatenate([[0.0], np.cumsum(self.lengths)])
+        self.matches_tip = FAMILIES[setup.family].matches_tip
+        self.amplitudes = self.of_channels(stored("tensions"))
+        # Only the difference to what is linear on each element matters: none for tendons of constant offset to the tip.
+        self._inside = [
+            (channel.shape, amplitude)
+            for channel, amplitude in zip(self.channels, self.amplitudes, strict=True)
+            if self.matches_tip and channel.shape.constant is None
+        ]
+        self._stiffness = self._at_places(self.profile.bending_stiffness)
+
+    @property
+    def spread(self) -> Array:
+        """Fractions (D,) of an element's length of the places; the middle where there is one."""
+        count = self._shapes.shape[1]
+        return np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5])
+
+    def _at_places(self, curve: Curve) -> Array:
+        """A curve (N, D) at the places of the elements, at their ends from inside."""
+        places = self.joints[:-1, None] + self.lengths[:, None] * self.spread
+        first = (np.arange(self.spread.size) == 0) & (self.spread.size > 1)
+        return np.where(first, curve(places, tip_side=True), curve(places))
+
+    @property
+    def curvatures(self) -> Array:
+        """Curvature (N, D) [1/m] at the places of the elements, at their ends from inside."""
+        places = self.joints[:-1, None] + self.lengths[:, None] * self.spread
+        elastic = self.moment(places.ravel()).reshape(places.shape) / self._stiffness
+        return np.asarray(elastic + self._at_places(self.profile.rest_curvature))
+
+    def of_channels(self, tensions: Array) -> Array:
+        """Amplitudes [N m] of the finger's channels at tensions [N]."""
+        return np.array([np.dot(channel.arms, tensions) for channel in self.channels])
+
+    def actuation(self, s: Array, amplitudes: Array | None = None) -> Array:
+        """Bending moment [N m] of the tendons at positions [m]; at the end of a tendon, that of its inside."""
+        given = self.amplitudes if amplitudes is None else amplitudes
+        moments = [a * channel.shape(s) for a, channel in zip(given, self.channels, strict=True)]
+        return np.asarray(np.sum(moments, axis=0)) if moments else np.zeros(np.shape(s))
+
+    def moment(self, s: Array, q: Array | None = None) -> Array:
+        """Bending moment (..., G) [N m] at positions (G,) [m], of coordinates (..., n); the stored ones by default."""
+        full = self.q if q is None else q
+        if full.shape[-1] < self._shapes.shape[-1]:
+            full = np.concatenate([full, np.full((*full.shape[:-1], 1), self.tip, dtype=full.dtype)], axis=-1)
+        count = self.spread.size
+        # On each element the polynomial through the moments at its places; degrees are 0 to 2, so powers do.
+        powers = np.linalg.inv(np.vander(self.spread, increasing=True)) if count > 1 else np.eye(1)
+        values = self._stiffness * np.einsum("kda,...a->...kd", self._shapes, full)
+        coefficients = values @ powers.T
+        element = np.clip(np.searchsorted(self.joints, s) - 1, 0, self.lengths.size - 1)
+        share = (s - self.joints[element]) / self.lengths[element]
+        total = coefficients[..., element, -1]
+        for k in range(count - 2, -1, -1):
+            total = coefficients[..., element, k] + total * share
+        for shape, amplitude in self._inside:
+            total = total + amplitude * (shape(s) - np.interp(s, self.joints, shape(self.joints)))
+        return np.asarray(total)
+
+    def elastic(self, s: Array, q: Array | None = None, *, tip_side: bool = False) -> Array:
+        """Curvature above the rest curvature (..., G) [1/m] at positions (G,) [m]."""
+        return np.asarray(self.moment(s, q) / self.profile.bending_stiffness(s, tip_side=tip_side))
+
+    def curvature(self, s: Array, q: Array | None = None, *, tip_side: bool = False) -> Array:
+        """Curvature (..., G) [1/m] at positions (G,) [m]."""
+        return np.asarray(self.profile.rest_curvature(s, tip_side=tip_side) + self.elastic(s, q, tip_side=tip_side))
