@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
@@ -116,14 +116,6 @@ class Value(BaseModel):
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
         return type(self)(**{name: getattr(self, name) for name in type(self).model_fields} | fields)
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other values of some fields, unchecked."""
-        copy = super().model_copy(update=update, deep=deep)
-        # What follows from the fields is cached beside them, and may differ now.
-        for name in set(vars(copy)) - set(type(self).model_fields) if update else ():
-            del vars(copy)[name]
-        return copy
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
