@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.random_scenes import random_scene
 from benchmarks.report import Report, Table
-from continuum_grasp.accuracy.choice import COUNTS, assess, choices
+from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near
 from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import solve_elastica
@@ -28,17 +28,10 @@ def again(chosen: Chosen) -> float:
     """Error of the equilibrium at time zero per length, by the public way and at other places."""
     scene = chosen.scene
     rod = solve_elastica(scene)
-    found = equilibrium(scene, guess=_guess(chosen))
+    # So that both are on one branch.
+    found = equilibrium(scene, guess=coordinates_near(chosen.truth.cases[0].rod, chosen.best.choice.model))
     s = np.linspace(0.0, scene.finger.rod.length, PLACES)
     return float(np.linalg.norm(found.backbone(PLACES) - rod.position(s), axis=1).max()) / scene.finger.rod.length
-
-
-def _guess(chosen: Chosen) -> np.ndarray:
-    """Coordinates of the exact rod, so that both are on one branch."""
-    lengths, rod = chosen.best.choice.lengths, chosen.truth.cases[0].rod
-    edges = np.minimum(np.concatenate([[0.0], np.cumsum(lengths)]), np.nextafter(sum(lengths), 0.0))
-    model = chosen.best.choice.model
-    return np.diff(rod.angle(edges)) if model.family == "arc" else rod.curvature(edges)[: model.n]
 
 
 def cheaper(chosen: Chosen) -> str:

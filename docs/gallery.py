@@ -97,6 +97,7 @@ FILMS = {
     "mission/mug": Film("mission.gif", 640),
     "simulate/nitinol_release_020g": Film("release.gif", every=1, slower=2.0),
     "mpc/tip_arc": Film("tip_arc.gif"),
+    "simulate/spirob": Film("gallery/simulate_spirob.gif", every=1),
     "simulate/swing_against_disc": Film("gallery/simulate_swing_against_disc.gif", every=1, slower=2.0),
     "mpc/keep_out": Film("gallery/mpc_keep_out.gif"),
     "plan/past_a_post": Film("gallery/plan_past_a_post.gif", every=1, slower=4.0),

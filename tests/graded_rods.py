@@ -1,68 +1,43 @@
-"""Rods that are not uniform, of length, base stiffness and base density one, with their closed forms."""
+"""Rods that are not uniform, with the closed forms of their frequencies."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
+from benchmarks.graded_rods import RODS, sections, taper
 from continuum_grasp.scene import Scene
 from continuum_grasp.scene.profile import Channel, Curve
 from tests.closed_forms.graded import stepped_frequencies, tapered_frequencies
-from tests.rods import UNIT, rod_scene
 
-
-@dataclass(frozen=True)
-class GradedRod:
-    """A rod and its first frequencies."""
-
-    stiffness: Curve
-    density: Curve
-    frequencies: np.ndarray  # (2,) closed forms [rad/s]
-
-
-def taper(power: int, ratio: float) -> GradedRod:
-    """Thickness h from 1 to ``ratio``; density h^power, stiffness h^(power + 2): a wedge (1), a cone (2)."""
-
-    def curve(exponent: int) -> Curve:
-        polynomial = np.polynomial.Polynomial([1.0, ratio - 1.0]) ** exponent
-        return Curve((0.0, 1.0), (tuple(polynomial.coef.tolist()),))
-
-    return GradedRod(curve(power + 2), curve(power), tapered_frequencies(power, ratio))
-
-
-def stepped(*steps: tuple[float, float, float]) -> GradedRod:
-    """Uniform pieces (length, stiffness, density) from the base."""
-    edges = tuple(np.cumsum([0.0, *(step[0] for step in steps)]).tolist())
-    stiffness = Curve(edges, tuple((step[1],) for step in steps))
-    return GradedRod(stiffness, Curve(edges, tuple((step[2],) for step in steps)), stepped_frequencies(steps))
-
-
-def cut(pieces: int) -> GradedRod:
-    """The uniform rod in pieces of equal values."""
-    return stepped(*[(1.0 / pieces, 1.0, 1.0)] * pieces)
-
-
-RODS = {
-    "wedge 0.5": taper(1, 0.5),
-    "wedge 0.25": taper(1, 0.25),
-    "cone 0.25": taper(2, 0.25),
-    "cone 0.1": taper(2, 0.1),
-    "step": stepped((0.4, 1.0, 1.0), (0.6, 0.1, 0.3)),
+SPIRAL = {
+    "length": 1.0,
+    "youngs_modulus": 12.0 / 0.02**4 / 0.5**3,
+    "density": 1.0 / 0.02**2,
+    "rotary_inertia": 0.0,
+    "spirob": {"base_thickness": 0.02, "tip_thickness": 0.005, "width": 0.02, "units": 24, "core": 0.5},
 }
+"""A straightened spiral is a linear taper: cut from a plate, a wedge."""
+
+FREQUENCIES = {
+    "wedge 0.5": tapered_frequencies(1, 0.5),
+    "wedge 0.25": tapered_frequencies(1, 0.25),
+    "cone 0.25": tapered_frequencies(2, 0.25),
+    "cone 0.1": tapered_frequencies(2, 0.1),
+    "step": stepped_frequencies([(0.4, 1.0, 1.0), (0.6, 0.1, 0.3)]),
+    "spiral": tapered_frequencies(1, 0.25),
+}
+"""Of the straight rods, mode 1 and 2 [rad/s]."""
+CLOSED = {name: {**RODS, "spiral": SPIRAL}[name] for name in FREQUENCIES}
+"""The rods of them, as in a configuration."""
+
+__all__ = ["CLOSED", "FREQUENCIES", "RODS", "cut", "sections", "taper", "with_profile"]
 
 
-def graded_scene(rod: GradedRod, *args: Any, rest: Curve | None = None, channels: Sequence[Channel] = (), **keys: Any):
-    """A scene of that rod as `rod_scene` gives of the unit rod, with a rest curvature and tendons."""
-    return with_profile(
-        rod_scene(UNIT, *args, **keys),
-        bending_stiffness=rod.stiffness,
-        linear_density=rod.density,
-        rest_curvature=Curve.uniform(1.0, 0.0) if rest is None else rest,
-        channels=channels,
-    )
+def cut(pieces: int) -> dict[str, Any]:
+    """The uniform rod in pieces of equal values."""
+    return sections(*[((k + 1.0) / pieces, 1.0, 1.0) for k in range(pieces)])
 
 
 def with_profile(scene: Scene, channels: Sequence[Channel] = (), **curves: Curve) -> Scene:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,8 +16,8 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
 from continuum_grasp.model.quadrature import RANGES
+from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.finger import PiecewiseCurvature
 from continuum_grasp.scene.simulate import Fidelity, Scene
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
@@ -30,6 +30,8 @@ COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 overpaid."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
 """Accuracies of evaluation [1] that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
+_PLACES = 9
+"""Places along an element at which its curvature limit is looked up [1]; that of a taper is greatest at an end."""
 _MARGIN = 1.1
 """Declared bending range per reach of the exact rod [1]: a coarse model may bend a little further."""
 
@@ -66,6 +68,20 @@ class Choice:
     def instructions(self) -> int:
         """Instructions of the forward dynamics."""
         return int(self.model.forward_dynamics.n_instructions())
+
+    @cached_property
+    def open(self) -> bool:
+        """Whether its elements may have as many quadrature nodes as its accuracy takes, on a taper."""
+        try:
+            return self.instructions > 0
+        except InputError as error:
+            if error.key != "elements":
+                raise
+            return False
+
+    def finest(self, accuracies: Iterable[float]) -> Choice | None:
+        """The same with the finest of some accuracies that is open to it; None where none is."""
+        return next((c for a in sorted(accuracies) if (c := self.with_accuracy(a)).open), None)
 
     def with_accuracy(self, accuracy: float) -> Choice:
         """The same with another accuracy of evaluation."""
@@ -116,12 +132,13 @@ def _placements(scene: Scene, counts: Sequence[int]) -> Iterator[tuple[tuple[flo
 
 
 def _marks(scene: Scene) -> tuple[float, ...]:
-    """Contacts, and places inside the finger at which the curvature has a kink or jumps."""
+    """Contacts, and places inside the finger at which the curvature or the bending moment has a kink or jumps."""
     length, finger = scene.finger.rod.length, scene.finger
     places = [load.at for load in (*scene.loads, *scene.initial.held_by)]
     places += [mass.at for mass in finger.masses if mass.mass > 0.0]
-    if isinstance(finger.rest_curvature, PiecewiseCurvature):
-        places += finger.rest_curvature.breaks
+    # Kinks of stiffness and rest curvature, as samples have at each of them, cost nothing.
+    places += (*finger.profile.bending_stiffness.jumps, *finger.profile.rest_curvature.jumps)
+    places += (at for channel in finger.channels for at in channel.shape.breaks)
     found = list(scene.contacts)
     for at in sorted(places):
         if all(abs(at - other) >= SHORTEST * length for other in (0.0, *found, length)):
@@ -134,12 +151,12 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
     given = scene.fidelity.bending_range
     if given is not None:
         return given
-    moving, start, reach = scene.time is not None, 0.0, 0.0
+    moving, start, wanted = scene.time is not None, 0.0, 0.0
     for h in lengths:
-        reach = max(reach, h * truth.curvature_reach(start, start + h, moving))
+        reach = _MARGIN * truth.curvature_reach(start, start + h, moving)
+        limit = float(scene.finger.curvature_limit_at(np.linspace(start, start + h, _PLACES)).max())
+        wanted = max(wanted, h * min(reach, limit))
         start += h
-    most = scene.finger.curvature_limit * max(lengths)
-    wanted = min(_MARGIN * reach, most if math.isfinite(most) else math.inf)
     return next((r for r in RANGES if r >= wanted), None)
 
 
@@ -206,16 +223,20 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
 
 def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
+    signals = Signals(true.case.scene, model, true.case.scene.loads)
+    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=coordinates_near(true.rod, model))
+
+
+def coordinates_near(rod: Elastica, model: FingerModel) -> Array:
+    """Coordinates (n,) of a model near the shape of the exact rod."""
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
     edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where the exact rod is not
     family, short = model.structure.family, 1e-9 * edges[-1]
     # Just inside the elements: the exact curvature jumps at couples, where elements end.
     first, last = edges[:-1, None], edges[1:, None]
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
-    curvatures = true.rod.curvature(inside.ravel()).reshape(inside.shape)
-    guess = family.coordinates(np.diff(true.rod.angle(edges)), curvatures)[: model.n]
-    signals = Signals(true.case.scene, model, true.case.scene.loads)
-    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=guess)
+    curvatures = rod.curvature(inside.ravel()).reshape(inside.shape)
+    return np.asarray(family.coordinates(np.diff(rod.angle(edges)), curvatures)[: model.n])
 
 
 def _frequency_errors(true: TrueCase, truth: Array, found: Equilibrium) -> Array:

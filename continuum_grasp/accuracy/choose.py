@@ -186,7 +186,7 @@ class _Search:
         closed: set[bool] = set()
         counts = COUNTS[-1:] if only_most else COUNTS
         for coarse in choices(self.scene, self.truth, family, accuracies[0], counts=counts):
-            if coarse.aligned in closed:
+            if coarse.aligned in closed or not coarse.open:
                 continue
             if self._costs_more(coarse, stiffness[coarse.aligned]):
                 closed.add(coarse.aligned)
@@ -194,7 +194,8 @@ class _Search:
             if hopeless[coarse.aligned] > coarse.elements:
                 continue
             # First with fine terms: an error that remains is that of the elements, whatever the terms.
-            probe = self._measured(coarse.with_accuracy(min(_PROBE, 0.1 * self.tolerance, accuracies[-1])))
+            probing = coarse.finest([min(_PROBE, 0.1 * self.tolerance), *accuracies]) or coarse
+            probe = self._measured(probing)
             if math.isfinite(probe.radius):
                 stiffness[coarse.aligned] = probe.radius
             hopeless[coarse.aligned] = self._hopeless_below(probe)
@@ -212,6 +213,8 @@ class _Search:
         before = 0
         for accuracy in accuracies:
             choice = coarse.with_accuracy(accuracy)
+            if not choice.open:  # nor are those with more terms and nodes
+                return
             if choice.instructions == before:  # the same terms and nodes
                 continue
             # Coarser terms change the radius a little: 1 % of margin before a choice is given up unmeasured.

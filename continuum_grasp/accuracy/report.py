@@ -266,7 +266,7 @@ class ReportRows:
             for choice in choices(self.scene, self.truth, family, None, counts=counts):
                 yield "choices", partial(self._choice, choice)
         for family in (PAPER_FAMILY, self.families[0]):
-            two = [c for c in choices(self.scene, self.truth, family, None) if c.elements >= 2]
+            two = [c for c in choices(self.scene, self.truth, family, None) if c.elements >= 2 and c.open]
             if not two:
                 continue
             for accuracy in ACCURACIES:
@@ -276,7 +276,9 @@ class ReportRows:
             for method, substeps in _STEPS if self.reference is not None else ():
                 yield "integrators", partial(self._integrator, two[0], method, substeps)
 
-    def _choice(self, choice: Choice) -> tuple[Any, ...]:
+    def _choice(self, choice: Choice) -> tuple[Any, ...] | None:
+        if not choice.open:
+            return None
         found, model = assess(choice, self.truth), choice.model
         scene = self.scene.model_copy(update={"fidelity": choice.fidelity})
         time, factor, motion = math.nan, math.nan, math.nan
@@ -293,9 +295,12 @@ class ReportRows:
         costs = (found.instructions, time, factor)
         return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
 
-    def _terms(self, choice: Choice, accuracy: float) -> tuple[Any, ...]:
-        # Against 1e-15, the end of the series in double precision.
-        model, full = choice.with_accuracy(accuracy).model, choice.with_accuracy(1e-15).model
+    def _terms(self, choice: Choice, accuracy: float) -> tuple[Any, ...] | None:
+        # Against 1e-15, the end of the series in double precision, or against the most nodes that a taper may have.
+        best, choice = choice.finest([1e-15, *ACCURACIES]), choice.with_accuracy(accuracy)
+        if best is None or not choice.open:
+            return None
+        model, full = choice.model, best.model
         name = f"{choice.elements} {choice.family}"
         error = evaluation_error(model.forward_dynamics, full)
         return (name, accuracy, int(model.forward_dynamics.n_instructions()), evaluation_ns(model), error)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
-from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, VectorSamples
+from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
 
@@ -53,8 +53,11 @@ class Truth:
 
         An undamped swing goes as far beyond its equilibrium as it starts before it.
         """
-        s = np.linspace(start, end, 9)
-        s[-1] = np.nextafter(end, start)  # before a jump of the curvature at the end
+        problem = self.cases[0].rod.equations.problem
+        short = 1e-9 * problem.length
+        jumps = [at for at in problem.length * np.array(problem.breaks) if start + short < at < end - short]
+        # Before jumps of the curvature too.
+        s = np.sort([*np.linspace(start, end, 9)[:-1], *jumps, *(at - short for at in jumps), np.nextafter(end, start)])
         curvatures = np.array([one.rod.curvature(s) for one in self.cases])
         reach = np.abs(curvatures)
         if moving:
@@ -146,10 +149,10 @@ def _frozen(scene: Scene, t: float, held: bool) -> Scene:
         loads.append(load if held else _with_value(load, nothing))
     actuation = scene.actuation
     if actuation is not None and actuation.tensions is not None:
-        first, second = (_at(tension, t) for tension in actuation.tensions)
-        actuation = Actuation(tensions=(first, second))
+        tensions = tuple(_at(tension, t) for tension in actuation.tensions)
+        actuation = actuation.model_copy(update={"tensions": tensions})
     elif actuation is not None and actuation.tip_moment is not None:
-        actuation = Actuation(tip_moment=_at(actuation.tip_moment, t))
+        actuation = actuation.model_copy(update={"tip_moment": _at(actuation.tip_moment, t)})
     return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -14,16 +15,18 @@ from continuum_grasp.model import System
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
-from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.profile import Profile
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.value import Value
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
+_Of = TypeVar("_Of", bound=Value)
 
 
 def plant_scene(scene: ControlScene) -> Scene:
@@ -31,25 +34,20 @@ def plant_scene(scene: ControlScene) -> Scene:
     know.
     """
     finger, plant = scene.finger, scene.plant
-    rod, damping, tendons, masses = finger.rod, finger.damping, finger.tendon_pair, finger.masses
-    # Material damping that does as much to the controller's elements as damping per arc, so that the plant's damping
-    # does not depend on its number of elements.
-    elements = element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)
-    material = damping.material + damping.per_arc * rod.length / len(elements)
-    stiffer = Rod(
-        length=rod.length,
-        diameter=rod.diameter,
-        linear_density=rod.mass_per_length,
-        bending_stiffness=rod.stiffness * plant.stiffness,
-        rotary_inertia=rod.inertia_per_length,
-    )
+    rod, damping, masses = finger.rod, finger.damping, finger.masses
+    material = damping.material
+    if damping.per_arc > 0.0:
+        # Material damping that takes as much power from the controller's elements, bent by a moment that is the same
+        # everywhere, so that the plant's damping does not depend on its number of elements.
+        bends = _bends(finger.profile, element_lengths(finger.profile, scene.contacts, scene.fidelity.elements))
+        material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
     if plant.tip_mass > 0.0:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
     rest = None
-    if tendons is not None:
-        rest = Actuation(tensions=(tendons.min_tension, tendons.min_tension))
+    if finger.tendons is not None:
+        rest = Actuation(tensions=scene.input_limits[0])
         own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
-        tendons = tendons.replaced(**{k: v for k, v in own.items() if v is not None})
+        finger = finger.with_tendons(**{k: v for k, v in own.items() if v is not None})
     elif plant.tendon_friction is not None:
         raise InputError("is for a finger with tendons", key="plant.tendon_friction")
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
@@ -57,10 +55,9 @@ def plant_scene(scene: ControlScene) -> Scene:
         **around,
         name=scene.name,
         finger=finger.replaced(
-            rod=stiffer,
+            rod=_stiffer(rod, plant.stiffness),
             damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
             masses=masses,
-            tendons=tendons,
         ),
         gravity=scene.gravity,
         contacts=scene.contacts if scene.object is not None else (),
@@ -71,12 +68,40 @@ def plant_scene(scene: ControlScene) -> Scene:
     )
 
 
+def _bends(profile: Profile, lengths: Sequence[float]) -> Array:
+    """Bend of each element per moment that is the same everywhere [rad/(N m)]."""
+    edges, (nodes, weights) = np.cumsum(lengths), np.polynomial.legendre.leggauss(16)
+    found = np.zeros(len(lengths))
+    for a, b in profile.panels(*edges):
+        within = a + 0.5 * (b - a) * (nodes + 1.0)
+        compliance = 0.5 * (b - a) * float(weights @ (1.0 / profile.bending_stiffness(within)))
+        found[min(int(np.searchsorted(edges, 0.5 * (a + b))), len(found) - 1)] += compliance
+    return found
+
+
+def _stiffer(rod: _Of, factor: float) -> _Of:
+    """The same rod, or part of one, with a multiple of its stiffness, however it is given."""
+
+    def scaled(value: Any) -> Any:
+        return tuple(map(scaled, value)) if isinstance(value, tuple) else value * factor
+
+    changes: dict[str, Any] = {}
+    for name in type(rod).model_fields:
+        value = getattr(rod, name)
+        if value is not None and name in ("youngs_modulus", "bending_stiffness"):
+            changes[name] = scaled(value)
+        elif isinstance(value, Value):
+            changes[name] = _stiffer(value, factor)
+        elif isinstance(value, tuple) and all(isinstance(one, Value) for one in value):
+            changes[name] = tuple(_stiffer(one, factor) for one in value)
+    return rod.replaced(**changes)
+
+
 class PlantModel(Remade):
     """The plant as functions of its state x (nx), the command u (nu), forces w (nw) and parameters p.
 
-    x is that of the system, then the state of the drive: for tendons that lag, the mean tension and its rate (their
-    difference is in the system's x); for a tip moment that lags, the moment and its rate. A drive of first order has
-    both tensions, or the moment.
+    x is that of the system, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
+    unless it is of first order.
 
     Parameters
     ----------
@@ -106,40 +131,35 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         finger = self.scene.finger
-        tendons = finger.tendon_pair
-        moment_lag = scene.plant.time_constant or scene.controller.input.time_constant
-        self._lag = moment_lag if tendons is None else tendons.time_constant
+        tendons = finger.tendon_list
+        lags = [t.time_constant for t in tendons] or [scene.plant.time_constant or scene.controller.input.time_constant]
+        known = [lag for lag in lags if lag is not None]
+        self._lag = np.array(known) if len(known) == len(lags) else None
         self._order = scene.plant.drive_order
-        family = scene.plant.fidelity.family
-        matches_tip = family is not None and FAMILIES[family].matches_tip
-        if matches_tip and (self._lag is None or self._order == 1):
+        # A matched tip moves with its moment: without a lag of second order it would jump.
+        jumps = self._lag is None or self._order == 1
+        family = scene.plant.fidelity.family or default_family(free_tip=jumps or finger.needs_free_tip)
+        matches_tip = FAMILIES[family].matches_tip
+        if matches_tip and jumps:
             raise InputError(
                 "matched_clothoid needs a continuous tip moment: give the drive a lag of second order, or use clothoid",
                 key="plant.fidelity.family",
             )
         if self._order == 1 and self._lag is None:
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
-        # The lag of tendons is the system's; that of a tip moment, and any of first order, are the plant's own.
-        own_lag = tendons is None and self._lag is not None
-        prompt = self.scene
-        if self._order == 1 and tendons is not None:
-            prompt = prompt.replaced(finger=finger.replaced(tendons=tendons.replaced(time_constant=None)))
+        # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
         self.system = System(
-            prompt,
+            self.scene.replaced(finger=finger.with_tendons(time_constant=None)),
             family=family,
-            input_rates=(matches_tip and own_lag) or None,
+            input_rates=matches_tip or None,
             parameters=parameters,
             object_parameters=object_parameters,
         )
-        self.u_names = ("tip_moment [N m]",) if tendons is None else ("tension_1 [N]", "tension_2 [N]")
+        self.u_names = tuple(self.system.u_names[: len(lags)])
         names: tuple[str, ...] = ()
-        if self._order == 1:
-            names = self.u_names
-        elif own_lag:
-            names = ("tip_moment [N m]", "tip_moment_rate [N m/s]")
-        elif self._lag is not None:
-            # The system's x has the tip moment, offset times the difference of the tensions; their mean is the rest.
-            names = ("mean_tension [N]", "mean_tension_rate [N/s]")
+        if self._lag is not None:
+            rates = (name.replace(" [", "_rate [").replace("]", "/s]") for name in self.u_names)
+            names = self.u_names if self._order == 1 else (*self.u_names, *rates)
         self.x_names = (*self.system.x_names, *names)
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
@@ -157,37 +177,39 @@ class PlantModel(Remade):
 
     # -- the drive ----------------------------------------------------------------------------------------------------
 
+    @property
+    def drive(self) -> ca.SX:
+        """What the drive exerts: tensions [N], or the tip moment [N m]."""
+        return self._u if self._lag is None else self._x[self.system.nx : self.system.nx + self.nu]
+
     @cached_property
-    def _drive(self) -> ca.SX:
-        """Rates of the drive's own states."""
+    def _drive_rates(self) -> ca.SX:
+        """Rates of the drive's states: of what it exerts, and of these unless it is of first order."""
         if self._lag is None:
             return ca.SX(0, 1)
+        away, lag = self._u - self.drive, ca.DM(self._lag)
         if self._order == 1:
-            return (self._u - self._x[-self.nu :]) / self._lag
-        value, rate = self._x[-2], self._x[-1]
-        asked = self._u[0] if self.nu == 1 else 0.5 * (self._u[0] + self._u[1])
-        # Critically damped, as the system's own lag of the difference: T^2 F'' + 2 T F' + F = F_command.
-        return ca.vertcat(rate, (asked - value) / self._lag**2 - 2.0 * rate / self._lag)
+            return away / lag
+        rate = self._x[-self.nu :]
+        # Critically damped, as the controller's model has it: T^2 F'' + 2 T F' + F = F_command.
+        return ca.vertcat(rate, away / lag**2 - 2.0 * rate / lag)
 
     @cached_property
     def _acting(self) -> ca.SX:
-        """Input of the system: what the drive exerts, or the command where the system has its lag."""
-        if self._order == 1:
-            return self._x[-self.nu :]
-        if self._lag is None or self.nu == 2:
-            return self._u
-        # The moment, its rate and its acceleration, as far as the system takes input rates (a matched tip does).
-        return ca.vertcat(self._x[-2], self._drive)[: self.system.nu]
+        """Input of the system: what the drive exerts, its rate and acceleration as far as they are taken."""
+        return ca.vertcat(self.drive, self._drive_rates)[: self.system.nu]
 
     @property
     def named_states(self) -> dict[str, ca.SX]:
-        """Entries of x by name; of a drive of first order also the tip moment that acts and its rate."""
+        """Entries of x by name; of a drive that lags also the moments that act, and their rates."""
         found = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
-        if self._order == 1:
-            tendons = self.scene.finger.tendon_pair
-            moment = ca.DM([[1.0]] if tendons is None else [[tendons.offset, -tendons.offset]])
-            found["tip_moment [N m]"] = ca.mtimes(moment, self._acting)
-            found["tip_moment_rate [N m/s]"] = ca.mtimes(moment, self._drive)
+        if self._lag is None:
+            return found
+        arms = [channel.arms for channel in self.scene.finger.channels] or [(1.0,)]
+        for k, of in enumerate(arms):
+            name = "tip_moment" if len(arms) == 1 else f"moment_{k + 1}"
+            found[f"{name} [N m]"] = ca.mtimes(ca.DM(of).T, self.drive)
+            found[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self.nu])
         return found
 
     # -- functions ----------------------------------------------------------------------------------------------------
@@ -204,7 +226,7 @@ class PlantModel(Remade):
     @cached_property
     def _rate(self) -> ca.SX:
         x, u, p = self._of_system
-        return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive)
+        return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive_rates)
 
     @cached_property
     def forward_dynamics(self) -> ca.Function:
@@ -271,20 +293,6 @@ class PlantModel(Remade):
         nearest = int(np.argmin(np.abs(np.array(self.scene.contacts) - at)))
         return f"finger.{nearest + 1}"
 
-    @cached_property
-    def drive(self) -> ca.SX:
-        """What the drive exerts: both tensions [N], or the tip moment [N m]."""
-        if self._lag is None:
-            return self._u
-        if self._order == 1:
-            return self._x[-self.nu :]
-        tendons = self.scene.finger.tendon_pair
-        if tendons is None:
-            return self._x[-2]
-        # The tip moment is the first state of the system after q and qd.
-        half = 0.5 * self._x[2 * self.system.n] / tendons.offset
-        return ca.vertcat(self._x[-2] + half, self._x[-2] - half)
-
     # -- values -------------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -301,9 +309,8 @@ class PlantModel(Remade):
         n = model.n
         given = np.zeros(self.system.nu)
         given[: self.nu] = self.rest_input
-        own = [] if self._lag is None else [float(np.mean(self.rest_input)), 0.0]
-        if self._order == 1:
-            own = self.rest_input.tolist()
+        own = np.zeros(self.nx - self.system.nx)
+        own[: self.nu] = self.rest_input[: own.size]
         return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given, pose=self._start_pose), *own])
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.bounds import curvature_limits
 from continuum_grasp.control.ocp.cost_terms import cost_terms
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
@@ -136,25 +137,28 @@ class Readings:
         if most is not None:
             change = np.abs(u - held).max(axis=1) / period
             found.append(Bound("input rate", f"{unit}/s", change - most, most))
-        most = bounds.curvature_limit(scene.finger)
-        if math.isfinite(most):
+        limits = curvature_limits(bounds, self.plant.system.finger_model)
+        if np.all(np.isfinite(limits)):
             kappa = self._map(self.plant.function("kappa", k=self.plant.curvature), x, u, w)
-            found.append(Bound("curvature", "1/m", np.abs(kappa).max(axis=1) - most, most))
+            found.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
             rates = _PlantQuantities(self.plant, self._length, self._edges, u, u).bending_rate
             function = self.plant.function("speed", r=rates)
             most = bounds.speed
             found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:
-            fine = self._sections(np.linspace(0.0, self._length, _FINE + 1)[1:], x, u, w)
+            at = np.linspace(0.0, self._length, _FINE + 1)[1:]
+            fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)
             for name, zone in bounds.keep_out.items():
-                points = fine if zone.of == "backbone" else fine[:, -1:]
-                found.append(Bound(name, "m", self._depth(zone, points).max(axis=1), self._length))
+                of = slice(None) if zone.of == "backbone" else slice(-1, None)
+                depth = self._depth(zone, fine[:, of], half[of])
+                found.append(Bound(name, "m", depth.max(axis=1), self._length))
         return found
 
-    def _depth(self, zone: Zone, points: Array) -> Array:
-        """How far the surface at points (K, P, 2) of the backbone is within a zone, its clearance left out [m]."""
-        away = self.plant.scene.finger.thickness_radius
+    def _depth(self, zone: Zone, points: Array, away: Array) -> Array:
+        """How far the surface at points (K, P, 2) of the backbone, half thicknesses away from it (P,) [m], is within a
+        zone, its clearance left out [m].
+        """
         if isinstance(zone, HalfPlaneZone):
             normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
             return np.asarray(away - (points - np.array(zone.point)) @ normal)

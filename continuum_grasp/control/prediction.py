@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -33,9 +34,9 @@ the damping of a contact, which sets the fastest rate, grows with it."""
 class ModelScene(Protocol):
     """The part of a scene that a model is built from: that of a controller or of a plan.
 
-    ``surroundings`` has object and supports, if there is an object; ``lag`` is the time constant of the drive [s], None
-    where the input acts at once; ``disturbances`` names those that are parameters: ``tip_force``, ``tip_moment``,
-    ``object_position``.
+    ``surroundings`` has object and supports, if there is an object; ``input_limits`` are the least and the greatest
+    inputs; ``lag`` is the shortest time constant of the drive [s], None where an input acts at once; ``disturbances``
+    names those that are parameters: ``tip_force``, ``tip_moment``, ``object_position``.
     """
 
     @property
@@ -51,9 +52,20 @@ class ModelScene(Protocol):
     @property
     def surroundings(self) -> Surroundings | None: ...
     @property
+    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]: ...
+    @property
     def lag(self) -> float | None: ...
     @property
     def disturbances(self) -> frozenset[str]: ...
+
+
+class LaggingMoment(NamedTuple):
+    """A bending moment that follows the inputs late: a state of the model, whose rate is the next one."""
+
+    state: int  # index in x
+    arms: tuple[float, ...]  # moment per input (nu) [m], or [1] of a tip moment
+    most: float  # greatest magnitude that can be commanded [N m]
+    lag: float  # time constant [s]
 
 
 class Prediction(Remade):
@@ -71,7 +83,7 @@ class Prediction(Remade):
     Notes
     -----
     x is that of the system; for a finger without tendons whose input lags, tip moment and its rate follow its q and qd.
-    u is the tip moment or the two tensions that are commanded. All functions take (x, u, p).
+    u is the tip moment or the tensions that are commanded. All functions take (x, u, p).
 
     Raises
     ------
@@ -87,9 +99,9 @@ class Prediction(Remade):
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances
         self._own_lag = scene.lag if finger.tendons is None else None
-        # By tendon friction the tip moment depends on the shape, and without a lag it jumps: a matched tip has neither.
-        has_friction = finger.has_tendon_friction
-        family = fidelity.family or default_family(free_tip=has_friction or scene.lag is None)
+        # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
+        # neither.
+        family = fidelity.family or default_family(free_tip=finger.needs_free_tip or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         if matches_tip and scene.lag is None:
             raise InputError(
@@ -115,12 +127,27 @@ class Prediction(Remade):
         system = self.system
         own = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
         self.x_names = (*system.x_names, *own)
-        self.u_names = ("tension_1 [N]", "tension_2 [N]") if finger.tendons is not None else ("tip_moment [N m]",)
+        self.u_names = tuple(system.u_names[: len(scene.input_limits[0])])
         extra = ["missing_tip_moment [N m]"] if self._couple else []
         self.p_names = (*system.p_names, *system.w_names, *extra)
         self.p_nominal = (*system.p_nominal, *[0.0] * (system.nw + len(extra)))
         self.nx, self.nu, self.np = len(self.x_names), len(self.u_names), len(self.p_names)
         self.x, self.u, self.p = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu), ca.SX.sym("p", self.np)
+
+    @property
+    def greatest_moment(self) -> float:
+        """Greatest bending moment that can be commanded [N m], at the base."""
+        return sum(_greatest(arms, self.scene) for arms, _ in _drives(self.scene))
+
+    @property
+    def lagging(self) -> tuple[LaggingMoment, ...]:
+        """The moments that are states of the model."""
+        names = [k for k, name in enumerate(self.x_names) if re.fullmatch(r"(tip_)?moment(_\d+)? \[N m\]", name)]
+        drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
+        return tuple(
+            LaggingMoment(state, arms, _greatest(arms, self.scene), lag)
+            for state, (arms, lag) in zip(names, drives, strict=True)
+        )
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 
@@ -248,21 +275,33 @@ class Prediction(Remade):
         return largest
 
 
+def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
+    """Of each moment that the inputs exert its arms and its time constant [s]."""
+    if scene.finger.tendons is None:
+        return [((1.0,), scene.lag)]
+    return [(channel.arms, channel.time_constant) for channel in scene.finger.channels if any(channel.arms)]
+
+
+def _greatest(arms: tuple[float, ...], scene: ModelScene) -> float:
+    ends = np.array(scene.input_limits) * np.array(arms)
+    return float(max(ends.max(axis=0).sum(), -ends.min(axis=0).sum()))
+
+
 def rest_input(scene: ControlScene) -> Array:
     """Return the least tensions, or no moment (nu)."""
-    tendons = scene.finger.tendon_pair
-    return np.zeros(1) if tendons is None else np.full(2, tendons.min_tension)
+    return np.zeros(1) if scene.finger.tendons is None else np.array(scene.input_limits[0])
 
 
 def first_state(scene: ControlScene, model: Prediction) -> Array:
     """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
 
-    ``initial.q`` belongs to the plant's model. It is used where the controller's model has as many coordinates;
+    Coordinates of ``initial`` belong to the plant's model. They are used where the controller's model has as many;
     otherwise the state is that of the unloaded shape. ``SolverError`` where an initial equilibrium is not found.
     """
     n, initial = model.system.finger_model.n, scene.initial
-    fits = initial.q is not None and len(initial.q) == n
-    x = model.at_rest(initial.q if fits and initial.q is not None else _shape(scene, model), rest_input(scene))
+    given = initial.coordinates
+    fits = given is not None and len(given) == n
+    x = model.at_rest(given if given is not None and fits else _shape(scene, model), rest_input(scene))
     if fits and initial.qd is not None and len(initial.qd) == n:
         x[n : 2 * n] = initial.qd
     return x
@@ -271,10 +310,10 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
 def _shape(scene: ControlScene, model: Prediction) -> Array:
     """Coordinates of the initial pose by the controller's own elements."""
     finger, initial = model.system.finger_model, scene.initial
-    held = initial.pose == "equilibrium"
-    if initial.pose == "straight" or not (held or scene.finger.rest_curvature != 0.0):
+    if initial.pose == "straight":
+        return finger.structure.straight()
+    if initial.pose != "equilibrium":
         return np.zeros(finger.n)
-    loads = initial.held_by if held else ()
     alone = FingerModel(
         scene.finger,
         family=finger.family,
@@ -282,13 +321,13 @@ def _shape(scene: ControlScene, model: Prediction) -> Array:
         accuracy=finger.structure.accuracy,
         bending_range=scene.fidelity.bending_range,
         contacts=scene.contacts,
-        gravity=scene.gravity if held else (0.0, 0.0),
-        loads=loads,
+        gravity=scene.gravity,
+        loads=initial.held_by,
         tip_force=bool(scene.contacts),
         input_rates=False,  # nothing moves
     )
     given = {"u": np.zeros(alone.nu), "w": np.zeros(alone.nw)}
-    for load, (vector, start) in zip(loads, alone.load_entries, strict=True):
+    for load, (vector, start) in zip(initial.held_by, alone.load_entries, strict=True):
         value = np.atleast_1d(np.asarray(load.force if isinstance(load, ForceLoad) else load.moment, dtype=float))
         given[vector][start : start + value.size] = value
     return np.array(equilibrium_under(alone, given["u"], given["w"]).q)

@@ -16,6 +16,7 @@ from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.scene.profile import Channel
 
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""
@@ -61,20 +62,20 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
         elif k < 2 * model.n:
             found.append(field.within(-math.inf, math.inf, _USUAL_RATE * reach[k - model.n]))
         else:
-            found.append(field.within(-math.inf, math.inf, usual_moment * (1.0 if k == 2 * model.n else _USUAL_RATE)))
+            rate = field.name.endswith("_rate")
+            found.append(field.within(-math.inf, math.inf, usual_moment * (_USUAL_RATE if rate else 1.0)))
     return tuple(found)
 
 
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
     """Entries of the input: tensions from zero on, up to the greatest where the finger has one."""
-    tendons = model.finger.tendon_pair
+    limits = [tendon.max_tension for tendon in model.finger.tendon_list]
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for field in _fields(model, model.u_names):
-        if field.name in ("tension_1", "tension_2") and tendons is not None:
-            high = math.inf if tendons.max_tension is None else tendons.max_tension
-            usual = usual_moment / tendons.offset
-            found.append(field.within(0.0, high, min(high, usual)))
+        if tendon := re.fullmatch(_TENSION, field.name):
+            high = limits[int(tendon[1]) - 1]
+            found.append(field.within(0.0, high, min(high, usual_moment / abs(_pulled(model, tendon)[1]))))
         else:
             found.append(field.within(-math.inf, math.inf, usual_moment))
     return tuple(found)
@@ -173,15 +174,15 @@ class TipRange:
         )
 
 
+_TENSION = r"tension_(\d+)"
 _PATTERNS = (
     (r"theta_(\d+)", "bend of element {0}, positive towards the base's -X"),
     (r"kappa_(\d+)", "curvature at node {0}, counted from the base as 0"),
     (r"(theta|kappa)_(\d+)_rate", "its rate"),
     (r"tip_moment", "moment at the tip, positive like bends"),
-    (r"tip_moment_rate", "its rate"),
+    (r"moment_(\d+)", "bending moment of the tendons of shape {0}, at the base"),
+    (r"(tip_)?moment(_\d+)?_rate", "its rate"),
     (r"tip_couple_(\d+)", "further moment at the tip"),
-    (r"tension_1", "tendon on the base's -X side, which bends positively"),
-    (r"tension_2", "tendon on the other side"),
     (r"(\w+)_acceleration", "second derivative of {0}"),
     (r"(\w+)_rate", "rate of {0}"),
     (r"tip_([xy])", "world force at the tip"),
@@ -204,6 +205,12 @@ _PATTERNS = (
 )
 
 
+def _pulled(model: FingerModel, tendon: re.Match[str]) -> tuple[Channel, float]:
+    """The channel of a tendon, by its match with ``_TENSION``, and its arm there [m]."""
+    arms = ((channel, channel.arms[int(tendon[1]) - 1]) for channel in model.finger.channels)
+    return next((channel, arm) for channel, arm in arms if arm)
+
+
 def _description(model: FingerModel, name: str) -> str:
     """What a number is; empty where its name says it."""
     contact = re.fullmatch(r"contact_(\d+)_[xy]", name)
@@ -212,6 +219,11 @@ def _description(model: FingerModel, name: str) -> str:
     mass = re.fullmatch(r"mass_(\d+)", name)
     if mass:
         return f"at {model.finger.masses[int(mass[1])].at:g} m along the finger"
+    if tendon := re.fullmatch(_TENSION, name):
+        channel, arm = _pulled(model, tendon)
+        side = "base's -X side, which bends positively" if arm > 0.0 else "other side"
+        end = f", up to {channel.to:g} m" if channel.to < model.finger.rod.length else ""
+        return f"tendon on the {side}{end}"
     for pattern, text in _PATTERNS:
         match = re.fullmatch(pattern, name)
         if match:

@@ -243,7 +243,8 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
     elif target == "base_angle":
         changes = {"base.angle": value}
     elif target in ("tendon_offset", "tendon_friction") and finger.tendons is not None:
-        changes = {f"tendons.{target.removeprefix('tendon_')}": value}
+        each = [f"[{k}]" for k in range(len(finger.tendon_list))] if isinstance(finger.tendons, tuple) else [""]
+        changes = {f"tendons{one}.{target.removeprefix('tendon_')}": value for one in each}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
@@ -255,7 +256,14 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
 
 
 def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
-    """What changes of the rod in its own terms: section and material, or linear density and bending stiffness."""
+    """What changes of the rod in its own terms: section and material, or linear density and bending stiffness.
+
+    The values are factors for a graded rod.
+    """
+    if rod.graded:
+        if target == "bending_stiffness" and rod.youngs_modulus is not None and rod.one_modulus:
+            return {"youngs_modulus": value * rod.youngs_modulus}
+        return {f"factors.{target}": value * float(getattr(rod.factors, target))}
     if target == "rotary_inertia" or rod.youngs_modulus is None or rod.density is None:
         return {target: value}
     # of a rod that is given by its section, the section stays and the material changes

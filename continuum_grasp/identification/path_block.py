@@ -24,6 +24,7 @@ from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.trajectory import limit_warnings
@@ -99,20 +100,19 @@ class PathBlock(Block):
         if isinstance(self._start, Shapes):
             _, by_values, q, by_z = self._start.shape(0, values)
             x[:n], slope[:n] = q, by_z @ by_values
-        elif initial.q is not None:
-            if len(initial.q) != n:
-                raise InputError(f"q has {len(initial.q)} entries, the model has {n}", key="initial.q")
-            x[:n] = initial.q
+        elif initial.coordinates is not None:
+            model.structure.check_initial(initial)
+            x[:n] = initial.coordinates
         if initial.qd is not None:
             x[n : 2 * n] = initial.qd
         if model.nx > 2 * n:
             # the lagging moment of the tendons begins as their tensions give it
-            u = self._signals.u(0.0)[0]
-            offsets = [k for k, one in enumerate(self._unknowns) if one.target == "tendon_offset"]
-            tendons = self._scene.finger.tendon_pair
-            offset = values[offsets[0]] if offsets else (tendons.offset if tendons is not None else 0.0)
-            x[2 * n] = (u[0] - u[1]) * offset
-            slope[2 * n, offsets] = u[0] - u[1]
+            x[2 * n :] = model.structure.lag_at(self._signals.u(0.0)[0])
+            pair = self._scene.finger.tendons
+            for k in [k for k, one in enumerate(self._unknowns) if one.target == "tendon_offset"]:
+                # proportional to the offset, of which only that of a pair can be estimated
+                slope[2 * n :, k] = x[2 * n :] / (pair.offset if isinstance(pair, Tendons) else 1.0)
+                x[2 * n :] = slope[2 * n :, k] * values[k]
         return x, slope
 
 

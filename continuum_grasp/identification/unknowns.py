@@ -11,6 +11,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 
 DEADBAND = "tension_deadband"
@@ -70,13 +71,22 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     name, finger, rod = asked.name, scene.finger, scene.finger.rod
     target, factor, nominal, unit = name, 1.0, 0.0, _UNITS.get(name, "")
     if name == "youngs_modulus":
-        target, factor = "bending_stiffness", _second_moment(scene, asked, key)
-        nominal = rod.stiffness / factor
+        target = "bending_stiffness"
+        if rod.graded:
+            nominal = _modulus(rod, asked, key)
+            factor = 1.0 / nominal
+        else:
+            factor = _second_moment(scene, asked, key)
+            nominal = rod.stiffness / factor
     elif name == "clamp_angle":
         target = "base_angle"
     elif name == DEADBAND:
         if finger.tendons is None:
             raise InputError(f"{DEADBAND} needs finger.tendons", key=f"{key}.name")
+    elif name == "rest_curvature" and rod.own_rest_curvature:
+        raise InputError(
+            "state the rest_curvature of the finger, not that of its rod, to estimate it", key=f"{key}.name"
+        )
     else:
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
@@ -91,6 +101,19 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         raise InputError(f"{start:g} is outside {lower:g} to {upper:g}", key=f"{key}.start")
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
     return Unknown(name, unit, target, factor, name == "clamp_angle", start, lower, upper, typical)
+
+
+def _modulus(rod: Rod, asked: Estimate, key: str) -> float:
+    """Young's modulus of a graded rod [Pa], to which its stiffness is proportional."""
+    if asked.second_moment is not None:
+        raise InputError("the rod's sections give it already", key=f"{key}.second_moment")
+    if rod.youngs_modulus is None or not rod.one_modulus:
+        raise InputError(
+            "youngs_modulus needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate "
+            "bending_stiffness, a factor",
+            key=f"{key}.name",
+        )
+    return rod.youngs_modulus
 
 
 def _second_moment(scene: Scene, asked: Estimate, key: str) -> float:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.model import System
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
@@ -19,7 +20,7 @@ from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
-from continuum_grasp.scene.tendons import Tendons
+from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ _MOST_BEND = 20.0
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
 _STEPS = 200
-"""Moments that are tried."""
+"""Shares of the grasp's tensions that are tried."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +48,11 @@ class Assignment:
     control: ControlScene
     """Finger, object and controller of all phases."""
     tensions: Array
-    """Of the grasp (2) [N]."""
+    """Of the grasp (nu) [N]."""
     before: Array
-    """With which the finger is about to touch (2) [N]."""
+    """With which the finger is about to touch (nu) [N]."""
     rest: Array
-    """Least tensions (2) [N]."""
+    """Least tensions (nu) [N]."""
     bends: Array
     """Bending angles of the controller's elements (N) when it is about to touch [rad]."""
     posture: Array
@@ -80,31 +81,27 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     force = (middle if mission.controller.held == "middle" else tip).normal_force
     given = mission.grasp.setups[0].finger
     base, pose = posture.base.tolist(), found.object_pose.tolist()
-    finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
-    if mission.drive_tension is not None and finger.tendon_pair is not None:
-        finger = finger.replaced(tendons=finger.tendon_pair.replaced(max_tension=mission.drive_tension))
+    finger: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    if mission.drive_tension is not None:
+        finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
     control = _control_scene(mission, finger, body, middle.station, force)
     resistance = found.quality.resistance if found.quality is not None else None
-    if finger.tendon_pair is None or resistance is None:
+    if finger.tendons is None or resistance is None:
         raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
-    # Tendon 1 bends the finger positively, tendon 2 the other way: one of them closes it.
-    side = 1.0 if tensions[0] >= tensions[1] else -1.0
-    moment = side * _about_to_touch(finger, finger.tendon_pair, body, side)
-    rest = np.full(2, finger.tendon_pair.min_tension)
-    pull = np.array([max(moment, 0.0), max(-moment, 0.0)]) / finger.tendon_pair.offset
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
-    edges = np.cumsum([0.0, *lengths])
+    edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
+    before, bends = _about_to_touch(control, body, tensions, edges)
     factors = np.minimum(np.asarray(resistance.factors), _LARGEST)
     return Assignment(
         mission=mission,
         grasp=found,
         control=control,
         tensions=tensions,
-        before=rest + pull,
-        rest=rest,
-        bends=moment / finger.rod.stiffness * lengths,
+        before=before,
+        rest=np.array(control.input_limits[0]),
+        bends=bends,
         posture=np.diff(np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))),
         force=force,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
@@ -117,9 +114,9 @@ def _control_scene(
     asked = mission.controller
     before, after = asked.elements
     lengths = (*[middle / before] * before, *[(finger.rod.length - middle) / after] * after)
-    tendons = finger.tendon_pair
-    most = 0.0 if tendons is None else tendons.max_tension * tendons.offset / finger.rod.stiffness
-    reach = min(max(lengths) * min(_MARGIN * most, finger.curvature_limit), _MOST_BEND)
+    edges = np.cumsum([0.0, *lengths])
+    free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
+    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)
     cost = Cost(
         bending=Weight(running=asked.posture),
         contact_force=ForceWeight(running=asked.force, of=(asked.contact,)),
@@ -134,7 +131,7 @@ def _control_scene(
         contacts=(middle,),
         object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
-        fidelity=Fidelity(family=default_family(free_tip=False), elements=lengths, bending_range=reach),
+        fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
         parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
         controller=Controller(
             period=asked.period,
@@ -151,21 +148,42 @@ def _control_scene(
     )
 
 
-def _about_to_touch(finger: Finger, tendons: Tendons, body: GraspObject, side: float) -> float:
-    """Size of the tip moment at which the free finger comes close to the object [N m]."""
-    system = System(finger, gravity=(0.0, 0.0), family=default_family(free_tip=True), elements=1, tip_force=False)
-    made = system.finger_model.structure
-    where = system.sections(tuple(np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]))
-    most = (tendons.max_tension - tendons.min_tension) * tendons.offset
-    reached = 0.0
-    for moment in np.linspace(0.0, most, _STEPS + 1):
-        kappa = side * moment / finger.rod.stiffness  # without weight and contact it is an arc
-        shape = made.family.coordinates(
-            np.array([kappa * finger.rod.length]), np.full((1, made.family.degree + 1), kappa)
-        )
-        points = np.array(where(system.state(q=shape), [0.0, 0.0], [])[0]).T
-        gap = min(body.distance((float(x), float(y))) for x, y in points) - finger.thickness_radius
+def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
+    """Greatest curvature of the free finger between two positions, under the greatest tensions of one side [1/m]."""
+    s, most = np.linspace(start, end, _DENSE), np.array([tendon.max_tension for tendon in finger.tendon_list])
+    sides = [
+        sum(np.maximum(side * np.array(channel.arms), 0.0) @ most * channel.shape(s) for channel in finger.channels)
+        for side in (1.0, -1.0)
+    ]
+    return float(np.max(np.maximum(*sides) / finger.profile.bending_stiffness(s)))
+
+
+def _about_to_touch(control: ControlScene, body: GraspObject, tensions: Array, edges: Array) -> tuple[Array, Array]:
+    """Tensions (nu) [N], towards those of the grasp, at which the free finger comes close to the object, and its bends
+    between the edges [rad].
+    """
+    finger, least = control.finger, np.array(control.input_limits[0])
+    free = FingerModel(
+        finger.with_tendons(time_constant=None),
+        gravity=(0.0, 0.0),
+        family=control.fidelity.family,
+        elements=control.fidelity.elements,
+        bending_range=control.fidelity.bending_range,
+        tip_force=False,
+        input_rates=False,  # nothing moves
+    )
+    places = np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]
+    half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
+    away = tensions - least
+    pulls = away > 0.0
+    most = float(np.min((np.array(control.input_limits[1]) - least)[pulls] / away[pulls]))
+    before, q = least, np.zeros(free.n)
+    for share in np.linspace(0.0, most, _STEPS + 1):
+        u = least + share * away
+        shape = equilibrium_under(free, u, [], guess=q).q
+        points = core.batch("position", shape, u, places[:, None])
+        gap = min(body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True))
         if gap < _CLEARANCE:
             break
-        reached = float(moment)
-    return reached
+        before, q = u, shape
+    return before, np.diff(np.ravel(core.batch("orientation", q, before, edges[:, None])))

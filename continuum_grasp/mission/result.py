@@ -143,7 +143,7 @@ class MissionRun(MotionResult):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
-        run, half = self.run, self.scene.finger.thickness_radius
+        run, half = self.run, self.scene.finger.profile.half_thickness
 
         def overlap(indices: NDArray[np.intp]) -> Array:
             return overlaps(self.body, self.object_pose[indices, :3], run.backbone(indices), half)

@@ -213,11 +213,11 @@ class ArcFamily(Family):
         # With its mean, the first frequency of a cone of 1:4 is off by 5 % on four arcs; with the mass where it is, by
         # 0.4 %.
         mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
-        value = 1.0 / (end - start)
-        curves = (mesh.linear_density, mesh.rotary_inertia, mesh.rest)
-        one, parts = Curve.uniform(mesh.ends[-1], 1.0), tuple(mesh.panels(element, *curves))
+        value, whole = 1.0 / (end - start), mesh.ends[-1]
         densities = mesh.linear_density, mesh.rotary_inertia
-        return Shapes(start, end, one, mesh.rest, parts, ((value, value),), (None,), *densities)
+        one, rest = Curve.uniform(whole, 1.0), Curve.uniform(whole, mean(mesh, element, mesh.rest))
+        parts = tuple(mesh.panels(element, *densities))
+        return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
         # Of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.

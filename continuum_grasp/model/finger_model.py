@@ -37,15 +37,17 @@ class FingerModel(Functions):
         bare fingers, whose tip moment may vary, with tendon friction, where a moment of the scene on the tip varies in
         time, or where those at time zero do not fit the initial pose.
     elements : int or sequence of float, optional
-        Number of elements, or their lengths [m]. Default: two, or one per segment between contacts and jumps of the
-        rest curvature where that is more.
+        Number of elements, or their lengths [m]; a number is shared out by the length of bending waves, evenly on a
+        uniform rod. Default: two, or one per segment between contacts and jumps of rest curvature, stiffness or density
+        where that is more.
     bending_range : float, optional
         Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
         where the finger's strain limit allows less.
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional
-        Parameters that stay run-time arguments (``p``); all others are folded into the code. With run-time
+        Parameters that stay run-time arguments (``p``); all others are folded into the code. Of a graded rod stiffness,
+        density and rotary inertia are factors, nominally 1. With run-time
         ``element_lengths`` masses and loads inside an element keep their share of its length.
     loads : sequence of ForceLoad and MomentLoad, optional
         Where loads act; their values are entries of ``w`` (of ``u`` for moments on the tip, where they act like the
@@ -103,13 +105,15 @@ class FingerModel(Functions):
     | linearization    | x, u, w, p          | A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u] |
 
     Units follow the coordinates. Arcs: q are bending angles [rad], so generalized forces [Q] are in N m, M in kg m2,
-    J in m and tangent stiffness in N m. Clothoids: q are nodal curvatures [1/m], so [Q] is N m2, M in kg m4, J in m2
-    and tangent stiffness in N m3; at a boundary where the rest curvature jumps, the curvature jumps with it and q is
-    the mean of both sides. ``q_names``, ``x_names``, ``u_names``, ``w_names`` and ``p_names`` have the unit of every
-    entry.
+    J in m and tangent stiffness in N m. Clothoids: q are curvatures at the nodes [1/m], so [Q] is N m2, M in kg m4, J
+    in m2 and tangent stiffness in N m3. All count from the shape at rest; where the stiffness jumps at a node, q is the
+    curvature of the base side. ``q_names``, ``x_names``, ``u_names``, ``w_names`` and ``p_names`` have the unit of
+    every entry.
 
-    x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant; the functions of q then take
-    the tip moment that u commands. w = world forces at the contacts, then at the tip (if any), then the loads.
+    x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant (moment and rate per shape
+    that tendons bend); the functions of q then take the moments that u commands. u = tensions, or the tip moment, then
+    the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if
+    any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
     Axial and shear strains of the rod are not modeled.
 

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial import legendre
+from numpy.polynomial import chebyshev
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.collocated import CollocatedLink
@@ -21,6 +21,8 @@ _MOST_NODES = 16
 """Most nodes of each smooth part of an element [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
+_ROUNDING = 1e-13
+"""Relative error of a rule that is rounding [1]: two rules that are exact differ by some 2e-14."""
 _FIT = 20
 """Degree of the polynomials for bending angles within an element [1]; what is below rounding is cut off."""
 
@@ -84,16 +86,17 @@ class Shapes:
         Of powers of the distance from the part's middle, per half its length.
         """
         total, found = np.zeros(len(self.values) + 1), []
-        x, w = legendre.leggauss(2 * _FIT)
-        vander = legendre.legvander(x, _FIT - 1)
+        x = chebyshev.chebpts1(_FIT)
+        # The inverse of the table at these nodes is its transpose, but for the first row.
+        transform = 2.0 / _FIT * chebyshev.chebvander(x, _FIT - 1).T
+        transform[0] *= 0.5
         for a, b in self.parts:
             s, half = a + 0.5 * (b - a) * (x + 1.0), 0.5 * (b - a)
-            values = self.on(s).T
-            series = (vander * w[:, None]).T @ values * (0.5 * (2.0 * np.arange(_FIT) + 1.0))[:, None]
+            series = transform @ self.on(s).T
             # Digits below rounding would only be carried along.
-            series[np.abs(series) < 1e-16 * np.abs(series).max(axis=0, initial=1e-300)] = 0.0
-            integral = np.column_stack([legendre.legint(c, lbnd=-1.0) * half for c in series.T])
-            powers = np.column_stack([_powers(c, len(integral)) for c in integral.T])
+            series[np.abs(series) < 1e-15 * np.abs(series).max(axis=0, initial=1e-300)] = 0.0
+            integral = [chebyshev.cheb2poly(chebyshev.chebint(c, lbnd=-1.0) * half) for c in series.T]
+            powers: Array = np.column_stack([np.pad(c, (0, _FIT + 1 - len(c))) for c in integral]).astype(float)
             powers[0] += total
             total = powers.sum(axis=0)
             found.append(powers[: np.flatnonzero(np.any(powers, axis=1))[-1] + 1])
@@ -128,14 +131,6 @@ class Shapes:
         )
 
 
-def _powers(series: Array, size: int) -> Array:
-    """Coefficients (size,) of powers, of a Legendre series."""
-    found = np.zeros(size)
-    powers = legendre.leg2poly(series)
-    found[: len(powers)] = powers
-    return found
-
-
 @lru_cache(maxsize=1024)
 def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
     """The rule of least nodes that is as accurate as asked, for bends up to ``reach`` [rad].
@@ -166,7 +161,7 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
             masses.append(scaled @ kernel @ scaled.T)
         return np.array(ends), np.array(masses)
 
-    wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, 1e-14)
+    wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, _ROUNDING)
     end, mass = sample(_MOST_NODES + _TRIED)
     for count in range(fewest, _MOST_NODES + 1):
         ends, masses = sample(count)

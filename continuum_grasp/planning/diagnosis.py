@@ -56,7 +56,7 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
     else:
         what = f"goal out of reach: {_nearest(problem, attempt.x)}; no limit stops it"
         advice = (
-            "one drive bends the whole finger: a posture with other bends, or a tip beside its path, cannot be held; "
+            "tendons bend the finger in few shapes: one with other bends, or a tip beside its path, cannot be held; "
             "give the goal a weight, or end: moving"
         )
     return Diagnosis((*missed, *outside), what, advice)

@@ -54,7 +54,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     intervals = len(path.u) - 1
     interval = path.duration / intervals
     h = interval / parts
-    rate = model.fastest_rate(*(np.full(model.nu, limit) for limit in scene.input_limits))
+    rate = model.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
     method, substeps = "rk4", max(2, math.ceil(rate * h / _RADIUS))
     if substeps > _EXPLICIT_UP_TO:
         # Stiff contacts: an L-stable method may step over what has died out long before.

@@ -69,7 +69,7 @@ def goal_parts(motion: Motion) -> list[GoalPart]:
     found = []
 
     def add(
-        name: str, unit: str, names: tuple[str, ...], target: tuple[float, ...], scale: float, value: ca.SX
+        name: str, unit: str, names: tuple[str, ...], target: tuple[float, ...], scale: float | Array, value: ca.SX
     ) -> None:
         key, size = f"goal.{name}", value.numel()
         if len(target) != size:
@@ -92,7 +92,7 @@ def goal_parts(motion: Motion) -> list[GoalPart]:
         add("contact_force", "N", model.contact_names, aim, max(1.0, *map(abs, aim)), model.contact_force(x, u, p))
     if goal.input is not None:
         names = tuple(name.split(" ")[0] for name in model.u_names)
-        add("input", motion.input_unit, names, goal.input.value, float(motion.scales.u[0]), u)
+        add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
     if goal.end != "moving":
         all_names, scale = np.array(model.x_names), motion.scales.x
         if goal.end == "still":

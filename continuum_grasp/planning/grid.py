@@ -53,7 +53,7 @@ class Grid:
 def default_substeps(motion: Motion) -> int:
     """Runge-Kutta steps per interval that the stiffness asks for."""
     scene = motion.scene
-    rate = motion.prediction.fastest_rate(*(np.full(motion.nu, limit) for limit in scene.input_limits))
+    rate = motion.prediction.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
     longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
     return max(1, math.ceil(longest / scene.intervals * rate / _TARGET))
 

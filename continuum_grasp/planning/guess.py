@@ -66,7 +66,7 @@ def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hi
     residual = _residual(motion, goal, first)
     # Coordinates may leave the range of the sample shapes, which reach half the bending range.
     low, high = (
-        np.concatenate([np.full(n, side), np.full(motion.nu, limit) / motion.scales.u])
+        np.concatenate([np.full(n, side), np.array(limit) / motion.scales.u])
         for side, limit in zip((-2.0, 2.0), motion.scene.input_limits, strict=True)
     )
     starts = [Posture(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
@@ -176,7 +176,7 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
     """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
     u, finger = scene.initial_input, model.system.finger_model
-    held = Actuation(tip_moment=u[0]) if len(u) == 1 else Actuation(tensions=(u[0], u[1]))
+    held = Actuation(tip_moment=u[0]) if scene.finger.tendons is None else Actuation(tensions=u)
     # Equilibria are those of simulated scenes: the finger alone, under the input before the motion.
     alone = Scene(
         finger=scene.finger,

@@ -55,11 +55,11 @@ class Motion:
             self.tracked = Outputs(scene.cost, model, terms)
             self._setpoints = setpoints(self.tracked, scene.reference)
         self.nr = 0 if self.tracked is None else len(self.tracked.names)
-        self.bounded = state_bounds(scene.bounds, scene.bounds.curvature_limit(scene.finger), model)
+        self.bounded = state_bounds(scene.bounds, model)
         self.hard = np.asarray(self.bounded.linear >= HARD.linear)
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
-        self.input_unit = "N m" if self.nu == 1 else "N"
+        self.input_unit = model.u_names[0].split("[")[1][:-1]
         self.ns = self.nx + (self.nu if self.linear else 0)
         # A duration that is to be found is known by its order of magnitude: the middle of its logarithms.
         self.first_duration = float(np.sqrt(np.prod(scene.duration_range)))
@@ -72,29 +72,26 @@ class Motion:
     def _scales(self) -> _Scales:
         """Scales by which unknowns, defects and objective are of the order of one, as IPOPT's tolerances assume."""
         scene, time = self.scene, self.first_duration
-        least, most = scene.input_limits
-        u = np.full(self.nu, most - least if self.nu == 2 else most)  # a moment's range is symmetric
+        least, most = (np.array(limit) for limit in scene.input_limits)
+        u = most - np.maximum(least, 0.0)  # a moment's range is symmetric
         objective = {
             "least_time": time,
             "least_effort": float(u @ u) * time,
             "least_input_rate": float(u @ u) / time,
             "tracking": 1.0,
         }[scene.objective]
-        x = np.array([self._unit(k, float(u[0]), time) for k in range(self.nx)])
+        x = np.array([self._unit(k, time) for k in range(self.nx)])
+        for at, _, moment, lag in self.prediction.lagging:
+            x[at], x[at + 1] = moment, moment / lag
         return _Scales(x, u, u / time, time, objective)
 
-    def _unit(self, k: int, input_range: float, time: float) -> float:
-        n, tendons = len(self.reach), self.scene.finger.tendon_pair
-        name, unit = self.prediction.x_names[k].rstrip("]").split(" [")
+    def _unit(self, k: int, time: float) -> float:
+        n, unit = len(self.reach), self.prediction.x_names[k].rstrip("]").split(" [")[1]
         if k < n:
             return float(self.reach[k])
         if k < 2 * n:
             # Greatest rate of an oscillation over the reach whose period is the duration.
             return float(self.reach[k - n]) * 2.0 * np.pi / time
-        if name.startswith("tip_moment"):
-            lag = tendons.time_constant if tendons is not None else self.scene.input.time_constant
-            moment = input_range * (tendons.offset if tendons is not None else 1.0)
-            return moment if name == "tip_moment" else moment / (lag or time)
         length = 0.1 * self.length
         return {"m": length, "m/s": length / time, "rad/s": 1.0 / time}.get(unit, 1.0)
 

@@ -57,7 +57,7 @@ class PlanProblem:
         first = np.array(scene.initial_input)
         time = assembly.variables(1, 1, *(t / motion.scales.time for t in scene.duration_range))
         low, high = np.full(motion.ns, -np.inf), np.full(motion.ns, np.inf)
-        limits = [np.full(motion.nu, bound) / motion.scales.u for bound in scene.input_limits]
+        limits = [np.array(bound) / motion.scales.u for bound in scene.input_limits]
         if motion.linear:
             low[motion.nx :], high[motion.nx :] = limits
             most = np.inf if scene.input.rate_max is None else scene.input.rate_max

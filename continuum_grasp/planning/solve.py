@@ -225,7 +225,7 @@ def _constraints(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint
         values, force = problem.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
         add(block.name, block.key, block.unit, block.scale, values, block.lower, block.upper, force)
     unit = motion.input_unit
-    of_input = "finger.tendons" if motion.nu == 2 else "input.moment_max"
+    of_input = "input.moment_max" if motion.scene.finger.tendons is None else "finger.tendons"
     of_columns = [
         ("input", of_input, unit, problem.inputs, motion.scales.u),
         ("duration", "duration", "s", problem.grid.time, np.array([motion.scales.time])),

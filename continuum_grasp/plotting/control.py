@@ -28,7 +28,7 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     shapes = run.backbone(_evenly(len(tip), _SHAPES), points=60)
     ax = axes.plane_axes(ax, axes.bend_box(_shown_points(run, shapes), 0.07 * run.length), colorbar=False)
     _draw_surroundings(ax, run)
-    bodies.draw_clamp(ax, shapes[0], run.length)
+    bodies.draw_clamp(ax, shapes[0], run.scene.finger)
     for shape in shapes:
         ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
     if wanted is not None:
@@ -59,7 +59,7 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     for k, outline in enumerate(outlines):
         bodies.draw_object(ax, outline, faint=k == 0)
     axes.draw_timed(ax, shapes, plan.t[shown], plan.t)
-    bodies.draw_clamp(ax, shapes[0], plan.length)
+    bodies.draw_clamp(ax, shapes[0], plan.scene.finger)
     ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
     goal = scene.goal
     goals = [] if goal.tip is None else [goal.tip.value]
@@ -106,7 +106,7 @@ def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
 def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """Draw the inputs over time, one line each after those of the limits."""
     ax = axes.new_axes(ax)
-    for limit in plan.scene.input_limits:
+    for limit in np.unique(plan.scene.input_limits):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
     style = "default" if plan.scene.input.form == "linear" else "steps-post"
     for column, name, color in zip(plan.u.T, plan.u_names, axes.colors(plan.u.shape[1]), strict=True):
@@ -204,7 +204,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     film = Film(axes.bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
     ax = film.ax
     _draw_surroundings(ax, run)
-    bodies.draw_clamp(ax, shapes[0], run.length)
+    bodies.draw_clamp(ax, shapes[0], run.scene.finger)
     cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
     if wanted is not None:
         ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)

@@ -73,7 +73,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
         bodies.draw_supports(ax, mission.scene.supports)
-        bodies.draw_clamp(ax, shape, run.length)
+        bodies.draw_clamp(ax, shape, run.scene.finger)
         _draw_grasp(ax, mission, shape, pose)
         draw_forces(ax, forces[j], scale)
         _draw_moment(ax, mission, float(run.t[k]), pose)
@@ -96,7 +96,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * run.length), width)
     ax = film.ax
     bodies.draw_supports(ax, mission.scene.supports)
-    bodies.draw_clamp(ax, shapes[0], run.length)
+    bodies.draw_clamp(ax, shapes[0], run.scene.finger)
     ahead = film.line(color=GREEN, linewidth=1.6, zorder=Z.MASS)
     ax.plot([], [], color=GREEN, linewidth=1.6, label="predicted tip")
     clock = film.clock()

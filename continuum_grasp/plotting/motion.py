@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from continuum_grasp.planning.result import Plan
+    from continuum_grasp.scene.finger import Finger
     from continuum_grasp.simulation.modes import Modes
     from continuum_grasp.simulation.static_shape import Equilibrium
     from continuum_grasp.simulation.trajectory import Trajectory
@@ -63,22 +64,26 @@ def plot_snapshots(
     >>> len(plotting.plot_snapshots(motion, times=[0.0, 0.05]).collections[0].get_segments())
     2
     """
-    t, length, scene = np.asarray(trajectory.t), trajectory.length, trajectory.scene
+    t, scene = np.asarray(trajectory.t), trajectory.scene
     indices = _nearest(t, times)
-    shapes = np.asarray(trajectory.backbone(indices, points=60))
+    shapes = np.asarray(trajectory.backbone(indices, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(trajectory, indices)
-    forces, scale, box = _forces_and_box(trajectory, indices, [shapes], outlines)
+    forces, scale, box = _forces_and_box(trajectory, indices, [shapes, *_thickness(scene.finger, shapes)], outlines)
     ax = axes.plane_axes(ax, box)
     bodies.draw_supports(ax, scene.supports)
     for k, some in enumerate(outlines):
         bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
-    if outlines:
-        bodies.draw_body(ax, bodies.finger_outline(shapes[-1], scene.finger))
     lines = axes.draw_timed(ax, shapes, t[indices], t)
-    bodies.draw_clamp(ax, shapes[0], length)
+    if bodies.shows_thickness(scene.finger):
+        for shape, shade in zip(shapes[:-1], lines.to_rgba(t[indices[:-1]]), strict=True):
+            look = {"facecolor": (*shade[:3], 0.1), "edgecolor": (*shade[:3], 0.6), "linewidth": 0.4, "alpha": None}
+            bodies.draw_body(ax, bodies.finger_outline(shape, scene.finger), **look)
+    if outlines or bodies.shows_thickness(scene.finger):
+        bodies.draw_thickness(ax, shapes[-1], scene.finger)
+    bodies.draw_clamp(ax, shapes[0], scene.finger)
     masses = bodies.masses_of(scene.finger)
     if masses:
-        spots = np.concatenate([bodies.mass_positions(shape, masses, length) for shape in shapes])
+        spots = np.concatenate([bodies.mass_positions(shape, scene.finger) for shape in shapes])
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
     everything = list(chain(*forces))
@@ -103,18 +108,18 @@ def _nearest(t: np.ndarray, times: Sequence[float] | int) -> np.ndarray:
 
 def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
     """Draw a motion at instants (F,), frame by frame: (height, width, 3), both even, as video coders want them."""
-    length, scene = trajectory.length, trajectory.scene
+    scene = trajectory.scene
     unique, back = np.unique(indices, return_inverse=True)
-    shapes = np.asarray(trajectory.backbone(unique, points=60))
+    shapes = np.asarray(trajectory.backbone(unique, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(trajectory, unique)
     zones = scene.bounds.keep_out if isinstance(scene, PlanScene) else {}
-    points = [shapes, np.asarray(trajectory.tip), *bodies.zone_points(zones)]
+    points = [shapes, *_thickness(scene.finger, shapes), np.asarray(trajectory.tip), *bodies.zone_points(zones)]
     forces, scale, box = _forces_and_box(trajectory, unique, points, outlines)
     film = Film(box, width)
     ax = film.ax
     bodies.draw_zones(ax, zones)
     bodies.draw_supports(ax, scene.supports)
-    bodies.draw_clamp(ax, shapes[0], length)
+    bodies.draw_clamp(ax, shapes[0], scene.finger)
     finger = film.finger(trajectory, unique, shapes, dot=7)
     explain(ax, bodies.masses_of(scene.finger), list(chain(*forces)), trajectory.name)
 
@@ -122,10 +127,16 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
         passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
         if outlines:
             passing += bodies.draw_object(ax, outlines[k], animated=True)
-            passing.append(bodies.draw_body(ax, bodies.finger_outline(shapes[k], scene.finger), animated=True))
+        if outlines or bodies.shows_thickness(scene.finger):
+            passing += bodies.draw_thickness(ax, shapes[k], scene.finger, animated=True)
         return finger(k), passing
 
     return film.frames(back, moving)
+
+
+def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
+    """Outlines of a finger whose thickness is drawn without an object too."""
+    return [bodies.finger_outline(shape, finger) for shape in shapes] if bodies.shows_thickness(finger) else []
 
 
 def _forces_and_box(
@@ -158,14 +169,17 @@ def plot_shape(found: Equilibrium, *, ax: Axes | None = None) -> Axes:
     'y [m]'
     """
     finger = found.model.finger
-    shape, masses, forces = found.backbone(60), bodies.masses_of(finger), found.forces
+    shape, masses, forces = found.backbone(bodies.backbone_points(finger)), bodies.masses_of(finger), found.forces
     scale = force_scale(forces, _FORCE * finger.rod.length)
     ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in forces]
-    ax = axes.plane_axes(ax, axes.bend_box([shape, *ends], 0.09 * finger.rod.length), colorbar=False)
+    outlines = _thickness(finger, np.asarray(shape)[None])
+    ax = axes.plane_axes(ax, axes.bend_box([shape, *outlines, *ends], 0.09 * finger.rod.length), colorbar=False)
+    if outlines:
+        bodies.draw_thickness(ax, shape, finger)
     ax.plot(*shape.T, color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
-    bodies.draw_clamp(ax, shape, finger.rod.length)
+    bodies.draw_clamp(ax, shape, finger)
     if masses:
-        ax.plot(*bodies.mass_positions(shape, masses, finger.rod.length).T, "o", color=INK, markersize=6, zorder=Z.MASS)
+        ax.plot(*bodies.mass_positions(shape, finger).T, "o", color=INK, markersize=6, zorder=Z.MASS)
     draw_forces(ax, forces, scale)
     explain(ax, masses, forces, found.name)
     return ax
@@ -348,7 +362,7 @@ def plot_modes(
         one.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
         one.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
         one.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
-        bodies.draw_clamp(one, rest, length)
+        bodies.draw_clamp(one, rest, modes.scene.finger)
         damping = modes.damping_ratios[k]  # NaN of an unstable mode
         ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
         one.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)

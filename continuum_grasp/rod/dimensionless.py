@@ -36,16 +36,20 @@ class RodProblem:
     angle: float  # world angle of the clamp [rad]; the tangent at the angle psi is i exp(i psi)
     breaks: tuple[float, ...]  # places where something jumps
     weight: complex  # of the rod without its masses
-    dead: tuple[tuple[float, complex], ...]  # of a fixed direction, weights of point masses among them
+    dead: tuple[tuple[float, complex], ...]  # of a fixed direction, weights of bodies among them
+    # Dead forces again whose points of action are off the backbone: place, distance in the section's axes, force.
+    levers: tuple[tuple[float, complex, complex], ...]
     following: tuple[tuple[float, complex], ...]  # that turn with their section: across + i along
     couples: tuple[tuple[float, float], ...]
-    drives: tuple[tuple[Curve, float], ...]  # moments of the tendons: shape along the rod in SI units, amplitude
-    friction: float  # capstan coefficient [1]
+    # Moments of tendons that run alike: shape along the rod in SI units, amplitude, and capstan coefficient [1].
+    drives: tuple[tuple[Curve, float, float], ...]
+    # Curvature from which on links touch, in SI units; signs of the curvatures that are stopped; stiffness added there.
+    stops: tuple[Curve, tuple[float, ...], float] | None
 
     @property
     def conservative(self) -> bool:
         """Whether all loads have a potential."""
-        return not self.following and (self.friction == 0.0 or not self.drives)
+        return not self.following and not any(friction for *_, friction in self.drives)
 
     @classmethod
     def of(
@@ -57,26 +61,27 @@ class RodProblem:
         dead: Sequence[tuple[float, complex]] = (),
         following: Sequence[tuple[float, complex]] = (),
         couples: Sequence[tuple[float, float]] = (),
-        amplitudes: Sequence[float] | None = None,
+        tensions: Sequence[float] | None = None,
         marks: Sequence[float] = (),
     ) -> RodProblem:
-        """The problem in dimensionless numbers, of SI ones; weights of the finger's point masses are added.
+        """The problem in dimensionless numbers, of SI ones; weights of the finger's bodies are added.
 
-        ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``amplitudes``
-        are the moments [N m] of the finger's channels, zero where not given; ``marks`` are further places [m] at which
-        panels are to end.
+        ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``tensions`` [N]
+        are those of the finger's tendons, zero where not given; ``marks`` are further places [m] at which panels are to
+        end.
         """
         profile, length = finger.profile, finger.profile.length
         mesh = Mesh(panel_edges((0.0, *profile.breaks, length), length / _PANELS), _NODES)
         stiffness = length / float(mesh.weights @ (1.0 / profile.bending_stiffness(mesh.nodes)))
         mass = float(mesh.weights @ profile.linear_density(mesh.nodes))
         force, moment = length**2 / stiffness, length / stiffness
-        channels = () if amplitudes is None else zip(finger.channels, amplitudes, strict=True)
-        drives = [(channel.shape, value * moment) for channel, value in channels if value != 0.0]
-        if gravity != 0.0:
-            dead = [*((m.at, m.mass * gravity) for m in finger.masses), *dead]
+        drives = [] if tensions is None else _drives(finger, tensions, moment)
+        carried = [body for body in bodies(finger) if gravity != 0.0]
+        dead = [*((body.at, body.mass * gravity) for body in carried), *dead]
+        limit, stops = finger.stop_curvature, finger.stops
         places = [*(at for at, _ in (*dead, *following, *couples)), *profile.breaks, *marks]
-        places += [at for shape, _ in drives for at in shape.breaks]
+        places += [at for shape, *_ in drives for at in shape.breaks]
+        places += [] if limit is None else limit.breaks
         breaks = with_places((0.0, 1.0), sorted(at / length for at in places))
 
         # Places that are nearly the same become the same number: loads are compared with nodes between them.
@@ -93,11 +98,45 @@ class RodProblem:
             breaks=tuple(breaks.tolist()),
             weight=mass * gravity * force,
             dead=tuple((placed(at), value * force) for at, value in dead if value != 0.0),
+            levers=tuple(
+                (placed(body.at), body.lever / length, body.mass * gravity * force) for body in carried if body.lever
+            ),
             following=tuple((placed(at), value * force) for at, value in following if value != 0.0),
             couples=tuple((placed(at), value * moment) for at, value in couples if value != 0.0),
             drives=tuple(drives),
-            friction=max((tendon.friction for tendon in finger.tendon_list), default=0.0),
+            stops=None if limit is None or stops is None else (limit, stops.signs, stops.stiffness_ratio - 1.0),
         )
+
+
+@dataclass(frozen=True)
+class Body:
+    """A mass fastened to a section."""
+
+    at: float  # [m]
+    mass: float  # [kg]
+    lever: complex = 0.0  # from the backbone to its center of mass in the section's axes, across + i along [m]
+    rotary_inertia: float = 0.0  # about the center of mass [kg m2]
+
+
+def bodies(finger: Finger) -> list[Body]:
+    """Point masses and the body at the tip."""
+    found, tip = [Body(point.at, point.mass) for point in finger.masses], finger.tip_body
+    if tip is not None:
+        found.append(Body(finger.profile.length, tip.mass, complex(*tip.center_of_mass), tip.rotary_inertia))
+    return found
+
+
+def _drives(finger: Finger, tensions: Sequence[float], scale: float) -> list[tuple[Curve, float, float]]:
+    """Moments of the tendons, of those with one shape and one friction together; amplitudes are scaled."""
+    frictions = [tendon.friction for tendon in finger.tendon_list]
+    found = []
+    for channel in finger.channels:
+        for friction in dict.fromkeys(frictions):
+            pulls = zip(channel.arms, tensions, frictions, strict=True)
+            amplitude = sum(arm * tension for arm, tension, own in pulls if own == friction)
+            if amplitude != 0.0:
+                found.append((channel.shape, amplitude * scale, friction))
+    return found
 
 
 def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
@@ -113,19 +152,18 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
             (following if load.follows else dead).append((load.at, complex(*_at_zero(load.force))))
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
-    actuation, amplitudes = scene.actuation, None
+    actuation, tensions = scene.actuation, None
     if actuation is not None and actuation.tip_moment is not None:
         couples.append((length, _at_zero(actuation.tip_moment)[0]))
     if actuation is not None and actuation.tensions is not None:
         tensions = [_at_zero(tension)[0] for tension in actuation.tensions]
-        amplitudes = [float(np.dot(channel.arms, tensions)) for channel in scene.finger.channels]
     return RodProblem.of(
         scene.finger,
         complex(*scene.gravity),
         dead=dead,
         following=following,
         couples=couples,
-        amplitudes=amplitudes,
+        tensions=tensions,
     )
 
 

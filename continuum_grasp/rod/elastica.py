@@ -205,8 +205,7 @@ def _first_equations(problem: RodProblem) -> RodEquations:
     """On panels between breaks, no longer than what forces and moments bend by an angle of about one."""
     equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 0.5), _COARSE))
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
-    moments = np.abs(equations.drive).max() + sum(abs(value) for _, value in problem.couples)
-    curvature = float(moments + np.abs(equations.rest).max())
+    curvature = equations.greatest_curvature
     # Panels that bend by about a radian: forces turn the elastica over a length sqrt(EI / F), moments over EI / M.
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
     edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))

@@ -18,6 +18,11 @@ BEND_ROUNDING = 1e-3
 model does."""
 
 
+STOP_ROUNDING = 0.005
+"""Curvature about that at which links touch, per it [1], over which the stop's law is rounded off: as the finger model
+does. A law that is rounded off over 0.02 has the tip off by 3e-3 of the length where all links touch."""
+
+
 @dataclass(frozen=True)
 class Balance:
     """What is missing for equilibrium at the nodes."""
@@ -36,8 +41,9 @@ class RodEquations:
     chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
     its rows it is well conditioned on any mesh.
 
-    Tendons lose tension by the capstan law; b(s) is the integral of |k| from the base, with |k| rounded off to
-    k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
+    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Tendons lose
+    tension by the capstan law, each drive by its own friction; b(s) is the integral of |k| from the base,
+    with |k| rounded off to k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
@@ -53,11 +59,20 @@ class RodEquations:
         self._couple: Array = np.zeros(mesh.size)
         for at, couple in problem.couples:
             self._couple += couple * (s < at)
-        self.drive: Array = np.zeros(mesh.size)
-        for shape, amplitude in problem.drives:
-            self.drive += amplitude * shape(place)
-        self._has_friction = problem.friction > 0.0 and bool(problem.drives)
+        self._added = 0.0  # stiffness per EI where links touch
+        if problem.stops is not None:
+            limit, self._signs, self._added = problem.stops
+            self._limit: Array = problem.length * limit(place)
+        self._drives: list[tuple[Array, float]] = []  # moments before friction, and frictions
+        for shape, amplitude, friction in problem.drives:
+            self._drives.append((amplitude * shape(place), friction))
         self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
+
+    @property
+    def greatest_curvature(self) -> float:
+        """Curvature that tendons, couples and rest curvature give on a rod of mean stiffness, at most [1]."""
+        moments = [float(np.abs(drive).max()) for drive, _ in self._drives]
+        return sum(moments) + sum(abs(value) for _, value in self.problem.couples) + float(np.abs(self.rest).max())
 
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
@@ -70,8 +85,9 @@ class RodEquations:
         """
         mesh = self.mesh
         functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
-        if self._has_friction:
-            functions.append(self.problem.friction * np.abs(self.drive).max() * _rounded_size(curvature)[0])
+        losses = [friction * float(np.abs(drive).max()) for drive, friction in self._drives]
+        if any(losses):
+            functions.append(sum(losses) * _rounded_size(curvature)[0])
         return np.asarray(mesh.widths * np.max([mesh.tails(function) for function in functions], axis=0))
 
     def turn(self, change: Array) -> float:
@@ -86,29 +102,52 @@ class RodEquations:
         """Missing moment under a share of all loads and the actuation."""
         mesh, problem = self.mesh, self.problem
         tangent, force = self.tangents(curvature), self._force.copy()
-        turning = []
+        turning, swung, levered = [], [], np.zeros(mesh.size)
         for at, body in problem.following:
             inside = mesh.nodes < at
             row = mesh.weights * inside
             value = body * np.exp(1j * (problem.angle + row @ curvature))
             force[inside] += value
             turning.append((np.real(np.conj(tangent) * value) * inside, row))
+        for at, lever, weight in problem.levers:
+            inside = mesh.nodes < at
+            row = mesh.weights * inside
+            arm = lever * np.exp(1j * (problem.angle + row @ curvature))
+            levered += np.imag(np.conj(arm) * weight) * inside
+            swung.append((np.real(np.conj(arm) * weight) * inside, row))
         # t x n = Im(conj(t) n); its derivative by the angle is -Re(conj(t) n), and n turns with a following force.
-        moment = self._couple + mesh.backward @ np.imag(np.conj(tangent) * force)
+        moment = self._couple + levered + mesh.backward @ np.imag(np.conj(tangent) * force)
         along = np.real(np.conj(tangent) * force)
         slope = (mesh.backward * along) @ mesh.forward
         for column, row in turning:
             slope -= np.outer(mesh.backward @ column, row)
-        if self._has_friction:
+        for column, row in swung:
+            slope += np.outer(column, row)
+        for drive, friction in self._drives:
+            if friction == 0.0:
+                moment += drive
+                continue
             size, rate = _rounded_size(curvature)
-            pull = self.drive * np.exp(-problem.friction * (mesh.forward @ size))
+            pull = drive * np.exp(-friction * (mesh.forward @ size))
             moment += pull
-            slope += (problem.friction * pull)[:, None] * mesh.forward * rate
-        else:
-            moment += self.drive
+            slope += (friction * pull)[:, None] * mesh.forward * rate
         slope *= share
-        slope.flat[:: mesh.size + 1] += self.bending_stiffness
-        return Balance(self.bending_stiffness * (curvature - self.rest) - share * moment, slope, -moment)
+        _, elastic, stiffness = self._elastic(curvature)
+        slope.flat[:: mesh.size + 1] += stiffness
+        return Balance(elastic - share * moment, slope, -moment)
+
+    def _elastic(self, curvature: Array) -> tuple[Array, Array, Array]:
+        """Elastic energy per length at the nodes, and its first and second derivative: moment and stiffness."""
+        bent = curvature - self.rest
+        energy, moment, stiffness = 0.5 * bent**2, bent, np.ones(bent.shape)
+        for sign in self._signs if self._added else ():
+            beyond, width = sign * curvature - self._limit, STOP_ROUNDING * self._limit
+            root = np.sqrt(beyond**2 + width**2)
+            touching, rate = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
+            energy = energy + 0.5 * self._added * touching**2
+            moment = moment + sign * self._added * touching * rate
+            stiffness = stiffness + self._added * (rate**2 + touching * 0.5 * width**2 / root**3)
+        return self.bending_stiffness * energy, self.bending_stiffness * moment, self.bending_stiffness * stiffness
 
     def stiffness(self, slope: Array) -> Array:
         """Second variation of the energy in the metric of the integral of EI (change of curvature)^2; symmetric."""
@@ -119,7 +158,7 @@ class RodEquations:
 
     def elastic_energy(self, curvature: Array) -> float:
         """Energy of bending, per EI / L."""
-        return float(0.5 * self.mesh.weights @ (self.bending_stiffness * (curvature - self.rest) ** 2))
+        return float(self.mesh.weights @ self._elastic(curvature)[0])
 
     def energy(self, curvature: Array) -> float:
         """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
@@ -131,8 +170,12 @@ class RodEquations:
         bends = mesh.to_edges(curvature).real
         for at, couple in problem.couples:
             work += couple * np.interp(at, mesh.edges, bends)
-        if not self._has_friction:
-            work += (mesh.weights * self.drive) @ curvature
+        for at, lever, weight in problem.levers:
+            turned = problem.angle + np.interp(at, mesh.edges, bends)
+            work += np.real(np.conj(lever * np.exp(1j * turned)) * weight)
+        for drive, friction in self._drives:
+            if friction == 0.0:
+                work += (mesh.weights * drive) @ curvature
         return float(self.elastic_energy(curvature) - work)
 
     @property

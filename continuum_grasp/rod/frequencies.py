@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.rod.dimensionless import bodies
 from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.scene.finger import Finger
@@ -24,7 +25,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     Parameters
     ----------
     finger : Finger
-        Rod and point masses.
+        Rod, point masses and the body at the tip.
     about : Elastica
         Equilibrium of that finger.
     count : int
@@ -55,7 +56,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     if problem.conservative:
         stiffness = 0.5 * (stiffness + stiffness.T)
     # 1 / omega^2 are well conditioned: the largest belong to the lowest modes.
-    compliance = np.asarray(np.linalg.solve(stiffness, _mass(finger, equations, curvature)), dtype=float)
+    compliance = np.asarray(np.linalg.solve(stiffness, mass_matrix(finger, equations, curvature)), dtype=float)
     values: NDArray[np.inexact] = np.linalg.eigvals(compliance)
     # Negative ones (instability) first: they are lower than any frequency.
     order = np.argsort(np.where(values.real < 0.0, -np.inf, -np.abs(values)))
@@ -63,7 +64,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
     return np.sort(np.sqrt(squares.astype(complex)).real) / (2.0 * np.pi)
 
 
-def _mass(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
+def mass_matrix(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
     """Twice the kinetic energy of rates of curvature (per L) at the nodes."""
     mesh, profile, length = equations.mesh, finger.profile, equations.problem.length
     place = length * mesh.nodes
@@ -74,8 +75,10 @@ def _mass(finger: Finger, equations: RodEquations, curvature: Array) -> Array:
     rotary = profile.rotary_inertia(place)[:, None] * length
     mass = (moving.conj().T @ (linear * weights * moving)).real
     mass += mesh.forward.T @ (rotary * weights * mesh.forward)
-    for point in finger.masses:
-        place = np.array([point.at / length])
-        row = np.array([mesh.integrate(unit, place)[0] for unit in np.eye(mesh.size)]) @ turning
-        mass += point.mass * length**2 * np.outer(row.conj(), row).real
+    for body in bodies(finger):
+        at = np.array([body.at / length])
+        turn = np.array([mesh.integrate(unit, at)[0].real for unit in np.eye(mesh.size)])
+        angle = equations.problem.angle + turn @ curvature
+        row = turn @ turning + 1j * np.exp(1j * angle) * (body.lever / length) * turn
+        mass += body.mass * length**2 * np.outer(row.conj(), row).real + body.rotary_inertia * np.outer(turn, turn)
     return np.asarray(mass)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import PointMass as PointMass
     from continuum_grasp.scene.finger import Stops as Stops
     from continuum_grasp.scene.finger import TipBody as TipBody
+    from continuum_grasp.scene.graded import RodFactors as RodFactors
     from continuum_grasp.scene.graded import RodSamples as RodSamples
     from continuum_grasp.scene.graded import RodSection as RodSection
     from continuum_grasp.scene.graded import SpiRob as SpiRob

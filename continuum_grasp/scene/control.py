@@ -71,8 +71,10 @@ class ControlScene(FingerScene):
         self._doubt_reach()
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
-            if width != (1 if self.finger.tendons is None else 2):
-                raise ValueError(f"reference.input: expected the tip moment or two tensions, got {width} numbers")
+            expected = len(self.input_limits[0])
+            if width != expected:
+                what = "the tip moment" if self.finger.tendons is None else f"{expected} tensions"
+                raise ValueError(f"reference.input: expected {what}, got {width} numbers")
 
     def _doubt_reach(self) -> None:
         """Warn of setpoints of the tip that are farther from the base than the finger is long."""
@@ -134,8 +136,13 @@ class ControlScene(FingerScene):
             )
 
     @property
+    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest tip moment [N m], or tensions [N]."""
+        return self.controller.input.limits(self.finger)
+
+    @property
     def lag(self) -> float | None:
-        """Time constant of the drive [s]; None: the input acts at once."""
+        """Shortest time constant of the drive [s]; None: an input acts at once."""
         return self.controller.input.lag(self.finger)
 
     @property

@@ -91,12 +91,12 @@ class Bounds(Value):
     penalty: Penalty | Literal["hard"] = Penalty()
     """Of violations of curvature and speed; hard: there is none, or no solution."""
 
-    def curvature_limit(self, finger: Finger) -> float:
-        """Greatest curvature, apart from the bending range of a model [1/m]."""
+    def curvature_limit_at(self, finger: Finger, s: float) -> float:
+        """Greatest curvature at a position [m], apart from the bending range of a model [1/m]."""
         # Infinite, since a limit of the model's bending range may be less.
         if self.curvature is None:
             return math.inf
-        return finger.curvature_limit if self.curvature == "finger" else self.curvature
+        return float(finger.curvature_limit_at(s)) if self.curvature == "finger" else self.curvature
 
 
 class InputLimits(Value):
@@ -116,10 +116,22 @@ class InputLimits(Value):
         for name in ("moment_max", "time_constant"):
             if finger.tendons is not None and getattr(self, name) is not None:
                 raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
+        lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
+        if any(lagging) and not all(lagging):
+            raise ValueError(
+                f"finger.tendons[{lagging.index(False)}].time_constant is needed: under control all tendons lag or none"
+            )
+
+    def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest value of each input: tensions [N], or the tip moment [N m]."""
+        most = self.moment_max or 0.0
+        return ((-most,), (most,)) if finger.tendons is None else finger.tension_limits
 
     def lag(self, finger: Finger) -> float | None:
-        """Time constant of the drive [s]; None: the input acts at once."""
-        return self.time_constant if finger.tendon_pair is None else finger.tendon_pair.time_constant
+        """Shortest time constant of the drive [s]; None: an input acts at once."""
+        lags = [t.time_constant for t in finger.tendon_list] or [self.time_constant]
+        known = [lag for lag in lags if lag is not None]
+        return min(known) if len(known) == len(lags) else None
 
 
 class Horizon(Value):

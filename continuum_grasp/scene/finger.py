@@ -274,9 +274,14 @@ class Finger(Value):
         return self.tendons
 
     @property
+    def tendon_friction(self) -> float:
+        """Capstan friction coefficient of the tendons [1]."""
+        return max((tendon.friction for tendon in self.tendon_list), default=0.0)
+
+    @property
     def has_tendon_friction(self) -> bool:
-        """Whether a tendon has friction."""
-        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
+        """Whether the tendons have friction."""
+        return self.tendon_friction > 0.0
 
     @property
     def needs_free_tip(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple, TypeAlias, TypeVar
 from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Real, Value
+from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Positive, Real, Value
 
 _Number = TypeVar("_Number")
 Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=False)]
@@ -37,6 +37,17 @@ class Positioned(NamedTuple):
 def ends(value: float | tuple[float, float]) -> tuple[float, float]:
     """Values at the base end and at the tip end."""
     return value if isinstance(value, tuple) else (value, value)
+
+
+class RodFactors(Value):
+    """Factors on what a graded rod is given by: those that are identified, or by which another rod differs."""
+
+    bending_stiffness: Annotated[Positive, Unit("1")] = 1.0
+    """On the bending stiffness [1]."""
+    linear_density: Annotated[Positive, Unit("1")] = 1.0
+    """On the mass per length [1]."""
+    rotary_inertia: Annotated[NonNegative, Unit("1")] = 1.0
+    """On the rotary inertia per length [1]."""
 
 
 class RodSection(Value):

@@ -258,30 +258,26 @@ class PlanScene(FingerScene):
             raise ValueError("contacts and goal.contact_force are those of the grasp: leave them out")
 
     def _check_inputs(self) -> None:
-        width = 1 if self.finger.tendons is None else 2
         aim = self.goal.input
-        least, most = self.input_limits
+        limits = list(zip(*self.input_limits, strict=True))
+        what = "the tip moment" if self.finger.tendons is None else f"{len(limits)} tensions"
         for key, row in (("input.initial", self.input.initial), ("goal.input", aim.value if aim else None)):
             if row is None:
                 continue
-            if len(row) != width:
-                raise ValueError(f"{key}: expected the tip moment or two tensions, got {len(row)} numbers")
-            for value in row:
+            if len(row) != len(limits):
+                raise ValueError(f"{key}: expected {what}, got {len(row)} numbers")
+            for value, (least, most) in zip(row, limits, strict=True):
                 if not least <= value <= most:
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
 
     @property
-    def input_limits(self) -> tuple[float, float]:
-        """Least and greatest tip moment [N m] or tension [N]."""
-        tendons = self.finger.tendon_pair
-        if tendons is not None:
-            return tendons.min_tension, tendons.max_tension
-        most = self.input.moment_max or 0.0
-        return -most, most
+    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest tip moment [N m], or tensions [N]."""
+        return self.input.limits(self.finger)
 
     @property
     def lag(self) -> float | None:
-        """Time constant of the drive [s]; None: the input acts at once."""
+        """Shortest time constant of the drive [s]; None: an input acts at once."""
         return self.input.lag(self.finger)
 
     @property
@@ -294,7 +290,7 @@ class PlanScene(FingerScene):
         """Input before the motion begins."""
         if self.input.initial is not None:
             return self.input.initial
-        return (0.0,) if self.finger.tendons is None else (self.input_limits[0],) * 2
+        return (0.0,) if self.finger.tendons is None else self.input_limits[0]
 
     @property
     def duration_range(self) -> tuple[float, float]:

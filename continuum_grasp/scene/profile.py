@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.graded import RodFactors
 
 Array = NDArray[np.float64]
 
@@ -102,6 +105,8 @@ class Curve:
 
     def scaled(self, factor: float) -> Curve:
         """The same times a factor, positive for an exponential."""
+        if factor == 1.0:
+            return self
         if self.exponential:
             return Curve(self.edges, tuple((c[0] + float(np.log(factor)), *c[1:]) for c in self.coefficients), True)
         return Curve(self.edges, tuple(tuple(factor * one for one in c) for c in self.coefficients))
@@ -121,6 +126,11 @@ class Profile:
     graded: bool = False
     """Whether it is given by sections, samples or a spiral: stiffness and density as run-time arguments are then
     factors (nominal 1), and lengths of elements are none."""
+
+    def scaled(self, factors: RodFactors) -> Profile:
+        """The same with other stiffness and mass everywhere."""
+        keys = ("bending_stiffness", "linear_density", "rotary_inertia")
+        return replace(self, **{key: getattr(self, key).scaled(getattr(factors, key)) for key in keys})
 
     @cached_property
     def uniform(self) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 from pydantic import Field
 
-from continuum_grasp.scene.graded import Modulus, Positioned, RodSamples, RodSection, SpiRob
+from continuum_grasp.scene.graded import Modulus, Positioned, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
 
@@ -82,6 +82,9 @@ class Rod(Value):
     spirob: SpiRob | None = None
     """A logarithmic spiral, straightened; needs ``youngs_modulus`` and ``density``."""
 
+    factors: RodFactors = RodFactors()
+    """Factors on stiffness and mass of a graded rod, everywhere."""
+
     def _check(self) -> None:
         graded = [k for k in _GRADED_KEYS if getattr(self, k) is not None]
         if graded:
@@ -98,6 +101,8 @@ class Rod(Value):
         doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
 
     def _check_uniform(self) -> None:
+        if self.factors != RodFactors():
+            raise ValueError("factors are for a graded rod: state the values of a uniform one")
         # The diameter may stand beside both: it says where the strain limit is reached.
         section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
         linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
@@ -219,6 +224,12 @@ class Rod(Value):
         return any(getattr(self, key) is not None for key in _GRADED_KEYS)
 
     @property
+    def one_modulus(self) -> bool:
+        """Whether its bending stiffness is everywhere proportional to its ``youngs_modulus``."""
+        own = (section.shaped and section.youngs_modulus is None for section in self.sections or ())
+        return self.youngs_modulus is not None and all(own)
+
+    @property
     def own_rest_curvature(self) -> bool:
         """Whether its sections or samples give a rest curvature."""
         if self.samples is not None:
@@ -258,13 +269,14 @@ class Rod(Value):
         from continuum_grasp.scene.graded_profile import of_samples, of_sections, of_spiral
         from continuum_grasp.scene.profile import Curve, Profile
 
-        if self.samples is not None:
-            return of_samples(self.length, self.samples)
         own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
+        if self.samples is not None:
+            return of_samples(self.length, self.samples).scaled(self.factors)
         if self.spirob is not None:
-            return of_spiral(self.length, self.spirob, **own)
+            return of_spiral(self.length, self.spirob, **own).scaled(self.factors)
         if self.sections is not None:
-            return of_sections(self.length, [section.completed(own) for section in self.sections])
+            sections = [section.completed(own) for section in self.sections]
+            return of_sections(self.length, sections).scaled(self.factors)
         # A uniform rod has either of the two groups of keys, as its _check sees to.
         diameter, density = self.diameter or 0.0, self.density or 0.0
         second_moment = math.pi * diameter**4 / 64

@@ -67,7 +67,8 @@ class Initial(Value):
     """Bending coordinates of a finger that is straight at rest: angles [rad] (arcs) or nodal curvatures [1/m]
     (clothoids)."""
     q_above_rest: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
-    """The same of any finger, less those at rest."""
+    """Bending coordinates of any finger, less those that it has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
+    (clothoids)."""
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
 

@@ -33,7 +33,8 @@ class _Tensions(Value):
     max_tension: Annotated[Positive, Unit("N")]
     """Greatest tension [N]."""
     friction: Friction = 0.0
-    """Capstan friction coefficient between tendon and guides [1]: tension falls as exp(-friction * bent angle)."""
+    """Capstan friction coefficient between tendons and guides [1], the same for all tendons: tension falls as
+    exp(-friction * bent angle)."""
     time_constant: TimeConstant | None = None
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
@@ -100,6 +101,9 @@ def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -
                 f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
                 "for tendons that are nearly parallel to the backbone"
             )
+    for key, tendon in zip(keys, singles, strict=True):
+        if tendon.friction != singles[0].friction:
+            raise ValueError(f"{key}.friction differs from that of {keys[0]}: all tendons must have the same")
     for first, *others in alike(singles, length):
         for k in others:
             if singles[k].time_constant != singles[first].time_constant:

@@ -113,9 +113,13 @@ class Value(BaseModel):
             del copied.__dict__[name]
         return copied
 
+    def __iter__(self) -> Iterator[tuple[str, Any]]:  # type: ignore[override]
+        """Names and values of the fields, without what was computed of them."""
+        return ((name, getattr(self, name)) for name in type(self).model_fields)
+
     def replaced(self, **fields: Any) -> Self:
         """A copy with other values of some fields, validated as if it were made anew; `InputError` as then."""
-        return type(self)(**{name: getattr(self, name) for name in type(self).model_fields} | fields)
+        return type(self)(**{**dict(self), **fields})
 
     # pydantic calls an initializer of one's own for nested values too, and loses the keys of what is wrong in them.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]

@@ -14,6 +14,7 @@ from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest
 from continuum_grasp.results.declared import Dimension, Stored
 from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.profile import Curve
 
 Array = NDArray[np.float64]
 
@@ -83,11 +84,13 @@ CONTACT = Dimension(
 )
 
 
-def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: float) -> Array:
+def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: Curve) -> Array:
     """Deepest overlap of a finger and an object at some instants (T,) [m]; zero where they are apart.
 
-    Poses (T, 3) are the object's x, y [m] and angle [rad], backbones (T, points, 2) the finger's [m], in the world.
+    Poses (T, 3) are the object's x, y [m] and angle [rad], backbones (T, points, 2) the finger's [m], in the world and
+    evenly spaced from base to tip.
     """
+    half = half_thickness(np.linspace(0.0, half_thickness.edges[-1], backbones.shape[1]))
     c, s = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
     away = backbones - poses[:, None, :2]
     local = np.stack([c * away[..., 0] + s * away[..., 1], c * away[..., 1] - s * away[..., 0]], axis=-1)
@@ -95,4 +98,4 @@ def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: 
     # A function of one point takes all of them as columns.
     distance = ca.Function("distance", [at], [nearest(body.parts, Vec(at[0], at[1])).distance])
     found = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
-    return np.asarray(np.maximum(0.0, half_thickness - found.min(axis=1)))
+    return np.asarray(np.maximum(0.0, (half - found).max(axis=1)))

@@ -92,7 +92,7 @@ class Signals:
 
     def _actuation(self, scene: Scene) -> list[float | Samples]:
         if scene.actuation is None:
-            return [0.0] * max(self._model.structure.inputs.tendons, 1)
+            return [0.0] * (max(self._model.structure.inputs.tendons, 1))
         if scene.actuation.tensions is not None:
             return list(scene.actuation.tensions)
         return [scene.actuation.tip_moment if scene.actuation.tip_moment is not None else 0.0]
@@ -111,10 +111,9 @@ class Signals:
 
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
-        tendons = self._model.finger.tendon_pair
-        # The lag rounds off what the tensions do; a tenth of it resolves its exponential.
-        lag = 0.0 if tendons is None else tendons.time_constant or 0.0
-        drive = self._values[: self._model.structure.inputs.tendons] if step <= 0.1 * lag else []
+        # A lag rounds off what a tension does; a tenth of it resolves its exponential.
+        pulled = zip(self._values, self._model.finger.tendon_list, strict=False)
+        drive = [tension for tension, tendon in pulled if step <= 0.1 * (tendon.time_constant or 0.0)]
         felt = [value for value in self._sampled if not any(value is tension for tension in drive)]
         shortest = min((gap for value in felt for gap in _changes(value, duration)), default=math.inf)
         if not shortest < step * (1 - 1e-9):

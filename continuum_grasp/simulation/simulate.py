@@ -138,7 +138,7 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        half, contacts = self._model.finger.thickness_radius, result.contacts
+        half, contacts = self._model.finger.profile.half_thickness, result.contacts
         overlap = overlap_text(result.t, contacts, result.overlap, half) if contacts is not None else ""
         through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
         warnings = (*at_start, *jumps, *inexact, *limits, *((through,) if overlap else ()))

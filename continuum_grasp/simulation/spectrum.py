@@ -108,8 +108,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     Infinite where the model's numbers are not finite. Velocities are left out.
     """
     model = core.model
-    tendons = model.finger.tendons
-    largest = 1.0 / tendons.time_constant if tendons is not None and tendons.time_constant is not None else 0.0
+    lags = [channel.time_constant for channel in model.finger.channels]
+    largest = max((1.0 / lag for lag in lags if lag is not None), default=0.0)
     for shape in np.atleast_2d(q):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]

@@ -16,6 +16,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlaps
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
@@ -181,7 +182,7 @@ class Trajectory(MotionResult):
         chosen = np.atleast_1d(np.asarray(indices, dtype=int))
         if self.scene.object is None or self.object_pose is None:
             return np.zeros(len(chosen))
-        half = self.model.finger.thickness_radius
+        half = self.model.finger.profile.half_thickness
         return overlaps(self.scene.object, self.object_pose[chosen, :3], self.backbone(chosen, points), half)
 
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
@@ -250,13 +251,13 @@ def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = No
 
 def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     """Inputs (T, nu) that act on the shapes of states x (T, nx) under commands u (T, nu); see ``Trajectory.acting``."""
-    if model.nx == 2 * model.n:
-        return u
-    tendons = model.finger.tendon_pair
-    # Any tensions with the lagged moment give the same shape: all of it in the first.
+    lagging = [channel for channel in model.finger.channels if channel.time_constant is not None]
     acting = u.copy()
-    acting[:, 0] = x[:, 2 * model.n] / (tendons.offset if tendons else 1.0)
-    acting[:, 1] = 0.0
+    for k, channel in enumerate(lagging):
+        # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
+        pulling = np.flatnonzero(channel.arms)
+        acting[:, pulling] = 0.0
+        acting[:, pulling[0]] = x[:, 2 * (model.n + k)] / channel.arms[pulling[0]]
     return acting
 
 
@@ -299,7 +300,7 @@ def overlap_text(
     t: NDArray[np.float64],
     contacts: ContactForces,
     overlap: Callable[[NDArray[np.intp]], NDArray[np.float64]],
-    half_thickness: float,
+    half_thickness: Curve,
 ) -> str:
     """By how much a finger is deeper in an object than its stations are pressed into it, and when; empty if it is not.
 
@@ -310,4 +311,5 @@ def overlap_text(
     pressed = np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
     beyond = overlap(looked) - pressed
     k = int(beyond.argmax())
-    return f"{1e3 * beyond[k]:.2g} mm at t = {t[looked[k]]:g} s" if beyond[k] > _THROUGH * half_thickness else ""
+    thinnest = float(half_thickness(half_thickness.edges).min())
+    return f"{1e3 * beyond[k]:.2g} mm at t = {t[looked[k]]:g} s" if beyond[k] > _THROUGH * thinnest else ""

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from benchmarks.bench_fidelity import again, cheaper
+from benchmarks.graded_rods import RODS
 from benchmarks.random_scenes import random_scene
 from continuum_grasp.accuracy import choose
 from continuum_grasp.accuracy.choose import choose_fidelity
@@ -41,7 +42,35 @@ def own_cache(tmp_path, monkeypatch):
 @pytest.mark.parametrize(("seed", "tolerance"), few([(seed, (2e-2, 5e-3, 1e-3)[seed % 3]) for seed in range(15)], 6))
 def test_the_choice_keeps_the_tolerance(seed, tolerance):
     """Measured again by the public way, against the exact rod at other places and its frequencies."""
-    chosen = choose_fidelity(random_scene(seed), tolerance)
+    check(choose_fidelity(random_scene(seed), tolerance), tolerance)
+
+
+TENDONS = [
+    {"offset": [0.009, 0.005], "to": 0.6, "max_tension": 100.0},
+    {"offset": [-0.009, -0.002], "max_tension": 100.0},
+]
+GRADED = {
+    "step": {"rod": RODS["step"], "loads": [force(1.0, (0.02, 0.3))]},
+    "moving cone with two ends of tendons": {
+        "rod": RODS["cone 0.25"],
+        "gravity": (0.0, -1.0),
+        "finger": {"tendons": TENDONS},
+        "actuation": {"tensions": [{"times": [0.0, 0.5, 1.0], "values": [0.0, 10.0, 5.0]}, 2.0]},
+        "time": {"duration": 1.0, "step": 0.01},
+    },
+    "steep cone": {"rod": RODS["cone 0.1"], "gravity": (0.0, -4.0)},
+}
+
+
+@pytest.mark.parametrize("case", few(GRADED, 2))
+def test_the_choice_keeps_the_tolerance_of_a_graded_rod(case):
+    keys = {"gravity": (0.0, 0.0), **GRADED[case]}
+    given = rod_scene(keys.pop("rod"), None, None, fidelity={"bending_range": None}, **keys)
+    check(choose_fidelity(given, 3e-3), 3e-3)
+
+
+def check(chosen, tolerance):
+    """Measure again by the public way."""
     assert again(chosen) <= tolerance * (1 + 1e-6)
     moving = chosen.scene
     if moving.time is not None:

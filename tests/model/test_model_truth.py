@@ -217,7 +217,8 @@ def test_tendon_friction_follows_the_capstan_law(family):
 def test_tendon_friction_does_not_depend_on_the_number_of_elements():
     """Bends add up: a finger bent to a circle loses the same share of tension in any number of arcs."""
     friction, bend = 0.4, 0.05
-    finger = Case().with_finger(tendons=TENDONS.model_copy(update={"friction": friction})).finger
+    sticky = TENDONS.model_copy(update={"friction": friction})
+    finger = Case().with_finger(tendons=sticky, rest_curvature=0.0).finger
     moment = TENDONS.offset * 2.0
     for count in (2, 16, 64):
         model = FingerModel(finger, family="arc", elements=count)
@@ -357,7 +358,8 @@ def test_economised_rotation(reach):
 
 
 def test_leaving_the_range_is_reported():
-    model = Case().model("arc", bending_range=0.5)
+    case = Case().with_finger(rest_curvature=0.0)
+    model = case.model("arc", bending_range=0.5)
     assert evaluate(model.range_use, [0.25, -1.0], [0.0], []) == pytest.approx([0.5, 2.0])
-    model = Case().model("clothoid", (0.2, 0.4), bending_range=0.5)
+    model = case.model("clothoid", (0.2, 0.4), bending_range=0.5)
     assert evaluate(model.range_use, [2.5, -1.0, 0.0], [0.0], []) == pytest.approx([1.0, 0.8])

@@ -47,7 +47,11 @@ def tip_pose(found):
 ROD = {"length": 0.6, "linear_density": 0.05, "bending_stiffness": 0.06}
 
 
-def mixed(friction=0.0, follows=True, mirrored=False, elements=2, **fidelity):
+BODY = {"mass": 0.02, "rotary_inertia": 1e-5, "center_of_mass": [0.01, 0.02]}
+STOPS = {"curvature": [4.0, 9.0], "stiffness_ratio": 20.0}
+
+
+def mixed(friction=0.0, follows=True, mirrored=False, elements=2, *, fidelity=None, **finger):
     """Everything at once, on a rod that is not the unit one."""
     m = -1.0 if mirrored else 1.0
     loads = [
@@ -62,6 +66,7 @@ def mixed(friction=0.0, follows=True, mirrored=False, elements=2, **fidelity):
         "masses": [{"at": 0.6, "mass": 0.02}, {"at": 0.225, "mass": 0.05}, {"at": 0.45, "mass": 0.01}],
         "tendons": {"offset": 0.005, "max_tension": 100.0, "friction": friction},
         "base": {"position": [m * 0.3, -0.2], "angle": m * -0.7},
+        **finger,
     }
     tensions = [2.0, 9.0] if mirrored else [9.0, 2.0]
     return rod_scene(
@@ -76,10 +81,10 @@ def mixed(friction=0.0, follows=True, mirrored=False, elements=2, **fidelity):
     )
 
 
-def graded(friction=0.0, follows=True):
+def graded(friction=0.0, follows=True, **finger):
     """The same on a rod whose stiffness, density and rest curvature change and jump, one tendon pair ending inside."""
     return with_profile(
-        mixed(friction, follows),
+        mixed(friction, follows, tip_body=BODY, **finger),
         bending_stiffness=Curve((0.0, 0.25, 0.6), ((0.09, -0.1, 0.2), (0.03, -0.12, 0.2, -0.1))),
         linear_density=Curve((0.0, 0.25, 0.6), ((-2.8, -2.0), (-3.0, 0.0, -3.0, 2.0)), exponential=True),
         rest_curvature=Curve((0.0, 0.15, 0.375, 0.6), ((1.2, -3.0), (-0.8,), (2.0, 0.0, -9.0))),
@@ -103,6 +108,10 @@ def shot(scene, near):
         """Jump of moment and force where something acts."""
         psi = state[0]
         turn = np.array([[math.cos(psi), -math.sin(psi)], [math.sin(psi), math.cos(psi)]])
+        if s == length and finger.tip_body is not None:
+            arm, weight = turn @ finger.tip_body.center_of_mass, finger.tip_body.mass * g
+            state[1] += arm[0] * weight[1] - arm[1] * weight[0]
+            state[3:5] += weight
         for load in scene.loads:
             if load.at == s and isinstance(load, ForceLoad):
                 state[3:5] += turn @ load.force if load.follows else load.force
@@ -114,11 +123,27 @@ def shot(scene, near):
     def rate(s, state, low):
         s, (psi, moment, left, fx, fy) = max(s, low), state[:5]
         pull = left * sum(amplitude * shape(s) for shape, amplitude in shapes)
-        kappa = profile.rest_curvature(s) + (moment + pull) / profile.bending_stiffness(s)
+        kappa = float(profile.rest_curvature(s) + (moment + pull) / profile.bending_stiffness(s))
+        if finger.stops is not None:
+            kappa = stopped(kappa, float(profile.rest_curvature(s)), float(finger.stop_curvature(s)))
         t = (-math.sin(psi), math.cos(psi))
         size = kappa**2 / math.hypot(kappa, rounding)
         weight = profile.linear_density(s) * g
         return [kappa, t[1] * fx - t[0] * fy, -friction * left * size, -weight[0], -weight[1], t[0], t[1]]
+
+    def stopped(free, rest, limit):
+        """Curvature of a rod with stops that would have another one without."""
+
+        def missing(kappa):
+            total = kappa - free
+            for sign in finger.stops.signs:
+                beyond = sign * kappa - limit
+                root = math.hypot(beyond, 0.005 * limit)
+                slope = 0.25 * (beyond + root) * (1.0 + beyond / root)  # of half the square of the rounded distance
+                total += sign * (finger.stops.stiffness_ratio - 1.0) * slope
+            return total
+
+        return optimize.brentq(missing, min(free, rest) - 1e-3, max(free, rest) + 1e-3, xtol=1e-14)
 
     def base_of(unknown):
         state = np.array([unknown[0], 0.0, unknown[1], 0.0, 0.0, 0.0, 0.0])
@@ -270,8 +295,9 @@ SHOT = {
     "mixed": mixed(),
     "mixed dead": mixed(follows=False),
     "mixed with friction": mixed(friction=0.3),
-    "graded": graded(),
+    "graded": graded(follows=False),
     "graded with friction": graded(friction=0.3),
+    "graded with stops": graded(stops=STOPS),
 }
 
 
@@ -300,7 +326,8 @@ def test_own_weight_agrees_with_scipys_collocation():
 def test_friction_follows_the_capstan_law():
     friction, tension, offset = 0.4, 15.0, 0.1
     tendons = {"offset": offset, "max_tension": 100.0, "friction": friction}
-    found = solve_elastica(unit(finger={"tendons": tendons}, actuation={"tensions": [tension, 0.0]}))
+    given = {"finger": {"tendons": tendons}, "actuation": {"tensions": [tension, 0.0]}}
+    found = solve_elastica(unit(family="clothoid", **given))
     s = np.linspace(0.0, 1.0, 9)
     bend = np.log1p(friction * tension * offset * s) / friction
     assert found.angle(s) - HORIZONTAL == pytest.approx(bend, abs=1e-6)
@@ -349,7 +376,7 @@ def test_the_estimated_error_bounds_the_error(case, tolerance):
     assert found.error <= tolerance * scene.finger.rod.length
 
 
-@pytest.mark.parametrize("case", ["mixed", "mixed dead", "mixed with friction", "graded"])
+@pytest.mark.parametrize("case", ["mixed", "mixed dead", "mixed with friction", "graded", "graded with stops"])
 def test_the_derivative_is_exact_and_symmetric_without_following_loads(case):
     problem = read_problem(SHOT[case])
     mesh = Mesh(problem.breaks, 5)

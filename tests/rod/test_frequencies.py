@@ -82,6 +82,29 @@ def test_the_finger_model_converges_to_it_at_the_familys_order(angle, keys):
         assert order(np.array(errors)[:, 1])[-1] == pytest.approx(4.0, abs=0.6)
 
 
+def test_a_body_at_the_tip_is_that_of_beam_theory():
+    """Its center of mass ahead of the tip: shear force and moment there are those that accelerate it."""
+    mass, inertia, ahead = 0.3, 0.02, 0.15
+
+    def characteristic(omega: float) -> float:
+        b = math.sqrt(omega)
+        s, c, sh, ch = math.sin(b), math.cos(b), math.sinh(b), math.cosh(b)
+        shapes = [(ch - c, sh + s, ch + c, sh - s), (sh - s, ch - c, sh + s, ch + c)]
+        rows = []
+        for w, slope, bend, shear in shapes:
+            moved, moment = w + ahead * b * slope, (inertia + mass * ahead**2) * b * slope + mass * ahead * w
+            rows.append([b**2 * bend - omega**2 * moment, b**3 * shear + omega**2 * mass * moved])
+        return float(np.linalg.det(rows))
+
+    places = np.linspace(0.5, 40.0, 2000)
+    signs = [characteristic(at) for at in places]
+    pairs = zip(places, places[1:], signs, signs[1:], strict=False)
+    roots = [brentq(characteristic, a, z, xtol=1e-13) for a, z, x, y in pairs if x * y < 0.0]
+    body = {"mass": mass, "rotary_inertia": inertia, "center_of_mass": [0.0, ahead]}
+    found = exact(rod_scene(UNIT, "clothoid", gravity=FREE, finger={"tip_body": body}), 3)
+    assert 2.0 * math.pi * found == pytest.approx(roots[:3], rel=1e-9)
+
+
 def test_an_unstable_pose_has_a_frequency_of_zero():
     column = rod_scene(UNIT, angle=UPRIGHT, gravity=FREE, loads=[force(1.0, (0.0, -2.6))])
     standing = natural_frequencies(column.finger, solve_elastica(column, stable=False))

@@ -109,6 +109,10 @@ REFUSED = {
         lambda: finger({"offset": 0.004}, rod=CONE),
         "Finger: tendons[0].offset: tendons[0].offset: 0.004 m at 0.25 m along the finger is more than half its",
     ),
+    "of different friction": (
+        lambda: finger({"offset": 0.01, "friction": 0.1}, {"offset": -0.01, "to": 0.1}),
+        "Finger: tendons[1]: tendons[1].friction differs from that of tendons[0]",
+    ),
     "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension (20.0) must"),
 }
 

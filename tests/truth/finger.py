@@ -78,7 +78,7 @@ class TruthFinger:
 
 
 def rest_of(finger: TruthFinger, e: int) -> list:
-    """Rest curvature on an element, as (start, end, value) from its start; clothoids have it as it is."""
+    """Rest curvature on an element, as (start, end, value) from its start."""
     a, b = finger.edges[e : e + 2]
     parts = [(max(a, start) - a, min(b, end) - a, value) for start, end, value in finger.pieces]
     parts = [part for part in parts if part[1] > part[0]]

@@ -33,7 +33,7 @@ _DISTURBANCES = (
     ("tip_force", r"(tip_[xy]) \[N\]", r"unknown_\1 [N]"),
     ("object_position", r"(object_[xy]) \[m\]", r"\1_error [m]"),
     ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
-    ("bending_stiffness", r"bending_stiffness \[N m2\]", r"bending_stiffness_error [1]"),
+    ("bending_stiffness", r"bending_stiffness \[.+\]", r"bending_stiffness_error [1]"),
 )
 """Key in ``estimator.disturbances``, the parameters that the disturbances add to, and their names."""
 
@@ -61,7 +61,7 @@ class Estimation:
     drifts : (nz - nx,) ndarray
         Drift of each disturbance per square root of a second.
     mixing : (ny, nm) ndarray
-        Compared quantities as sums of measurements: of two tensions, their difference.
+        Compared quantities as sums of measurements: of two opposed tensions, their difference.
     sensors : tuple of str
         Device of each compared quantity, by its key in ``estimator.measured``: tip, tension or bending. The gate acts
         on devices, since the rows of one fail together.
@@ -116,7 +116,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     rate = model.dynamics(model.x, u, full)
     compared = _compared(scene, scene.estimator.measured, model, full)
     outputs = ca.vertcat(*[row.value for row in compared])
-    measurement_names = tuple(name for row in compared for name in row.parts)
+    measurement_names = tuple(dict.fromkeys(name for row in compared for name in row.parts))
 
     def function(name: str, inputs: list[ca.SX], labels: list[str], **found: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(e) for e in ca.cse(list(found.values()))], labels, list(found))
@@ -194,22 +194,20 @@ class _Compared(NamedTuple):
 
 def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX) -> list[_Compared]:
     """List what the filter compares."""
-    tendons = scene.finger.tendon_pair
     found = []
     if asked.tip is not None:
         names = ("tip_x [m]", "tip_y [m]")
         values = ca.vertsplit(model.tip(model.x, model.u, p))
         found += [_Compared("tip", name, value, {name: 1.0}) for name, value in zip(names, values, strict=True)]
     if asked.tension is not None:
-        moment = model.x[model.x_names.index("tip_moment [N m]")]
-        if tendons is None:
-            found.append(_Compared("tension", "tip_moment [N m]", moment, {"tip_moment [N m]": 1.0}))
-        else:
-            # The difference alone bends the finger; the mean tension is no state of the model.
+        unit = model.u_names[0].split("[")[1][:-1]
+        for k, moment in enumerate(model.lagging):
+            # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
+            first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names
-            offset = p[model.p_names.index("tendon_offset [m]")] if runtime else tendons.offset
-            parts = {"tension_1 [N]": 1.0, "tension_2 [N]": -1.0}
-            found.append(_Compared("tension", "tension_difference [N]", moment / offset, parts))
+            arm = p[model.p_names.index("tendon_offset [m]")] if runtime else first
+            parts = {name: of / first for name, of in zip(model.u_names, moment.arms, strict=True)}
+            found.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
     if asked.bending is not None:
         angles = ca.vertsplit(ca.vec(model.sections(asked.bending.at)(model.x, model.u, p)[1]))
         for k, angle in enumerate(angles):

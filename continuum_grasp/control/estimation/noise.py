@@ -57,7 +57,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
     White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
     elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
-    hundredth of the greatest tip moment. Disturbances are random walks; their variance at the start is that after one
+    hundredth of its greatest moment. Disturbances are random walks; their variance at the start is that after one
     second.
     """
     if scene.estimator is None:
@@ -74,11 +74,10 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     initial[:n] = (asked.initial_std * per_angle) ** 2
     # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
     initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
-    if scene.lag is not None:
-        at, most = model.x_names.index("tip_moment [N m]"), _greatest_moment(scene)
+    for at, _, most, lag in model.lagging:
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
-        process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / scene.lag**3
-        initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / scene.lag) ** 2
+        process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / lag**3
+        initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / lag) ** 2
     process[model.nx :] = initial[model.nx :] = estimation.drifts**2
     variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
     # Measurements are independent: variances add with the squares of their shares.
@@ -87,29 +86,22 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
 def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None) -> Ranges:
     """Compute the limits of states, disturbances, measurements, setpoints and parameters of a scene."""
-    cost, x = scene.controller.cost, _state_range(scene, model, stages)
+    cost, x = scene.controller.cost, _state_range(model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
     measured = estimation.measurement_names if estimation is not None else ()
     applied = np.array([_measurable(scene, model, name) for name in stages.u_names])
     return Ranges(
         x=x,
-        disturbances=np.array([_disturbance_range(scene, name) for name in unknown]).reshape(-1, 2),
+        disturbances=np.array([_disturbance_range(model, name) for name in unknown]).reshape(-1, 2),
         # Without an estimator the state is measured.
         measurement=np.array([_measurable(scene, model, name) for name in measured]) if measured else x,
         # What drives can have, and at least what can be commanded: one that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
         r=np.vstack([term.ranges(cost, model) for term in cost_terms(cost)]),
-        p=np.array([_parameter_range(scene, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
+        p=np.array([_parameter_range(model, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),
     )
-
-
-def _greatest_moment(scene: ControlScene) -> float:
-    tendons = scene.finger.tendon_pair
-    if tendons is None:
-        return scene.controller.input.moment_max or 0.0
-    return (tendons.max_tension - tendons.min_tension) * tendons.offset
 
 
 def measurement_std(scene: ControlScene, name: str) -> float:
@@ -122,28 +114,26 @@ def measurement_std(scene: ControlScene, name: str) -> float:
     return (asked.tip if name in ("tip_x [m]", "tip_y [m]") else asked.tension) or math.inf
 
 
-def _state_range(scene: ControlScene, model: Prediction, stages: Stages) -> Array:
+def _state_range(model: Prediction, stages: Stages) -> Array:
     """Coordinates well beyond the bending range, and rates of the fastest mode at that amplitude."""
     finger, n = model.system.finger_model, model.system.finger_model.n
     bend = max(map(finger.structure.family.coordinate_size, finger.ranges, finger.lengths))
     most = np.full(model.nx, UNLIMITED)
-    moment = _greatest_moment(scene)
     most[:n] = _MARGIN * bend
     most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
-    if scene.lag is not None:
-        at = model.x_names.index("tip_moment [N m]")
-        most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / scene.lag  # a step of the command: 0.37 moment / lag
+    for at, _, moment, lag in model.lagging:
+        most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / lag  # a step of the command: 0.37 moment / lag
     return np.stack([-most, most], axis=1)
 
 
-def _disturbance_range(scene: ControlScene, name: str) -> tuple[float, float]:
-    rod = scene.finger.rod
+def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
+    rod = model.scene.finger.profile
     if name.startswith("bending_stiffness"):
         return (-0.9, 9.0)  # from a tenth to ten times the nominal stiffness
     if name.startswith("object_"):
         return (-rod.length, rod.length)
     moment = name.endswith("[N m]")
-    most = _MOMENT * _greatest_moment(scene) if moment else _FORCES * rod.stiffness / rod.length**2
+    most = _MOMENT * model.greatest_moment if moment else _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
     return (-most, most)
 
 
@@ -152,20 +142,20 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     if name in ("tip_x [m]", "tip_y [m]"):
         base = finger.base.position["xy".index(name[4])]
         return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
-    if name.startswith("tension_") and finger.tendon_pair is not None:
-        most = finger.tendon_pair.max_tension
+    if name.startswith("tension_"):
+        most = scene.input_limits[1][model.u_names.index(name)]
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
     if name.startswith("angle_"):
         most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
         return (finger.base.angle - most, finger.base.angle + most)
-    most = 2.0 * _greatest_moment(scene)
+    most = 2.0 * model.greatest_moment
     return (-most, most)
 
 
-def _parameter_range(scene: ControlScene, name: str, nominal: float) -> tuple[float, float]:
+def _parameter_range(model: Prediction, name: str, nominal: float) -> tuple[float, float]:
     unit = name[name.index("[") + 1 : -1]
     if unit in ("N", "N m"):
-        most = _KNOWN * _disturbance_range(scene, name)[1]
+        most = _KNOWN * _disturbance_range(model, name)[1]
         return (-most, most)
     # Of either sign, or nominally zero.
     if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, Penalty
 
 Array = NDArray[np.float64]
@@ -56,18 +57,31 @@ class BoundedRows:
         return ca.vertcat(*self.values) if self.values else ca.SX(0, 1)
 
 
-def state_bounds(bounds: Bounds, curvature_limit: float, model: Prediction) -> BoundedRows:
-    """List the rows of the state alone: curvatures, bending rates, and distances from zones.
+def curvature_limits(bounds: Bounds, model: FingerModel) -> Array:
+    """Greatest absolute values [1/m] of what ``System.curvature`` gives, apart from the model's bending range."""
+    family, start = model.structure.family, 0.0
+    found = np.full(len(family.labels), np.inf)
+    for k, length in enumerate(model.lengths):
+        # The curvature of an arc is that of both its ends.
+        for place in family.places if family.degree else (0.0, 1.0):
+            limit = bounds.curvature_limit_at(model.finger, min(start + place * length, model.finger.rod.length))
+            at = family.local(k)[round(place * family.degree)]
+            if at < len(found):  # the tip's is none where its moment is known
+                found[at] = min(found[at], limit)
+        start += length
+    return found
 
-    ``curvature_limit`` [1/m] holds beside the bending range of the model.
-    """
+
+def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
+    """List the rows of the state alone: curvatures, bending rates, and distances from zones."""
     found = BoundedRows()
     penalty = _penalty(bounds.penalty)
     given = (model.x, model.u, model.p)
     if bounds.curvature is not None:
         # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
         kappa = model.curvature(*given)
-        limits = np.minimum(model.system.finger_model.structure.curvature_limits, curvature_limit)
+        finger = model.system.finger_model
+        limits = np.minimum(finger.structure.curvature_limits, curvature_limits(bounds, finger))
         names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
         found.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
     if bounds.speed is not None:
@@ -88,10 +102,11 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
             ends = np.cumsum([0.0, *lengths])
             places = [ends[k] + h * (j + 1) / _PER_ELEMENT for k, h in enumerate(lengths) for j in range(_PER_ELEMENT)]
         # Sums of element lengths are rounded, and beyond the tip there is no section.
-        where = model.sections(tuple(min(s, finger.rod.length) for s in places))(model.x, model.u, model.p)[0]
+        places = [min(s, finger.rod.length) for s in places]
+        where = model.sections(tuple(places))(model.x, model.u, model.p)[0]
         # The surface, half a thickness from the backbone, is what must stay outside.
-        away = zone.clearance + finger.thickness_radius
-        gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - away
+        away = zone.clearance + finger.profile.half_thickness(places)
+        gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - ca.DM(away)
         labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
         found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty))
 

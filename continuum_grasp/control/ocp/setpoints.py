@@ -59,10 +59,10 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
         If a reference has another number of entries than its cost term, or if no term tracks it.
     """
     given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
-    tendons = outputs.model.scene.finger.tendon_pair
+    scene = outputs.model.scene
     # Tensions cannot be zero, so that effort is what exceeds the least ones.
-    if given["input"] is None and tendons is not None:
-        given["input"] = (tendons.min_tension,) * 2
+    if given["input"] is None and scene.finger.tendons is not None:
+        given["input"] = scene.input_limits[0]
     for name, function in (functions or {}).items():
         if name not in SETPOINTS:
             raise InputError(f"expected one of {', '.join(SETPOINTS)}, got {name!r}", key="functions")

@@ -167,14 +167,14 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     change = (u - held) / horizon.stage if remembers else None
     tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
     outputs = function("outputs", "y", tracked.value(change))
-    bounded = state_bounds(bounds, bounds.curvature_limit(scene.finger), model)
+    bounded = state_bounds(bounds, model)
     ns = len(bounded.names)
     if limits.rate_max is not None and change is not None:
         # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
         bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
     rows = function("rows", "c", bounded.column)
     dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
-    u_min, u_max = _input_limits(scene)
+    u_min, u_max = (np.array(limit) for limit in scene.input_limits)
     method, substeps = _integration(horizon, model, u_min, u_max)
     return Stages(
         step=step_function(dynamics, x.numel(), method),
@@ -218,14 +218,6 @@ def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
     return "sdirk2", implicit
-
-
-def _input_limits(scene: ControlScene) -> tuple[Array, Array]:
-    tendons = scene.finger.tendon_pair
-    if tendons is not None:
-        return np.full(2, tendons.min_tension), np.full(2, tendons.max_tension)
-    most = scene.controller.input.moment_max or 0.0
-    return np.array([-most]), np.array([most])
 
 
 def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Function:

@@ -93,7 +93,7 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
         base=(complex(*bent.base[:2]), float(bent.base[2])),
         dead=[(bent.joint_position(load.joint), complex(*load.force)) for load in bent.loads],
         couples=[(bent.joint_position(load.joint), load.couple) for load in bent.loads],
-        amplitudes=[float(np.dot(channel.arms, bent.tensions)) for channel in bent.finger.channels],
+        tensions=bent.tensions.tolist(),
         marks=bent.rod.joints.tolist(),
     )
 

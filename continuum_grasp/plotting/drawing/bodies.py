@@ -25,13 +25,18 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 _CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035
-"""As parts of the finger's length: wider than any finger is thick."""
+"""As parts of the finger's length."""
+_CLAMP_OVER = 1.3
+"""Least width as a part of the finger's thickness at the base."""
 _EDGE_WIDTH = 3.0
 """[points]; half of it lies under the filling."""
 _DEPTH = 0.035
 """Thickness of the hatched material, as a part of the picture: two strokes of the hatching."""
 _LEAST_RADIUS = 0.012
 """Of a peg, as a part of the diagonal: a point peg is still seen."""
+_POINTS = {False: 60, True: 240}
+"""Of a backbone, without and with a thickness that changes: chords of a spiral of two turns, of which the last is a
+fortieth of the length across, are then as short as its units."""
 CIRCLE = np.stack([np.cos(np.linspace(0.0, math.tau, 25)), np.sin(np.linspace(0.0, math.tau, 25))], axis=1)
 """Points of a unit circle: enough for limits of pictures and places of labels."""
 
@@ -115,8 +120,8 @@ def draw_body(ax: Axes, outline: Array, **style: Any) -> Polygon:
     return body
 
 
-def draw_clamp(ax: Axes, backbone: Array, length: float) -> Array:
-    """Draw a hatched block that holds the base, across a finger of this length; returns its outline (5, 2)."""
+def draw_clamp(ax: Axes, backbone: Array, finger: Finger, unit: float = 1.0) -> Array:
+    """Draw a hatched block that holds the base of a finger; returns its outline (5, 2)."""
     from matplotlib.patches import Polygon
 
     p = backbone
@@ -125,7 +130,9 @@ def draw_clamp(ax: Axes, backbone: Array, length: float) -> Array:
     size = float(np.hypot(*tangent))
     along = tangent / size if size > 0 else np.array([0.0, 1.0])
     across = np.array([-along[1], along[0]])
-    half, depth = 0.5 * _CLAMP_WIDTH * length, _CLAMP_DEPTH * length
+    length = unit * finger.rod.length
+    half = max(0.5 * _CLAMP_WIDTH * length, _CLAMP_OVER * unit * float(finger.profile.half_thickness(0.0)))
+    depth = _CLAMP_DEPTH * length
     face = [p[0] - half * across, p[0] + half * across]
     corners = np.array([*face, face[1] - depth * along, face[0] - depth * along])
     ax.plot(*np.transpose(face), color=INK, linewidth=1.5, solid_capstyle="butt", zorder=Z.CLAMP_FACE)
@@ -134,16 +141,47 @@ def draw_clamp(ax: Axes, backbone: Array, length: float) -> Array:
     return np.asarray(block.get_xy())
 
 
-def masses_of(finger: Finger) -> list[tuple[float, float]]:
-    """Positions along a finger [m] and masses [kg] of its point masses."""
-    return [(float(m.at), float(m.mass)) for m in finger.masses if m.mass > 0]
+def backbone_points(finger: Finger) -> int:
+    """How many points of a backbone show the finger: more where its thickness changes, or it may curl up."""
+    return _POINTS[finger.profile.graded]
 
 
-def mass_positions(backbone: Array, masses: Sequence[tuple[float, float]], length: float) -> Array:
-    """World positions (len(masses), 2) on a backbone whose points are evenly spaced from base to tip."""
-    s = np.linspace(0.0, length, len(backbone))
-    at = [min(at, length) for at, _ in masses]
-    return np.column_stack([np.interp(at, s, backbone[:, k]) for k in (0, 1)])
+def shows_thickness(finger: Finger) -> bool:
+    """Whether the thickness is drawn without an object too: it changes along the finger, or tendons do."""
+    return finger.profile.graded or _tendons_change(finger)
+
+
+def _tendons_change(finger: Finger) -> bool:
+    return any(channel.shape.constant is None for channel in finger.channels)
+
+
+def draw_thickness(ax: Axes, backbone: Array, finger: Finger, **style: Any) -> list[Any]:
+    """Draw how thick a finger is, and the tendons whose run does not follow from that; returns what was drawn."""
+    drawn: list[Any] = [draw_body(ax, finger_outline(backbone, finger), **style)]
+    if _tendons_change(finger):
+        look: dict[str, Any] = {"color": INK, "linewidth": 0.7, "linestyle": (0, (4, 2)), "zorder": Z.TENDON}
+        look |= {key: value for key, value in style.items() if key == "animated"}
+        for path in (tendon_path(tendon, backbone, finger) for tendon in finger.tendon_list):
+            drawn += ax.plot(*path.T, **look)
+            drawn += ax.plot(*path[-1], "o", markersize=2.5, **{**look, "linestyle": "none"})
+    return drawn
+
+
+def masses_of(finger: Finger) -> list[float]:
+    """Masses of what is drawn as dots on a finger [kg]: its point masses, and the body at its tip."""
+    return [float(m.mass) for m in finger.masses if m.mass > 0] + [b.mass for b in (finger.tip_body,) if b is not None]
+
+
+def mass_positions(backbone: Array, finger: Finger) -> Array:
+    """World positions (masses, 2) on a backbone whose points are evenly spaced from base to tip."""
+    line, s, angle = _placed(backbone, finger, None, None)
+    at = [min(m.at, finger.rod.length) for m in finger.masses if m.mass > 0]
+    found = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
+    if finger.tip_body is None:
+        return found
+    across, along = finger.tip_body.center_of_mass
+    c, s_ = math.cos(angle[-1]), math.sin(angle[-1])
+    return np.concatenate([found, [line[-1] + np.array([[c, -s_], [s_, c]]) @ (across, along)]])
 
 
 def object_outlines(body: GraspObject, pose: Array) -> list[Array]:

@@ -58,7 +58,7 @@ class Film:
             body.set_data(*shapes[k].T)
             clock.set_text(f"{motion.t[at[k]]:.2f} s")
             if masses:
-                dots.set_data(*mass_positions(shapes[k], masses, motion.length).T)
+                dots.set_data(*mass_positions(shapes[k], motion.scene.finger).T)
             return [trail, body, clock, dots]
 
         return move

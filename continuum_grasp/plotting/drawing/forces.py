@@ -78,10 +78,10 @@ def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) 
     return found
 
 
-def explain(ax: Axes, masses: Sequence[tuple[float, float]], forces: Sequence[Force], name: str | None) -> None:
+def explain(ax: Axes, masses: Sequence[float], forces: Sequence[Force], name: str | None) -> None:
     """Write title and, under it, what dots and arrows mean, with the greatest force of each kind."""
     if masses:
-        label = ", ".join(f"{1e3 * mass:.3g} g" for mass in dict.fromkeys(mass for _, mass in masses))
+        label = ", ".join(f"{1e3 * mass:.3g} g" for mass in dict.fromkeys(masses))
         ax.plot([], [], "o", color=INK, markersize=6, label=label)
     for key in force_keys(forces):
         ax.plot([], [], **key)

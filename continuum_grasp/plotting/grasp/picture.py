@@ -158,7 +158,7 @@ def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
     for name, finger in view.fingers.items():
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
         line = backbone[:, 1:3]
-        drawn += [body, draw_clamp(ax, line, MM * finger.rod.length)]
+        drawn += [body, draw_clamp(ax, line, finger, MM)]
         edge, style = lighter(color, 0.25), "solid" if view.found else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
