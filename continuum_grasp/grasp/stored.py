@@ -18,7 +18,12 @@ STORED = (
     Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
     Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
-    Stored("{finger}.q", "({finger} coordinate,)", "", "above rest: bends of the elements [rad] (arc) or nodal curvatures [1/m]"),
+    Stored(
+        "{finger}.q",
+        "({finger} coordinate,)",
+        "",
+        "above rest: bends of the elements [rad] (arc) or nodal curvatures [1/m]",
+    ),
     Stored("{finger}.lengths", "({finger} element,)", "m", "lengths of the elements"),
     Stored(
         "{finger}.curvature_shapes",
