@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -61,14 +62,14 @@ class Case:
 
     def reference(self, model: FingerModel) -> TruthFinger:
         """The same for the reference implementation."""
-        finger, rod = self.finger, self.finger.rod
+        finger, rod, rest = self.finger, self.finger.rod, self.finger.profile.rest_curvature
         return TruthFinger(
             lengths=model.lengths,
             family=model.family,
             mass_per_length=rod.mass_per_length,
             rotary_inertia=rod.inertia_per_length,
             bending_stiffness=rod.stiffness,
-            rest_curvature=finger.curvature_pieces,
+            rest_curvature=[(a, b, c[0]) for (a, b), c in zip(pairwise(rest.edges), rest.coefficients, strict=True)],
             masses=[(m.at, m.mass) for m in finger.masses],
             gravity=self.gravity,
             base_position=finger.base.position,

@@ -134,7 +134,12 @@ def test_new_lists_every_example_in_one_line():
 
 COMPLETED = {
     "new . --example grasp/mug_h": ["grasp/mug_handle", "grasp/mug_hanging"],
-    "modes configs/simulate/s": ["configs/simulate/standing.yaml", "configs/simulate/swing_against_disc.yaml"],
+    "modes configs/simulate/s": [
+        "configs/simulate/spirob.yaml",
+        "configs/simulate/standing.yaml",
+        "configs/simulate/stepped_rod.yaml",
+        "configs/simulate/swing_against_disc.yaml",
+    ],
     "mpc configs/mi": ["configs/mission/mug.yaml"],
     "grasp configs/mpc/": [],
 }

@@ -127,7 +127,9 @@ class _Check:
         family, tip = str(arrays[f"{name}.family"]), float(arrays[f"{name}.tip_curvature"])
         base = np.asarray(arrays[f"{name}.base"], dtype=float)
         tensions = np.asarray(arrays[f"{name}.tensions"], dtype=float)
-        ends = _ends(family, q, lengths, tip)
+        # Coordinates are above the rest curvature.
+        rest = float(finger.profile.rest_curvature(finger.rod.length))
+        ends, tip = _ends(family, q, lengths, tip) + rest, tip + rest
         self._note("limit", abs(lengths.sum() / length - 1.0))
         self._note("limit", -lengths.min() / length)
         self._limits(setup, ends, lengths, tensions, base)
@@ -202,7 +204,7 @@ class _Check:
     ) -> None:
         finger = setup.finger
         rod, tendons, half = finger.rod, finger.tendons, finger.thickness_radius
-        rest = finger.curvature_pieces[-1][2]
+        rest = float(finger.profile.rest_curvature(finger.rod.length))
         lean = ends - rest
         net = (tensions[0] - tensions[1]) * tendons.offset
         slope = np.zeros(2 * len(lengths))

@@ -163,7 +163,7 @@ def _hand(setup: Any) -> Hand:
         tip=setup.tip == "on",
         length=finger.rod.length,
         stiffness=finger.rod.stiffness,
-        rest=finger.curvature_pieces[-1][2],
+        rest=float(finger.profile.rest_curvature(finger.rod.length)),
         thickness=finger.thickness_radius,
         radius=0.5 * (finger.rod.diameter or 0.0),
         offset=tendons.offset,

@@ -137,7 +137,7 @@ class Readings:
         if most is not None:
             change = np.abs(u - held).max(axis=1) / period
             found.append(Bound("input rate", f"{unit}/s", change - most, most))
-        limits = curvature_limits(bounds, self.plant.system.finger_model)
+        limits, _ = curvature_limits(bounds, self.plant.system.finger_model)
         if np.all(np.isfinite(limits)):
             kappa = self._map(self.plant.function("kappa", k=self.plant.curvature), x, u, w)
             found.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))

@@ -55,11 +55,11 @@ class FingerPosture:
     family : str
         ``arc``, ``clothoid`` or ``matched_clothoid``.
     q : ndarray, shape (n,)
-        Bending coordinates: bends of the elements [rad] (arc) or nodal curvatures [1/m].
+        Bending coordinates above rest: bends of the elements [rad] (arc) or nodal curvatures [1/m].
     lengths : ndarray, shape (N,)
         Element lengths [m].
     tip_curvature : float
-        [1/m]
+        Above the rest curvature [1/m].
     tensions : ndarray, shape (2,)
         Of the tendon on the finger's left (-X side), which bends it positively, and of that on its right [N].
     base : ndarray, shape (3,)

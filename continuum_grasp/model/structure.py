@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count
-from operator import truediv
 
 import numpy as np
 
@@ -149,12 +148,6 @@ class Structure:
                 driven, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], drives)
                 found += [float(driven), 0.0]
         return found
-
-    @property
-    def curvature_limits(self) -> list[float]:
-        """Greatest absolute values [1/m] of what ``System.curvature`` gives, as far as the bending ranges go."""
-        count = len(self.family.labels)
-        return self._limits(truediv, self.lengths)[:count]
 
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
         limits = [math.inf] * self.family.size

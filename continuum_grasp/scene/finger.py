@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.rod import Rod
@@ -226,14 +225,6 @@ class Finger(Value):
             return np.full(at.shape, np.inf)
         return np.asarray(self.strain_limit / np.maximum(depth(at), depth(at, tip_side=True)))
 
-    @property
-    def curvature_pieces(self) -> tuple[tuple[float, float, float], ...]:
-        """Rest curvature as (start [m], end [m], curvature [1/m])."""
-        curve = self.profile.rest_curvature
-        if any(any(c[1:]) for c in curve.coefficients):
-            raise InputError("rest_curvature that changes inside a section is not supported here", key="finger.rod")
-        return tuple((a, b, c[0]) for (a, b), c in zip(pairwise(curve.edges), curve.coefficients, strict=True))
-
     @cached_property
     def profile(self) -> Profile:
         """The rod along its length, with the finger's rest curvature and thickness."""
@@ -265,13 +256,6 @@ class Finger(Value):
     def tendon_list(self) -> tuple[Tendon, ...]:
         """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
         return single_tendons(self.tendons)
-
-    @property
-    def tendon_pair(self) -> Tendons | None:
-        """The tendons where they are a pair; `InputError` where they are a list, which what reads this cannot do."""
-        if isinstance(self.tendons, tuple):
-            raise InputError("expected a pair of tendons (a mapping) here, got a list", key="finger.tendons")
-        return self.tendons
 
     @property
     def tendon_friction(self) -> float:

@@ -17,9 +17,11 @@ from PIL import Image
 from continuum_grasp import plotting
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.results import MotionResult, save_picture
+from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory
 
 LENGTH = 0.6
+ROD = Rod(length=LENGTH, linear_density=0.02, bending_stiffness=0.05)
 
 
 class Motion(MotionResult):
@@ -41,8 +43,8 @@ class Motion(MotionResult):
         self.potential = 0.3 - 0.2 * self.t
         self.tip = self.backbone(range(count))[:, -1]
         self.forces = forces
-        masses = (SimpleNamespace(at=LENGTH / 2, mass=mass), SimpleNamespace(at=LENGTH, mass=mass))
-        self.scene = SimpleNamespace(finger=SimpleNamespace(masses=masses), object=None, supports={})
+        masses = [{"at": LENGTH / 2, "mass": mass}, {"at": LENGTH, "mass": mass}]
+        self.scene = SimpleNamespace(finger=Finger(rod=ROD, masses=masses), object=None, supports={})
 
     def backbone(self, indices: object, points: int = 50) -> np.ndarray:
         s = np.linspace(0.0, 1.0, points)
@@ -67,6 +69,7 @@ def some_modes(count: int = 3, stable: bool = True) -> SimpleNamespace:
         backbone=np.column_stack([LENGTH * s, 0 * s]),
         shapes=shapes,
         stable=stable,
+        scene=SimpleNamespace(finger=Finger(rod=ROD)),
     )
 
 

@@ -122,7 +122,6 @@ def test_a_finger_gives_what_the_rod_leaves_open():
     assert finger.profile.rest_curvature([0.05, 0.2]).tolist() == [1.0, 2.0]
     assert finger.profile.half_thickness(0.2) == 0.008
     assert finger.thickness_radius == 0.008
-    assert finger.curvature_pieces == ((0.0, 0.1, 1.0), (0.1, LENGTH, 2.0))
 
 
 WRONG = {

@@ -57,19 +57,22 @@ class BoundedRows:
         return ca.vertcat(*self.values) if self.values else ca.SX(0, 1)
 
 
-def curvature_limits(bounds: Bounds, model: FingerModel) -> Array:
-    """Greatest absolute values [1/m] of what ``System.curvature`` gives, apart from the model's bending range."""
-    family, start = model.structure.family, 0.0
-    found = np.full(len(family.labels), np.inf)
-    for k, length in enumerate(model.lengths):
-        # The curvature of an arc is that of both its ends.
-        for place in family.places if family.degree else (0.0, 1.0):
-            limit = bounds.curvature_limit_at(model.finger, min(start + place * length, model.finger.rod.length))
-            at = family.local(k)[round(place * family.degree)]
-            if at < len(found):  # the tip's is none where its moment is known
-                found[at] = min(found[at], limit)
-        start += length
-    return found
+def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
+    """Greatest absolute values [1/m] of what ``System.curvature`` gives: those asked for, and of the bending ranges."""
+    family, lengths = model.structure.family, model.lengths
+    edges = np.minimum(np.cumsum([0.0, *lengths]), model.finger.rod.length).tolist()
+    count, asked, ranges = len(family.places), [], []
+    # Each entry is read at one place of one element.
+    numbers = [[float(count * k + j) for j in range(count)] for k in range(len(lengths))]
+    for number in family.curvature_at_coordinates(numbers):
+        element, j = divmod(int(number), count)
+        place = family.places[j]
+        # The curvature of an arc is that of its ends too; a node belongs to the elements on both sides.
+        at = (edges[element] + place * lengths[element],) if family.degree else edges[element : element + 2]
+        after = [element + 1] if family.continuous and place == 1.0 and element + 1 < len(lengths) else []
+        asked.append(min(bounds.curvature_limit_at(model.finger, s) for s in at))
+        ranges.append(min(model.ranges[k] / lengths[k] for k in (element, *after)))
+    return np.array(asked), np.array(ranges)
 
 
 def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
@@ -80,8 +83,7 @@ def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
     if bounds.curvature is not None:
         # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
         kappa = model.curvature(*given)
-        finger = model.system.finger_model
-        limits = np.minimum(finger.structure.curvature_limits, curvature_limits(bounds, finger))
+        limits = np.minimum(*curvature_limits(bounds, model.system.finger_model))
         names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
         found.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
     if bounds.speed is not None:

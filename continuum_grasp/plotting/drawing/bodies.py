@@ -52,8 +52,15 @@ def finger_outline(
     line, s, angle = _placed(backbone, finger, s, angle)
     at, half = _thickness_line(finger, s)
     half = unit * half
+    if _cuts(finger):  # units are rigid: straight between cuts, and turned as their chords are
+        edges = np.array(finger.rod.spirob.edges(finger.rod.length)) if finger.rod.spirob else s
+        line, s = np.column_stack([np.interp(edges, s, line[:, k]) for k in (0, 1)]), edges
+        chord = np.diff(line, axis=0)
+        turned = np.unwrap(np.arctan2(-chord[:, 0], chord[:, 1]))
+        turn = turned[np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(turned) - 1)]
+    else:
+        turn = np.interp(at, s, angle)
     points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
-    turn = np.interp(at, s, angle)
     across = half[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     cap = turn[-1] + np.linspace(0.0, math.pi, 25)
     end = points[-1] + half[-1] * np.stack([np.cos(cap), np.sin(cap)], axis=1)
@@ -92,16 +99,21 @@ def _placed(backbone: Array, finger: Finger, s: Array | None, angle: Array | Non
     return line, s, angle
 
 
+def _cuts(finger: Finger) -> bool:
+    """Whether a finger is seen to be cut into units: a spiral without a skin."""
+    return finger.rod.spirob is not None and finger.half_thickness is None
+
+
 def _thickness_line(finger: Finger, s: Array) -> tuple[Array, Array]:
     """Positions along a finger and half its thickness there [m], with both sides of jumps and the cuts of a spiral."""
     half, spiral = finger.profile.half_thickness, finger.rod.spirob
     edges = np.array(half.edges[1:-1])
     at = np.concatenate([s, edges, edges])
     found = np.concatenate([half(s), half(edges), half(edges, tip_side=True)])
-    if spiral is not None and finger.half_thickness is None:
+    if spiral is not None and _cuts(finger):
         cuts = np.array(spiral.edges(finger.rod.length)[1:-1])
-        # Wedges down to the elastic layer, whose sides meet where the unit is turned by its angle.
-        wide = math.tan(0.5 * spiral.unit_angle(finger.rod.length)) * (1.0 - spiral.core) * half(cuts)
+        # Wedges down to the elastic layer, whose outer ends meet where units are turned by their angle.
+        wide = math.tan(0.5 * spiral.unit_angle(finger.rod.length)) * half(cuts)
         sides = np.concatenate([cuts - wide, cuts + wide])
         inside = np.all([np.abs(at - cut) > one for cut, one in zip(cuts, wide, strict=True)], axis=0)
         at = np.concatenate([at[inside], sides, cuts])

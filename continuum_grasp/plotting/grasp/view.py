@@ -145,10 +145,8 @@ def lighter(color: str, share: float) -> str:
 def _unloaded(finger: GraspFinger) -> Array:
     """The backbone of a finger that nothing bends but its rest curvature (points, 4) [mm, rad]."""
     s = np.linspace(0.0, finger.rod.length, _PLACES)
-    curvature = np.zeros(_PLACES - 1)
-    for start, end, value in finger.curvature_pieces:
-        curvature[(s[:-1] >= start - 1e-12) & (s[:-1] < end)] = value
     step = s[1]
+    curvature = finger.profile.rest_curvature(0.5 * (s[1:] + s[:-1]))
     angle = finger.base.angle + np.concatenate([[0.0], np.cumsum(curvature * step)])
     # each chord by the angle of its middle: of second order in the step
     middle = 0.5 * (angle[1:] + angle[:-1])
