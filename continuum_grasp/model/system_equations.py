@@ -56,15 +56,18 @@ class SystemEquations(Equations):
     @cached_property
     def _stations(self) -> list[tuple[Place, Station]]:
         """Where the finger may touch."""
-        made, radius = self._structure, self._structure.finger.thickness_radius
-        places = [(f"finger.{k + 1}", place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
+        made = self._structure
+        named = [(f"finger.{k + 1}", at, place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
+        half = made.finger.profile.half_thickness
         motions = self.chain.end_velocities(self.full_rates)
         found = []
-        for name, place in [*places, ("finger.tip", made.tip)]:
+        for name, at, place in [*named, ("finger.tip", made.length, made.tip)]:
             center, (velocity, spin) = self.to_world(self.chain.position(place)), motions[place.link]
             # Without the couple of its force, a matched tip must not turn in the slip either, or power would appear.
             rolls = not (made.matched and place is made.tip)
-            found.append((place, Station(name, center, radius, self.turn.apply(velocity), spin if rolls else 0.0)))
+            found.append(
+                (place, Station(name, center, float(half(at)), self.turn.apply(velocity), spin if rolls else 0.0))
+            )
         return found
 
     @cached_property
