@@ -41,7 +41,7 @@ def export_mjcf(
         {
             "written": ", ".join(map(str, chain.files)),
             "hinges": chain.hinges,
-            "controls": ", ".join(chain.control_names),
+            "controls": ", ".join(chain.control_names) or "none",
             "first frequency": f"{chain.first_frequency:.6g} Hz, straight and unloaded",
             "timestep": f"{chain.timestep:g} s",
         }

@@ -24,7 +24,7 @@ def pulled(first, second, **tendon):
     """Two tendons that run alike on both sides."""
     offset = tendon.pop("offset", (0.02, 0.02))
     sides = [{"offset": [sign * e for e in offset], "max_tension": 1.2 * first, **tendon} for sign in (1.0, -1.0)]
-    return {"finger": {"tendons": sides, "half_thickness": 0.02}, "actuation": {"tensions": [first, second]}}
+    return {"finger": {"tendons": sides, "half_thickness": max(offset)}, "actuation": {"tensions": [first, second]}}
 
 
 ACROSS, NONE = (0.0, -1.0), (0.0, 0.0)
@@ -40,6 +40,7 @@ BENT = {"breaks": [0.55], "values": [1.5, -3.0]}
 
 SCENES = {
     "uniform, tendons, weight": rod_scene(UNIT, gravity=(-2.0, -1.0), tip_mass=0.2, **pulled(60.0, 5.0)),
+    "uniform, inclined tendons": rod_scene(UNIT, gravity=NONE, **pulled(20.0, 2.0, offset=(0.05, 0.01))),
     "cone, tendons to the tip": rod_scene(RODS["cone 0.25"], gravity=ACROSS, **pulled(15.0, 5.0, offset=(0.02, 0.005))),
     "cone, tendons that end inside": rod_scene(
         RODS["cone 0.25"],

@@ -197,7 +197,11 @@ def _distances(finger: Finger, links: Links, pulls: Sequence[Control]) -> Array:
         farthest = min(abs(links.rest[k]) + moment / links.stiffness[k], limit)
         bend = max(_LEAST_BEND * element / profile.length, farthest)
         # Beyond a right angle at one hinge the chain is no image of the rod.
-        apart = _REACH * max(map(abs, offsets)) * math.tan(min(0.5 * bend, 0.25 * math.pi))
+        near = _REACH * math.tan(min(0.5 * bend, 0.25 * math.pi))
+        # The slope of the short part beside the hinge grows as that part shrinks: lengthened by the slope, the error
+        # of the lever vanishes with the bend.
+        slopes = [abs(one.slope(profile.length)) for one in finger.tendon_list]
+        apart = max(abs(e) * (near + slope) for e, slope in zip(offsets, slopes, strict=True))
         shortest = min(lengths[k], lengths[k + 1])
         found[k] = min(max(apart, _NEAREST * shortest), _FARTHEST * shortest)
     return found
