@@ -24,6 +24,8 @@ Guess = Callable[[Array], ArrayLike] | ArrayLike
 _COARSE, _FINE = 10, 16
 """Nodes per panel while the shape is sought, and while it is refined: a panel that bends by 1 rad is then exact to 1e-9
 and to rounding."""
+_BEND = 2.5
+"""Turn [rad] of a panel of the first mesh, at most, as far as moments say: some load always undoes part of it."""
 _RESOLVED = 1e-6
 """Turn of a panel [rad] that the first mesh may miss where the rod changes along its length, see ``unresolved``: far
 below what the shape needs that is then refined."""
@@ -203,19 +205,19 @@ def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolera
 
 def _first_equations(problem: RodProblem) -> RodEquations:
     """On panels between breaks, no longer than what forces and moments bend by an angle of about one."""
-    equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 0.5), _COARSE))
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
-    curvature = equations.greatest_curvature
     # Panels that bend by about a radian: forces turn the elastica over a length sqrt(EI / F), moments over EI / M.
-    longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)), 2.5 / max(curvature, 1e-9))
+    longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)))
     edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))
-    if len(edges) * _COARSE > _MAX_NODES:
-        raise _too_many("the loads bend the rod on too small a scale; check their units")
     equations = RodEquations(problem, Mesh(edges, _COARSE))
-    # Where the rod itself changes steeply, shorter.
-    while (coarse := equations.unresolved(equations.rest) > _RESOLVED).any() and equations.mesh.size < _MAX_NODES:
-        equations = RodEquations(problem, equations.mesh.refined(coarse, _COARSE))
-    return equations
+    while True:
+        # Shorter where the rod itself changes steeply.
+        long = (equations.panel_turns() > _BEND) | (equations.unresolved(equations.rest) > _RESOLVED)
+        if equations.mesh.size + _COARSE * long.sum() > _MAX_NODES:
+            raise _too_many("the loads bend the rod on too small a scale; check their units")
+        if not long.any():
+            return equations
+        equations = RodEquations(problem, equations.mesh.refined(long, _COARSE))
 
 
 def _find(equations: RodEquations, guess: Guess | None, descends: bool, side: int) -> tuple[Array, int]:

@@ -68,11 +68,15 @@ class RodEquations:
             self._drives.append((amplitude * shape(place), friction))
         self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
 
-    @property
-    def greatest_curvature(self) -> float:
-        """Curvature that tendons, couples and rest curvature give on a rod of mean stiffness, at most [1]."""
-        moments = [float(np.abs(drive).max()) for drive, _ in self._drives]
-        return sum(moments) + sum(abs(value) for _, value in self.problem.couples) + float(np.abs(self.rest).max())
+    def panel_turns(self) -> Array:
+        """Turn of each panel [rad] by tendons, couples and rest curvature, at most: all to one side."""
+        moment = sum((np.abs(drive) for drive, _ in self._drives), np.zeros(self.mesh.size))
+        for at, couple in self.problem.couples:
+            moment += abs(couple) * (self.mesh.nodes < at)
+        curvature = np.abs(self.rest) + moment / self.bending_stiffness
+        if self._added and len(self._signs) == 2:
+            curvature = np.minimum(curvature, self._limit + (curvature - self._limit) / (1.0 + self._added))
+        return np.diff(self.mesh.to_edges(curvature).real)
 
     def tangents(self, curvature: Array) -> Complex:
         """Unit tangents at the nodes."""
