@@ -159,9 +159,18 @@ def test_skin_is_rounded_at_corners_alone():
     assert np.abs(np.diff(slopes)).max() < 1e-3  # no jump of the slope is left
 
 
+JUMP = {
+    "length": LENGTH,
+    "sections": [section(0.1, STIFFNESS, thickness=0.03), section(LENGTH, STIFFNESS, thickness=0.01)],
+}
+MANY = {"length": LENGTH, "sections": [section(LENGTH * (k + 1) / 17, STIFFNESS * (1 + 0.01 * k)) for k in range(17)]}
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
+        ({"finger.rod": JUMP, "finger.half_thickness": None}, "smaller jumps"),
+        ({"finger.rod": MANY}, "17 parts"),
         ({"fidelity.family": "arc"}, "fidelity.family"),
         ({"finger.tendons": [{"offset": 0.005, "max_tension": 60.0}]}, "tendons"),
         ({"finger.stops": {"curvature": 60.0, "stiffness_ratio": 50.0}}, "stops"),

@@ -18,7 +18,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.skin import skin, steepest
 from continuum_grasp.model.family import family_class
 from continuum_grasp.rod.dense_rod import with_places
 from continuum_grasp.scene.grasp import FingerSetup
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 MOST_PANELS = 16
 """Most parts of a finger on which a curve is one polynomial: every element has Gauss nodes in each of them."""
+MOST_STEEP = 0.7
+"""Greatest slope of half the thickness [1]: the skin then leans by 45 degrees, and discs cover no steeper one."""
 _MASS_DEGREE = 12
 """Degree of the mass beyond a section where the density is an exponential: rounding for densities 1:100 in a panel."""
 
@@ -76,6 +78,13 @@ class GradedSpec:
                 key="fidelity.family",
             )
         made = _curves(setup, weighs)
+        steep = steepest(skin(setup.finger.profile.half_thickness))
+        if steep > MOST_STEEP:
+            raise InputError(
+                f"half the thickness of {setup.name} changes by {steep:.2g} per length where its corners are rounded, "
+                f"more than {MOST_STEEP}: give smaller jumps, or half_thickness",
+                key="rod",
+            )
         most = max(each.spec.panels for each in made)
         if most > MOST_PANELS:
             raise InputError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 
@@ -35,8 +35,8 @@ class GradedUnitFinger(UnitFinger):
 
     @property
     def _graded(self) -> GradedSpec:
-        assert self.spec.graded is not None
-        return self.spec.graded
+        # Fingers without curves are `UnitFinger`s.
+        return cast(GradedSpec, self.spec.graded)
 
     def _parameters(self) -> ca.SX:
         nodes, channels = self.spec.elements + 1, self._graded.channels
