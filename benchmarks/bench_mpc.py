@@ -246,7 +246,13 @@ def add_states(report: Report, arguments: argparse.Namespace) -> None:
             built, retained = time.perf_counter() - began, loop(keep=True)
             runs = measured({"ours": loop}, arguments.rounds, report.seed)["ours"]
             stages, middle = case.stages, float(np.median(us(runs)))
-            row = [family, unknowns, stages.nx, f"{_method(case)} x {stages.substeps}", stages.step.n_instructions()]
+            row = [
+                family,
+                unknowns,
+                stages.nx,
+                f"{_method(case)} x {stages.substeps}",
+                stages.step.expand().n_instructions(),
+            ]
             rows.append(
                 [*row, middle, float(np.median(us(runs, 99.0))), *phases(runs), int(retained.good.sum()), built]
             )

@@ -25,7 +25,7 @@ _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
 _USUAL = ("cc", "gcc", "clang")
 _LONG = 20_000
 """Lines of a function up to which it is compiled with -O3, a longer one with -O1, for which gcc 12 needs 0.13 s per
-thousand lines, 0.2 s with -O3 (the mug mission's controller, functions of 70,000 to 140,000 lines); what either gains
+thousand lines, 0.2 s with -O3 (measured on functions of 70,000 to 140,000 lines); what either gains
 over -O0 in straight-line code is the registers, and -O1 has that."""
 _GCC = ("-fschedule-insns", "-fsched-pressure", "-flive-range-shrinkage")
 """Scheduling under register pressure: straight-line code gains about 7 %, compiling takes twice as long."""
@@ -35,7 +35,7 @@ _QUICK = 300
 """Lines of a unit's longest function up to which a quick build optimizes it, by -O1: what runs often is short."""
 _PER_LINE, _PER_LINE_QUICK = 0.25e-3, 0.03e-3
 """Seconds of a line, of a quick build and of others, by which compiling is announced (gcc 12, one core of an AMD EPYC:
-the controller and plant of ``configs/mpc/tip_arc.yaml``, 42,000 and 75,000 lines, take 11 s and 16 s)."""
+the controller of ``configs/mpc/tip_steps.yaml``, 18,000 lines, takes 4.7 s, a plant of 75,000 lines 16 s)."""
 _ANNOUNCED = 2.0
 """Seconds from which compiling is announced."""
 _TIMEOUT = 1800.0
