@@ -104,6 +104,23 @@ def test_tensions_stay_at_their_limit():
     assert np.linalg.norm(found.tip[-1] - found.tip_reference[-1]) < 0.02
 
 
+def test_a_spirob_goes_where_its_tension_bends_it():
+    """At rest the tip is where int T e / EI ds bends it: the setpoint is that of 0.7 N, by another quadrature."""
+    found = checked(run("spirob", 1.1, "plant.noise=0.0", "reference.tip=[-0.0371, 0.2389]"))
+    away = np.linalg.norm(found.tip - found.tip_reference, axis=1)
+    assert away[40:].max() < 2e-3
+    held = 1.1 * 0.7  # the plant is stiffer
+    assert found.u[-1, 0] - found.u[-1, 1] == pytest.approx(held, rel=0.03)
+    assert found.disturbance[-1, 0] == pytest.approx(0.1, abs=0.05)
+
+
+def test_three_tendons_take_middle_and_tip_to_setpoints():
+    found = checked(run("three_tendons", 0.8, "plant.noise=0.0"))
+    error = (found.tracked - found.r)[60:, :4]
+    assert np.abs(error).max() < 4e-3
+    assert found.u.shape[1] == 3
+
+
 def test_zones_are_avoided():
     found = checked(run("keep_out", 1.5, ARCS, "controller.bounds.keep_out.wall.clearance=0.005"))  # arcs err by more
     assert found.tip[:, 0].min() > -0.10 + 0.006
