@@ -19,6 +19,8 @@ DEFAULT_RANGE = 2 * math.pi / 3
 WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
 With 32 elements it saves two of eight quadrature nodes."""
+_LOOKED = 9
+"""Places per element at which thickness and limits of the curvature are looked up [1]."""
 _SNAP = 1e-9
 """Distance per length of the finger up to which two positions are the same [1]: above the rounding of sums of
 lengths."""
@@ -149,21 +151,32 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
     return tuple(lengths)
 
 
-def element_ranges(lengths: Sequence[float], bending_range: float | None, curvature_limit: float) -> tuple[float, ...]:
+def element_ranges(lengths: Sequence[float], bending_range: float | None, finger: Finger) -> tuple[float, ...]:
     """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
 
-    By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere.
+    By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
+    more than thick ones, and each by its share where there are stops.
     """
     if bending_range is not None:
         if not 0.0 < bending_range <= _WIDEST:
             message = f"expected a positive number of radians, up to {_WIDEST:g}, got {bending_range}"
             raise InputError(message, key="bending_range")
         return tuple(bending_range for _ in lengths)
+    ends = np.cumsum([0.0, *lengths])
+    at = np.array([np.linspace(a, b, _LOOKED) for a, b in itertools.pairwise(ends)])
+    limits = finger.curvature_limit_at(at).min(axis=1)
+    stop, thickness = finger.stop_curvature, finger.profile.half_thickness
+    if stop is not None and stop.constant is None:
+        sharpness = stop(at).mean(axis=1)
+    elif thickness.constant is None and np.all(thickness(at) > 0.0):
+        sharpness = (1.0 / thickness(at)).mean(axis=1)
+    else:
+        sharpness = np.ones(len(lengths))
+    parts = sharpness * lengths
     # A long element among short ones has more than its share of the number.
-    shares = [max(1.0 / len(lengths), h / sum(lengths)) for h in lengths]
-    return tuple(
-        min(DEFAULT_RANGE, curvature_limit * h, WHOLE_RANGE * share) for h, share in zip(lengths, shares, strict=True)
-    )
+    shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
+    allowed = np.minimum(np.minimum(limits * lengths, WHOLE_RANGE * shares), DEFAULT_RANGE)
+    return tuple(allowed.tolist())
 
 
 def place_at(at: float, lengths: Sequence[float]) -> Place:
