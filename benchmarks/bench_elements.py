@@ -26,7 +26,7 @@ from benchmarks.machine import one_core
 from benchmarks.report import Report, Table
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import generated
-from continuum_grasp.model import FingerModel, sweep
+from continuum_grasp.model import FingerModel, pattern
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene import BasePose, Damping, Finger, Rod
 
@@ -204,7 +204,7 @@ def implicit(report: Report) -> None:
     report.claim("error of 100 steps with 64 elements per that with 8", rows[-1][1] / rows[0][1], "<=", 1.2)
 
 
-FEWEST = sweep.FEWEST_ELEMENTS
+FEWEST = pattern.FEWEST_ELEMENTS
 
 
 def main() -> None:
@@ -215,7 +215,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     report = Report("elements", arguments.seed)
-    sweep.FEWEST_ELEMENTS = 2  # sweeps of few elements too, to compare
+    pattern.FEWEST_ELEMENTS = 2  # sweeps of few elements too, to compare
     for family in FAMILIES:
         growth(report, family, arguments.elements, arguments.dense)
     implicit(report)
