@@ -19,10 +19,9 @@ from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import EndBody, Section
-from continuum_grasp.model.pattern import Pattern, pattern_of
+from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.sweep import Builder, Kernels, sweep_function, why_dense
 from continuum_grasp.scene.loads import ForceLoad
 
 _STOP_NODES = 3
@@ -35,7 +34,7 @@ class Equations:
     """Symbols and expressions of a model; every property is built when it is first read."""
 
     def __init__(self, structure: Structure) -> None:
-        self._structure = structure
+        self.structure = self._structure = structure
         self._par = structure.parameters
         self._family = structure.family
         self.q = ca.SX.sym("q", structure.n)
@@ -484,15 +483,6 @@ class Equations:
     def sweeps(self) -> bool:
         """Whether sweeps along the chain give the accelerations."""
         return self.pattern is not None
-
-    @cached_property
-    def sweep_kernels(self) -> Kernels:
-        """Kernels of the sweeps that give the accelerations."""
-        return Builder(self._structure, self).kernels()
-
-    def sweep(self, *, implicit: bool = False) -> ca.Function:
-        """Rates of the unknowns' rates, and those of the lag, by sweeps; see ``model.sweep``."""
-        return sweep_function(Builder(self._structure, self, implicit=implicit))
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

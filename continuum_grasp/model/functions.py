@@ -11,6 +11,7 @@ import casadi as ca
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.sweep import Builder, sweep_function
 from continuum_grasp.summary import Summarized
 
 Output = ca.SX | Vec | Scalar | list[Scalar]
@@ -91,7 +92,7 @@ class Functions(Remade, Summarized):
         if not eq.sweeps:
             return self._function("forward_dynamics", "x u w p", xd=eq.state_rate)
         x, u, w, p = arguments = [ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp"]
-        rates, lagging = eq.sweep()(x, u, w, p)
+        rates, lagging = sweep_function(Builder(eq))(x, u, w, p)
         n = eq.q.numel()
         xd = ca.vertcat(x[n : 2 * n], rates, lagging)
         return ca.Function("forward_dynamics", arguments, [xd], ["x", "u", "w", "p"], ["xd"])
@@ -105,7 +106,7 @@ class Functions(Remade, Summarized):
     def instructions(self) -> int:
         """Instructions of an evaluation of the forward dynamics."""
         f = self.forward_dynamics
-        return self._equations.sweep_kernels.instructions if self.sweeps else int(f.n_instructions())
+        return Builder(self._equations).kernels().instructions if self.sweeps else int(f.n_instructions())
 
     def implicit(self) -> ca.Function:
         """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd, where A is the Jacobian of elasticity and damping alone.
@@ -116,7 +117,7 @@ class Functions(Remade, Summarized):
         x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")
         part, n = ca.MX.sym("part"), eq.q.numel()
         if self.sweeps:
-            rates, lagging = eq.sweep(implicit=True)(x, u, w, p, part, x[n : 2 * n])
+            rates, lagging = sweep_function(Builder(eq, implicit=True))(x, u, w, p, part, x[n : 2 * n])
             k = ca.vertcat(x[n : 2 * n] + part * rates, rates, lagging)
         else:
             symbol = ca.SX.sym("part")

@@ -19,10 +19,8 @@ DEFAULT_RANGE = 2 * math.pi / 3
 WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
 With 32 elements it saves two of eight quadrature nodes."""
-_BEYOND_STOPS = 1.2
-"""Curvature up to which stops are bent, per that where they touch [1]."""
-_SAMPLES = 9
-"""Places per element at which its thickness is looked at [1]."""
+_LOOKED = 9
+"""Places per element at which thickness and limits of the curvature are looked up [1]."""
 _SNAP = 1e-9
 """Distance per length of the finger up to which two positions are the same [1]: above the rounding of sums of
 lengths."""
@@ -153,30 +151,33 @@ def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tu
     return tuple(lengths)
 
 
-def element_ranges(finger: Finger, lengths: Sequence[float], bending_range: float | None) -> tuple[float, ...]:
+def element_ranges(lengths: Sequence[float], bending_range: float | None, finger: Finger) -> tuple[float, ...]:
     """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
 
-    By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; a graded one
-    where it is thin rather than where it is thick. Where stops let it bend further, as far as these.
+    By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
+    more than thick ones, and each by its share where there are stops.
     """
     if bending_range is not None:
         if not 0.0 < bending_range <= _WIDEST:
             message = f"expected a positive number of radians, up to {_WIDEST:g}, got {bending_range}"
             raise InputError(message, key="bending_range")
         return tuple(bending_range for _ in lengths)
-    edges, stiffness = [0.0, *itertools.accumulate(lengths)], finger.profile.bending_stiffness
-    # Places along each element: the thickness of a section goes with about the fourth root of its stiffness.
-    places = [np.linspace(a, b, _SAMPLES) for a, b in itertools.pairwise(edges)]
-    slender = [h * float(np.mean(stiffness(s) ** -0.25)) for h, s in zip(lengths, places, strict=True)]
-    ranges = []
-    for h, s, weight in zip(lengths, places, slender, strict=True):
-        # A long element among short ones has more than its share of the number.
-        share = max(1.0 / len(lengths), weight / sum(slender))
-        reach = min(DEFAULT_RANGE, WHOLE_RANGE * share)
-        if finger.stop_curvature is not None:
-            reach = max(reach, _BEYOND_STOPS * h * float(np.max(finger.stop_curvature(s))))
-        ranges.append(min(reach, h * float(np.max(finger.curvature_limit_at(s)))))
-    return tuple(ranges)
+    ends = np.cumsum([0.0, *lengths])
+    at = np.array([np.linspace(a, b, _LOOKED) for a, b in itertools.pairwise(ends)])
+    # Where an element is thinnest: that it is strained too much elsewhere is not for its evaluation to say.
+    limits = finger.curvature_limit_at(at).max(axis=1)
+    stop, thickness = finger.stop_curvature, finger.profile.half_thickness
+    if stop is not None and stop.constant is None:
+        sharpness = stop(at).mean(axis=1)
+    elif thickness.constant is None and np.all(thickness(at) > 0.0):
+        sharpness = (1.0 / thickness(at)).mean(axis=1)
+    else:
+        sharpness = np.ones(len(lengths))
+    parts = sharpness * lengths
+    # A long element among short ones has more than its share of the number.
+    shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
+    allowed = np.minimum(np.minimum(limits * lengths, WHOLE_RANGE * shares), DEFAULT_RANGE)
+    return tuple(allowed.tolist())
 
 
 def place_at(at: float, lengths: Sequence[float]) -> Place:

@@ -11,7 +11,9 @@ import numpy as np
 from continuum_grasp.model.arc import Arc
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import Array, Family, Rod
+from continuum_grasp.model.link import is_end
 from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tabulated import TabulatedLink
 
 
@@ -54,3 +56,24 @@ def pattern_of(family: Family, rod: Rod) -> Pattern | None:
         return TabulatedLink(local, tables[0].filled(row), steps, density, rotary, rest)
 
     return Pattern(np.array([table.numbers for table in tables]), link)
+
+
+FEWEST_ELEMENTS = 16
+"""Elements from which on sweeps are taken [1]: fewer are one straight program, which vector lanes and derivatives take
+as it is (``python -m benchmarks.bench_elements``)."""
+
+
+def why_dense(made: Structure) -> str:
+    """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
+    if len(made.lengths) < FEWEST_ELEMENTS:
+        return f"fewer than {FEWEST_ELEMENTS} elements"
+    if made.parameters.is_runtime("element_lengths"):
+        return "element_lengths at run time"
+    if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:
+        return "a known moment that ends inside an element"
+    for name, place in made.masses():
+        if not is_end(place.fraction):
+            return f"{name} inside an element"
+        if place != made.tip and made.parameters.is_runtime(name):
+            return f"{name} at run time"
+    return ""

@@ -57,7 +57,7 @@ class Structure:
             continuous = family_class(choices.word("family", FAMILIES) or default_family(free_tip=True)).continuous
             breaks = with_breaks(self.contacts, self.finger, (*self.loads, *held), continuous=continuous)
             self.lengths = element_lengths(profile, breaks, None)
-        self.ranges = element_ranges(self.finger, self.lengths, choices.number("bending_range"))
+        self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger)
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
         self.accuracy = choices.number("accuracy")
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:

@@ -20,7 +20,6 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -28,12 +27,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import friction_step
-from continuum_grasp.model.link import EndBody, is_end
+from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.link import EndBody
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
-from continuum_grasp.model.structure import Structure
-
-if TYPE_CHECKING:
-    from continuum_grasp.model.equations import Equations
 
 Array = NDArray[np.float64]
 
@@ -117,27 +113,6 @@ class Kernels:
         return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
 
 
-FEWEST_ELEMENTS = 16
-"""Elements from which on sweeps are taken [1]: fewer are one straight program, which vector lanes and derivatives take
-as it is (``python -m benchmarks.bench_elements``)."""
-
-
-def why_dense(made: Structure) -> str:
-    """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
-    if len(made.lengths) < FEWEST_ELEMENTS:
-        return f"fewer than {FEWEST_ELEMENTS} elements"
-    if made.parameters.is_runtime("element_lengths"):
-        return "element_lengths at run time"
-    if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:
-        return "a known moment that ends inside an element"
-    for name, place in made.masses():
-        if not is_end(place.fraction):
-            return f"{name} inside an element"
-        if place != made.tip and made.parameters.is_runtime(name):
-            return f"{name} at run time"
-    return ""
-
-
 class Builder:
     """Writes the kernels of a model.
 
@@ -145,8 +120,9 @@ class Builder:
     the elastic force that of what the rates bend in ``part`` [s].
     """
 
-    def __init__(self, made: Structure, equations: Equations, *, implicit: bool = False) -> None:
-        self._made, self._par = made, made.parameters
+    def __init__(self, equations: Equations, *, implicit: bool = False) -> None:
+        made = self._made = equations.structure
+        self._par = made.parameters
         self.equations, self.implicit = equations, implicit
         self._family = family = made.family
         self._local = len(family.local(0))
@@ -219,12 +195,12 @@ class Builder:
         return ca.Function(f"{name}_{_digest(ca.Function(name, *arguments).serialize().encode())}", *arguments)
 
     @property
-    def _rubs(self) -> bool:
+    def _frictional(self) -> bool:
         return self._made.has_tendon_friction
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """What is carried to a link, its coordinates and their rates."""
-        spin = ca.SX.sym("spin", 1 + self._rubs)
+        spin = ca.SX.sym("spin", 1 + self._frictional)
         return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local)
 
     def _tip(self) -> ca.Function:
@@ -247,7 +223,7 @@ class Builder:
     def _carry(self) -> ca.Function:
         spin, q, qd = self._symbols()
         following: list[Scalar] = [spin[0] + ca.dot(self._own["bends"], qd)]
-        if self._rubs:
+        if self._frictional:
             bend = self._pattern.link(ca.vertsplit(q), self._numbers).whole_bend
             following.append(friction_step(0.0, spin[1], bend, self._own["share"])[1])
         return self._function("carry", {"spin": spin, "q": q, "qd": qd, "row": self.row}, {"spun": following})
@@ -267,7 +243,9 @@ class Builder:
             drive = [eq.per_stiffness([1.0], [each.total]) for each in eq.drives]
         else:
             # Friction wears the moments of the tendons, not the couples.
-            drive = [v for each in eq.drives for v in ((each.moment, each.couple) if self._rubs else (each.total,))]
+            drive = [
+                v for each in eq.drives for v in ((each.moment, each.couple) if self._frictional else (each.total,))
+            ]
         tip: list[Scalar] = [eq.full[-1]] if held else []
         tip_rate: list[Scalar] = [eq.full_rates[-1]] if held else []
         weight = eq.gravity_vector.perp()
@@ -287,7 +265,7 @@ class Builder:
         size, par, sources = self._local, self._par, len(self._made.sources)
         spin, q, qd = self._symbols()
         r, part = ca.SX.sym("r", size * self.implicit), ca.SX.sym("part", int(self.implicit))
-        drive = ca.SX.sym("drive", sources * (1 + self._rubs))
+        drive = ca.SX.sym("drive", sources * (1 + self._frictional))
         link = self._pattern.link(ca.vertsplit(q), self._numbers)
         end, inertia, bias = link.end, link.inertia, link.bias(spin[0], ca.vertsplit(qd))
         block, bends = _symmetric(self._own["stiffness"], size), self._own["bends"]
@@ -300,7 +278,7 @@ class Builder:
         if self._touching.size:
             numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
             own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
-        if self._rubs:
+        if self._frictional:
             factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
             own += ca.mtimes(driven, factor * drive[::2] + drive[1::2])
         elif not self._made.matched:

@@ -13,6 +13,7 @@ from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.sweep import Builder
 from continuum_grasp.scene import ForceLoad
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run
 from tests.model.test_many_elements import COUNT, model_of, state_of
@@ -59,7 +60,7 @@ def test_many_states_at_once_have_the_same_bits(package, tmp_path):
 def test_the_reference_is_the_model(family, name):
     model = model_of(family, name)
     x, u, w, _ = state_of(model)
-    kernel = SweptKernel("dynamics", model._equations.sweep_kernels, "")
+    kernel = SweptKernel("dynamics", Builder(model._equations).kernels(), "")
     rows = {"x": x[None], "u": u[None], "w": w[None], "p": np.zeros((1, 0))}
     found = kernel.evaluate(REALS["double"], **rows)["xd"][0]
     true = np.array(model.forward_dynamics(x, u, w, [])).ravel()
@@ -70,7 +71,7 @@ def test_code_does_not_grow_with_the_elements():
     def lines(count: int) -> int:
         finger = model_of("arc", "bare").finger
         model = FingerModel(finger, family="arc", elements=count, loads=(ForceLoad(at=0.6, force=(0.0, 0.0)),))
-        kernel = SweptKernel("dynamics", model._equations.sweep_kernels, "")
+        kernel = SweptKernel("dynamics", Builder(model._equations).kernels(), "")
         return kernel.c_source("finger", REALS["float"]).count("\n")
 
     assert lines(4 * COUNT) <= lines(COUNT)

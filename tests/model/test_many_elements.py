@@ -13,7 +13,7 @@ import continuum_grasp as cg
 from continuum_grasp.core.source import generated
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import MOST_ELEMENTS
-from continuum_grasp.model.sweep import FEWEST_ELEMENTS
+from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.scene import (
     BasePose,
     Damping,

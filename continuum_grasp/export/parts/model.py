@@ -15,13 +15,14 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
+from continuum_grasp.model.sweep import Builder
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""
     text = "Rate of change xd of the state x; equation of motion."
     if subject.model.sweeps:
-        return SweptKernel("dynamics", subject.equations.sweep_kernels, text)
+        return SweptKernel("dynamics", Builder(subject.equations).kernels(), text)
     return Kernel("dynamics", subject.model.forward_dynamics, text)
 
 

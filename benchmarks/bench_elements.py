@@ -1,0 +1,228 @@
+"""Many elements: forward dynamics by sweeps along the chain against the dense solution, and implicit steps by them.
+
+Run ``python -m benchmarks.bench_elements`` in the root of the repository; see README.md beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import continuum_grasp as cg
+from benchmarks.bench_dynamics import finger
+from benchmarks.harness import race
+from benchmarks.machine import one_core
+from benchmarks.report import Report, Table
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.core.source import generated
+from continuum_grasp.model import FingerModel, pattern
+from continuum_grasp.model.equations import Equations
+from continuum_grasp.scene import BasePose, Damping, Finger, Rod
+
+FAMILIES = ("matched_clothoid", "arc")
+ELEMENTS = (1, 2, 4, 8, 16, 32, 64, 128)
+TARGET = 31_000
+"""Most instructions of 32 matched elements."""
+COUNTED = 20
+"""Evaluations that are counted, as the difference of two runs."""
+CONE = {"to": 0.25, "thickness": [0.02, 0.005], "width": [0.02, 0.005]}
+SPAN = 0.15
+"""About the first period of the cone that falls from level [s]."""
+
+_LOOP = """
+#include <stdlib.h>
+int {name}(const double**, double**, long long*, double*, int);
+static double x[{nx}], u[8], w[8], xd[{nx}], work[{work}];
+static long long iw[{iw}];
+double *state(void) {{ return x; }}
+double loop(long long count) {{
+  const double *arg[{arg}] = {{x, u, w}};
+  double *res[{res}] = {{xd}}, sum = 0.0;
+  for (long long k = 0; k < count; ++k) {{
+    {name}(arg, res, iw, work, 0);
+    x[0] += 1e-200 * xd[{nx} - 1]; /* the next evaluation has to wait for this one */
+    sum += xd[{nx} / 2];
+  }}
+  return sum;
+}}
+int main(int count, char **words) {{
+  for (int k = 0; k < {nx}; ++k) x[k] = (k < {nx} / 2 ? 0.2 : 1.0) * ((k * 37 % 17) / 8.0 - 1.0);
+  return loop(count > 1 ? atoll(words[1]) : 0) > 1e300;
+}}
+"""
+
+
+class Compiled:
+    """A function in a C loop: seconds of compiling, size of the code [kB], instructions, and time of an evaluation."""
+
+    def __init__(self, function: ca.Function) -> None:
+        source, found = generated(function.name(), function), find_compiler()
+        if found is None:
+            raise RuntimeError("no C compiler found")
+        folder = Path(tempfile.mkdtemp(prefix="continuum-grasp-benchmark-"))
+        words = {"name": function.name(), "nx": function.nnz_in(0), "work": max(function.sz_w(), 1)}
+        words |= {"iw": max(function.sz_iw(), 1), "arg": max(function.sz_arg(), 3), "res": max(function.sz_res(), 1)}
+        code, loop = folder / "code.c", folder / "loop.c"
+        code.write_text(source)
+        loop.write_text(_LOOP.format(**words))
+        flags, self._compiler = found.flags(source), found.command[0]
+        start = time.perf_counter()
+        self._run(*flags, "-c", code, "-o", folder / "code.o")
+        self.seconds = time.perf_counter() - start
+        sizes = subprocess.run(["size", folder / "code.o"], capture_output=True, text=True, check=True).stdout
+        self.kilobytes = sum(map(int, sizes.splitlines()[1].split()[:2])) / 1000
+        self._run(*flags, "-shared", loop, folder / "code.o", "-o", folder / "loop.so", "-lm")
+        self._library = ctypes.CDLL(str(folder / "loop.so"))
+        self._library.loop.restype = ctypes.c_double
+        self._library.main(1, None)
+        self.instructions = self._counted(folder, flags)
+
+    def __call__(self, count: int) -> None:
+        self._library.loop(ctypes.c_longlong(count))
+
+    def _run(self, *line: object) -> None:
+        subprocess.run([self._compiler, *map(str, line)], check=True)
+
+    def _counted(self, folder: Path, flags: Sequence[str]) -> float:
+        """Instructions of an evaluation, as valgrind counts them; NaN without it."""
+        if shutil.which("valgrind") is None:
+            return float("nan")
+        # It knows no AVX-512.
+        narrow = [flag.replace("-march=native", "-march=x86-64-v3") for flag in flags]
+        self._run(*narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm")
+        line = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", str(folder / "count")]
+        totals = []
+        for count in (0, COUNTED):
+            said = subprocess.run([*line, str(count)], capture_output=True, text=True, check=True).stderr
+            totals.append(int(re.findall(r"Collected : (\d+)", said)[0]))
+        return (totals[1] - totals[0]) / COUNTED
+
+
+def model_of(family: str, elements: int) -> FingerModel:
+    """Tip mass, gravity, damping and tip moment."""
+    return FingerModel(finger(tendons=False), elements=elements, family=family, tip_force=False)
+
+
+def dense_of(model: FingerModel) -> ca.Function:
+    """Forward dynamics by the mass matrix, as one straight program."""
+    eq = Equations(model.structure)
+    value = ca.cse([ca.densify(ca.vertcat(*eq.state_rate))])
+    return ca.Function("dense", [eq.x, eq.u, eq.w, eq.p], value)
+
+
+def agreement(model: FingerModel, dense: ca.Function) -> tuple[float, float]:
+    """Greatest difference of the accelerations, relative, and what rounding leaves of a dense solution."""
+    rng, n = np.random.default_rng(0), model.n
+    limits = np.array(model.structure.coordinate_limits())
+    worst, condition = 0.0, 0.0
+    for _ in range(5):
+        x = np.concatenate([0.3 * limits, limits]) * rng.uniform(-1.0, 1.0, model.nx)
+        found, true = (np.array(f(x, [0.1], [], [])).ravel()[n:] for f in (model.forward_dynamics, dense))
+        worst = max(worst, float(np.abs(found - true).max() / np.abs(true).max()))
+        mass = np.array(model.mass_matrix(x[:n], [0.1], []))
+        condition = max(condition, float(np.linalg.cond(mass)))
+    return worst, condition * float(np.finfo(float).eps)
+
+
+def growth(report: Report, family: str, most: int, most_dense: int) -> None:
+    """Dense against sweep over the number of elements."""
+    rows: list[list[Any]] = []
+    nothing = float("nan")
+    for count in [c for c in ELEMENTS if c <= most]:
+        model = model_of(family, count)
+        found: dict[str, Compiled] = {}
+        error = rounding = nothing
+        if count <= most_dense:
+            dense = dense_of(model)
+            found["dense"] = Compiled(dense)
+        start = time.perf_counter()
+        if model.sweeps:
+            swept = model_of(family, count).forward_dynamics
+            built = time.perf_counter() - start
+            found["sweep"] = Compiled(swept)
+            if "dense" in found:
+                error, rounding = agreement(model, dense)
+        else:
+            built = nothing
+        with one_core():
+            timings = race(dict(found), repeats=15, seed=report.seed)
+        cells: list[Any] = [count]
+        for name in ("dense", "sweep"):
+            if name in found:
+                own = found[name]
+                cells += [own.instructions, 1e9 * timings[name].median, own.seconds, own.kilobytes]
+            else:
+                cells += [nothing] * 4
+        rows.append([*cells, built, error, rounding])
+        print(family, rows[-1], flush=True)
+        if family == FAMILIES[0] and count == 32:
+            report.claim("instructions of 32 matched elements", rows[-1][5], "<=", TARGET)
+            report.claim("seconds to compile 32 matched elements", rows[-1][7], "<=", 1.0)
+            report.claim("agreement of 32 matched elements per condition times rounding", error / rounding, "<=", 1.0)
+    cost = {row[0]: row[5] for row in rows}
+    if family == FAMILIES[0] and {32, 128} <= cost.keys():
+        report.claim("128 elements take so many times the instructions of 32", cost[128] / cost[32], "<=", 6.0)
+    columns = ["elements"]
+    columns += [f"{word} {name}" for name in ("dense", "sweep") for word in ("instructions", "ns", "compile s", "kB")]
+    columns += ["build s", "difference", "condition x rounding"]
+    note = (
+        "Instructions of x86-64 with AVX2 and FMA, counted by valgrind; ns with all that the processor has. The "
+        f"package takes the dense program below {FEWEST} elements."
+    )
+    report.tables.append(Table(f"Forward dynamics, {family}", columns, rows, note))
+
+
+def implicit(report: Report) -> None:
+    """Error of implicit steps over the number of elements: a tapered finger falls, damped by its material."""
+    rod = Rod.model_validate({"length": 0.25, "youngs_modulus": 2e6, "density": 1100.0, "sections": [CONE]})
+    rows = []
+    for count in (8, 16, 32, 64):
+        damped = Finger(rod=rod, damping=Damping(material=1e-3 * rod.stiffness), base=BasePose(angle=-np.pi / 2))
+        core = cg.compile(FingerModel(damped, family="clothoid", elements=count, tip_force=False))
+
+        def tip(steps: int, core: cg.Core = core) -> Any:
+            start = np.zeros(core.model.nx)
+            states = core.rollout(start, steps, SPAN / steps, method="extrapolated_euler")
+            return core.tip(states[-1, : core.model.n])
+
+        true = tip(6400)
+        rows.append([count, *(float(np.linalg.norm(tip(steps) - true)) / 0.25 for steps in (100, 200, 400))])
+    columns = ["elements", "100 steps", "200 steps", "400 steps"]
+    note = "Error of the tip per length after the first period of a cone of 1:4, against 6400 steps."
+    report.tables.append(Table("Steps implicit in elasticity and damping", columns, rows, note))
+    report.claim("error of 100 steps with 64 elements per that with 8", rows[-1][1] / rows[0][1], "<=", 1.2)
+
+
+FEWEST = pattern.FEWEST_ELEMENTS
+
+
+def main() -> None:
+    """Run what is asked for and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--elements", type=int, default=max(ELEMENTS), help="most elements")
+    parser.add_argument("--dense", type=int, default=32, help="most elements of the dense program")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    report = Report("elements", arguments.seed)
+    pattern.FEWEST_ELEMENTS = 2  # sweeps of few elements too, to compare
+    for family in FAMILIES:
+        growth(report, family, arguments.elements, arguments.dense)
+    implicit(report)
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()
