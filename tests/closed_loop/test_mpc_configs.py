@@ -114,6 +114,22 @@ def test_a_spirob_goes_where_its_tension_bends_it():
     assert found.disturbance[-1, 0] == pytest.approx(0.1, abs=0.05)
 
 
+def test_the_load_on_a_taper_is_found():
+    """Across the straight finger; what pulls along it does not show."""
+    same = ["plant.noise=0.0", "plant.stiffness=1.0", "plant.damping=1.0", "parameters=[]", "reference.tip=[0.0, 0.25]"]
+    found = checked(
+        run(
+            "spirob",
+            0.8,
+            *same,
+            "estimator.disturbances={tip_force: 0.05}",
+            "loads=[{kind: force, at: 0.25, force: [0.02, 0.0]}]",
+        )
+    )
+    assert found.disturbance_names[0] == "unknown_tip_x [N]"
+    assert found.disturbance[-1, 0] == pytest.approx(0.02, rel=0.03)
+
+
 def test_three_tendons_take_middle_and_tip_to_setpoints():
     found = checked(run("three_tendons", 0.8, "plant.noise=0.0"))
     error = (found.tracked - found.r)[60:, :4]
