@@ -21,7 +21,7 @@ _MOST_NODES = 16
 """Most nodes of each smooth part of an element [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
-_ROUNDING = 1e-13
+_ROUNDING = 3e-14
 """Relative error of a rule that is rounding [1]: two rules that are exact differ by some 2e-14."""
 _FIT = 20
 """Degree of the polynomials for bending angles within an element [1]; what is below rounding is cut off."""

@@ -54,8 +54,12 @@ class Structure:
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            continuous = family_class(choices.word("family", FAMILIES) or default_family(free_tip=True)).continuous
-            breaks = with_breaks(self.contacts, self.finger, (*self.loads, *held), continuous=continuous)
+            family = choices.word("family", FAMILIES) or default_family(free_tip=self.finger.needs_free_tip)
+            # A couple that is an input bends by a known shape there: it needs no element of its own.
+            known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
+            loads = [load for load in (*self.loads, *held) if load not in known]
+            continuous = family_class(family).continuous
+            breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
             self.lengths = element_lengths(profile, breaks, None)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger)
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
