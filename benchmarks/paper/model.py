@@ -129,11 +129,16 @@ class _PaperEquations(Equations):
         )
 
     @cached_property
+    def theta(self) -> ca.SX:
+        """Bending angles, of which the coordinates are what is above rest."""
+        return ca.vertcat(*self.bends)
+
+    @cached_property
     def terms(self) -> Terms:
         """The paper's terms."""
         if self._variant in _APPENDIX:
-            return appendix.terms(self.arcs, self.q, self.qd, _APPENDIX[self._variant])
-        return closed_forms.terms(self.arcs, self.q, self.qd, self._slips, guard=self._guard)
+            return appendix.terms(self.arcs, self.theta, self.qd, _APPENDIX[self._variant])
+        return closed_forms.terms(self.arcs, self.theta, self.qd, self._slips, guard=self._guard)
 
     @cached_property
     def point_forces(self) -> tuple[ca.SX, ca.SX]:
@@ -177,7 +182,7 @@ class _PaperEquations(Equations):
         """M qdd, (43)."""
         if self._variant in _APPENDIX:
             reading = _APPENDIX[self._variant]
-            _, outer = appendix.right_hand_side(self.arcs, self.q, self.qd, *self.point_forces, reading)
+            _, outer = appendix.right_hand_side(self.arcs, self.theta, self.qd, *self.point_forces, reading)
         else:
             outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
         return [outer[i] + self.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]

@@ -51,7 +51,8 @@ def test_sections_of_the_second_arc_turn_at_the_rate_of_21_up_to_the_tip():
 def test_the_bending_moment_pulls_back_to_the_rest_shape():
     """(30)-(32): -(EI/L)(theta - theta*)."""
     stiffness, rest = 0.05, 0.8
-    bent = rod(bending_stiffness=stiffness, rest_curvature=rest)
+    above = [t - rest * length for t, length in zip(THETA, (L1, L2), strict=True)]
+    bent = rod(above, bending_stiffness=stiffness, rest_curvature=rest)
     moment = [-stiffness / length * (t - rest * length) for t, length in zip(THETA, (L1, L2), strict=True)]
     assert -to_numpy(bent.elastic) == pytest.approx(moment, rel=1e-13)
 

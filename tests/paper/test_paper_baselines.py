@@ -41,7 +41,7 @@ def exact(finger: RacedFinger, theta, rate=None) -> Rod:
         material_damping=finger.material_damping,
         element_damping=finger.arc_damping,
     )
-    return Rod(rod, theta, rate)
+    return Rod(rod, [bend - rest for bend, rest in zip(theta, finger.rest_angles, strict=True)], rate)
 
 
 def acceleration(finger: RacedFinger, theta) -> np.ndarray:

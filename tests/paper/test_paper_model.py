@@ -56,7 +56,11 @@ def precise(theta, rate=None, inertia=1e-6) -> TruthRod:
         material_damping=3e-5,
         element_damping=1e-4,
     )
-    return TruthRod(finger, theta, rate)
+    return TruthRod(finger, above_rest(theta), rate)
+
+
+def above_rest(theta) -> list[float]:
+    return [theta[0] - 0.4 * L1, theta[1] - 0.4 * L2]
 
 
 def wanted(theta, inertia=1e-6) -> np.ndarray:
@@ -65,7 +69,7 @@ def wanted(theta, inertia=1e-6) -> np.ndarray:
 
 
 def found(model: FingerModel, theta) -> np.ndarray:
-    return model.forward_dynamics([*theta, *RATE], U, W, model.p_nominal).full()[2:, 0]
+    return model.forward_dynamics([*above_rest(theta), *RATE], U, W, model.p_nominal).full()[2:, 0]
 
 
 @pytest.mark.parametrize(
@@ -91,14 +95,15 @@ def test_straight_finger_shows_what_the_appendix_has_right():
     """All of R vanishes in M at zero angles; as printed, only the rotary inertia is missing there."""
     rates = np.zeros(2)
     for variant, inertia in (("appendix_unrotated", 1e-6), ("appendix_printed", 0)):
-        mass = np.array(paper(variant).mass_matrix((0, 0), U, []))
+        mass = np.array(paper(variant).mass_matrix(above_rest((0, 0)), U, []))
         assert mass == pytest.approx(to_numpy(precise((0, 0), rates, inertia).mass), rel=1e-13)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_functions_of_a_variant_belong_together(variant):
     """M qdd + bias + gravity + elastic + damping = actuation + external forces, and the kinetic energy is M's."""
-    model, q = paper(variant), (0.5, -0.8)
+    model, theta = paper(variant), (0.5, -0.8)
+    q = above_rest(theta)
     part = {
         "M": model.mass_matrix(q, U, []),
         "b": model.bias(q, RATE, U, []),
@@ -109,7 +114,7 @@ def test_functions_of_a_variant_belong_together(variant):
     right = model.actuation(q, U, []) + model.external_force(q, U, W, [])
     rest = right - part["b"] - part["G"] - part["K"] - part["D"]
     qdd = np.linalg.solve(part["M"].full(), rest.full()[:, 0])
-    assert found(model, q) == pytest.approx(qdd, rel=1e-9)
+    assert found(model, theta) == pytest.approx(qdd, rel=1e-9)
     kinetic = float(model.energy([*q, *RATE], U, [])[0])
     assert kinetic == pytest.approx(0.5 * np.array(RATE) @ part["M"].full() @ RATE, rel=1e-12)
     assert model.x_names == FingerModel(FULL, family="arc", elements=2, **SETTINGS).x_names
@@ -124,8 +129,9 @@ def test_slips_chosen_all_are_the_printed_closed_forms():
 
 def test_variants_are_compiled_like_any_model():
     model = paper("appendix_corrected")
-    x = np.array([0.3, -0.4, *RATE])
-    assert cg.compile(model).forward_dynamics(x, U, W)[2:] == pytest.approx(found(model, x[:2]), rel=1e-12)
+    theta = (0.3, -0.4)
+    x = np.array([*above_rest(theta), *RATE])
+    assert cg.compile(model).forward_dynamics(x, U, W)[2:] == pytest.approx(found(model, theta), rel=1e-12)
 
 
 REFUSED = [
