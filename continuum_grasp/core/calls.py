@@ -6,6 +6,7 @@ derivatives evaluates the dynamics four times. As an MX function of calls, it is
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 
 import casadi as ca
@@ -81,7 +82,14 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
             lines.append(f"  {{ const {kind} *const in[] = {{{given}}};")
             lines.append(f"    {kind} *const out[] = {{{', '.join(found)}}};")
             lines.append(f"    {called.name()}{suffix}(in, out); }}")
-    work = [f"  {kind} {name}[{size}];" for name, size in sizes.items()]
+    # What is neither given nor a result is in one array.
+    spots, at = {}, 0
+    for name, size in sizes.items():
+        spots[name] = f"w + {at}" if at else "w"
+        at += size
+    lines = [re.sub(r"\b(w|unused)\d+(_\d+)?\b", lambda found: spots[found.group()], line) for line in lines]
+    # Analyzers do not see that it is written to through the arrays of pointers.
+    work = [f"  {kind} w[{at}];", f"  w[0] = {real(0.0)};"] if at else []
     head = f"static int {function.name()}{suffix}(const {kind} *const arg[], {kind} *const res[])"
     return "\n".join([head, "{", *work, *lines, "  return 0;", "}", ""])
 

@@ -411,13 +411,13 @@ def test_sampled_loads_and_inputs_have_their_values_at_time_zero(interpolation, 
 @pytest.mark.slow
 def test_the_finger_model_agrees_with_the_elastica(without_compiler):  # noqa: F811
     """Clothoids, the short ones over the jumps of curvature that continuous curvatures cannot follow."""
-    jumps, half, errors = (0.15, 0.1875, 0.375), 1e-4, []
+    jumps, half, errors = (0.15, 0.1875, 0.375), 1e-5, []
     edges = [0.0, 0.0375, 0.075, *jumps[:2], 0.225, 0.2625, 0.3, 0.3375, jumps[2], 0.4125, 0.45, 0.525, 0.6]
     for halved in (False, True):
         if halved:
             edges = sorted([*edges, *(0.5 * (a + b) for a, b in itertools.pairwise(edges))])
         split = sorted([*set(edges).difference(jumps), *(at + sign * half for at in jumps for sign in (-1, 1))])
-        scene = mixed(elements=np.diff(split).tolist(), accuracy=1e-10)
+        scene = mixed(elements=np.diff(split).tolist(), fidelity={"accuracy": 1e-10})
         truth, found = solve_elastica(scene), equilibrium(scene)
         backbone = found.backbone(13) - truth.position(np.linspace(0.0, 0.6, 13))
         errors.append(np.abs(backbone).max() / 0.6)

@@ -31,13 +31,15 @@ class Adapter:
     """A straight-line function of ``control/c`` around a kernel.
 
     ``given`` has the C of the kernel's arguments by name, made of ``arg`` and ``res``, and ``unused`` of as many
-    numbers, which holds what the function does not need.
+    numbers, which holds what the function does not need. ``behind`` is the place of the second result from this number
+    on, or null with it.
     """
 
     function: ca.Function
     kernel: Kernel | None
     given: Mapping[str, str]
     unused: int = 0
+    behind: int = 0
 
     def c_source(self, prefix: str) -> str:
         """C with the names of ``control/c``."""
@@ -45,6 +47,8 @@ class Adapter:
         if self.kernel is None:
             lines.append("  (void)arg; (void)res;")
         else:
+            if self.behind:
+                lines += ["  real *behind = 0;", f"  if (res[1]) behind = res[1] + {self.behind};"]
             lines += [] if self.kernel.inputs else ["  (void)arg;"]
             lines.append(f"  {self.kernel.call(prefix, **self.given)}")
         head = f"static int {self.function.name()}(const real *const arg[], real *const res[])"
@@ -82,14 +86,16 @@ def _slopes(stage: ca.Function | None, filtered: ca.Function | None) -> dict[str
     # The stages, which are many, ask for all but the last.
     parts = {"rate": rate, "by_x": by_x, "by_u": of_stage[:, n:], "by_d": of_filter[:, n:]}
     kernel = Kernel("slope", straight_function("slope", s, parts), _TEXTS["slope"], called=True)
-    behind = f"res[1] ? res[1] + {by_x.nnz()} : 0"
     given = {"z": "arg[0]", "u": "arg[1]", "p": "arg[2]", "rate": "res[0]", "by_x": "res[1]"}
     return {
-        stage.name(): Adapter(stage, kernel, given | {"nominal": "arg[2]", "by_u": behind, "by_d": "0"}),
+        stage.name(): Adapter(
+            stage, kernel, given | {"nominal": "arg[2]", "by_u": "behind", "by_d": "0"}, behind=by_x.nnz()
+        ),
         filtered.name(): Adapter(
             filtered,
             kernel,
-            given | {"nominal": "arg[3]", "by_u": "unused", "by_d": behind},
+            given | {"nominal": "arg[3]", "by_u": "unused", "by_d": "behind"},
             max(parts["by_u"].nnz(), 1),
+            by_x.nnz(),
         ),
     }
