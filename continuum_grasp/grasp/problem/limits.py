@@ -11,8 +11,6 @@ from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
 from continuum_grasp.model.surfaces.surface import CORNERS, separation
 
-APEX = 2e-4
-"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
 SHORTEST = 0.02
 """Least distance of two middle contacts, as a part of the length: the moments of shorter elements are all but
 dependent."""
@@ -47,11 +45,12 @@ def guarded(finger: UnitFinger) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
 
 
 def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
-    """What is not negative for forces within a friction cone."""
+    """What is not negative for forces within a friction cone, where nothing pulls (n >= 0)."""
     if problem.spec.gravity == "out_of_plane":
-        # Rounded from inside: the root has a kink where nothing presses, at which IPOPT would zigzag.
-        apex = APEX * problem.numbers("force reference")
-        return friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
+        # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
+        # which IPOPT would zigzag; so does a root in its place, which is nearly one.
+        apex = problem.numbers("cone rounding")
+        return friction * n - apex - (f**2 + lift**2) / (friction * n + apex)
     # In the plane the cone is two half planes: linear, nothing to round.
     return ca.vertcat(friction * n - f, friction * n + f)
 
