@@ -31,6 +31,12 @@ EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
 ROUNDS = 8
 """How often the places that must stay clear are moved to where fingers are deepest."""
+RUNGS = (
+    (nlp.OptionSet.REFINED, 40),
+    (nlp.OptionSet.REFINED_MONOTONE, 60),
+    (nlp.OptionSet.DEFAULT, 80),
+)
+"""How a start is solved from, boldest first: options, and the most iterations of one solver run."""
 DEEP = 2e-5
 """Penetration above which that is done again (problem's units)."""
 
@@ -83,6 +89,7 @@ class GraspSolverRun:
         start: Start,
         budget: Budget,
         *,
+        rung: int = 0,
         iterations: int | None = None,
         relaxed: tuple[Relaxation, float] | None = None,
         features: dict[str, Feature] | None = None,
@@ -90,6 +97,7 @@ class GraspSolverRun:
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
+        ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
         ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
         the unknowns begin with ``x0``, by default those of the start.
@@ -115,9 +123,10 @@ class GraspSolverRun:
             values["relaxation weights"] = np.array([float(each is relaxation) for each in RELAXATIONS])
         self.prepare(scene)
         began = time.perf_counter()
-        known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds())
+        options, most = RUNGS[rung]
+        known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds(), option_set=options)
         with budget.share(iterations) as part:
-            attempts, numbers = self._rounds(scene, known, values, part)
+            attempts, numbers = self._rounds(scene, known, values, part, most)
         last = attempts[-1]
         total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
@@ -126,10 +135,17 @@ class GraspSolverRun:
         )
 
     def _rounds(
-        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget
+        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget, most: int
     ) -> tuple[list[nlp.Attempt], Array]:
-        """Solve until no finger is deep between the places that must stay clear; all runs, and the last numbers."""
+        """Solve until no finger is deep between the places that must stay clear, each time by at most so many
+        iterations; all runs, and the last numbers.
+        """
         method, pack = self.prepare(scene), self.problem.numbers.pack
+
+        def solve(start: nlp.Start) -> nlp.Attempt:
+            with part.share(most) as one:
+                return method.solve(self._nlp, start, one)
+
         attempts: list[nlp.Attempt] = []
         acceptable = False
         sight = self._near.look(scene, known.x, pack(values, 0.0))
@@ -140,10 +156,10 @@ class GraspSolverRun:
                 if name in self.problem.x.at:
                     known.x[self.problem.x.at[name]] = angles
             known = replace(known, p=numbers)
-            attempts.append(method.solve(self._nlp, known, part))
+            attempts.append(solve(known))
             # Where other constraints became active, multipliers of the round before mislead: once more without them.
             if known.multipliers is not None and not attempts[-1].converged:
-                attempts.append(method.solve(self._nlp, replace(known, multipliers=None), part))
+                attempts.append(solve(replace(known, multipliers=None)))
             last = attempts[-1]
             if not last.converged or not np.isfinite(last.x).all():
                 break
