@@ -176,7 +176,7 @@ def test_places_and_equilibrium_are_those_of_the_model(family):
         assert_allclose(places[:, j], point, atol=1e-12)
     zero = np.zeros(model.n)
     still = np.array(model.inverse_dynamics(q, zero, zero, u, w, p)).ravel()
-    # A mass on the way bears like its Jacobian.
+    # A mass within an element bears like its Jacobian.
     carried = np.array(model.jacobian(q, u, 0.55, p)).T @ LOADED["gravity"] * 0.7
     assert_allclose(np.array(backbone.missing(1)(q, u, w, [0.7, 0.55], p)).ravel(), still - carried, atol=1e-11)
 

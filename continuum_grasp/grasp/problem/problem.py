@@ -69,8 +69,11 @@ class GraspProblem(Unknowns):
             require(f"contact gap, {name}", contact.point + radius * contact.normal - center, "m", key)
             return
         normal, at = number(f"{name}.wall normal", 2), number(f"{name}.wall point", 2)
-        along = ca.vertcat(-normal[1], normal[0])
-        require(f"contact gap, {name}", ca.dot(normal, contact.point - at), "m", key)
+        along, gap = ca.vertcat(-normal[1], normal[0]), ca.dot(normal, contact.point - at)
+        # Within the tolerance, not zero: where the object cannot leave or enter the support, because its pose is free
+        # along it alone or other supports hold it, equations would be dependent (egg: no start converged).
+        spare = number("tolerance") + ca.vertcat(-gap, gap)
+        require(f"contact gap, {name}", spare, "m", key, upper=ca.inf)
         require(f"contact normal, {name}", ca.dot(along, contact.normal), "rad", key)
         if contact.spec.bounded:
             off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")
