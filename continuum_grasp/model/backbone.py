@@ -9,10 +9,13 @@ derivatives share them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.equations import Equations
@@ -36,9 +39,9 @@ class _Element:
     angle: Scalar  # of its start
     tangents: ca.SX  # at the nodes (2, m)
 
-    def at(self, fraction: Scalar) -> ca.SX:
-        """Position (2,) at a fraction of the length."""
-        weights = running_weights(len(self.rule.nodes), fraction)
+    def at(self, fractions: Any) -> ca.SX:
+        """Positions (2, K) at fractions (1, K) of the length, numbers or expressions."""
+        weights = running_weights(len(self.rule.nodes), fractions)
         return self.point + self.length * (self.tangents @ ca.SX(weights))
 
     def angle_at(self, fraction: Scalar) -> Scalar:
@@ -94,8 +97,13 @@ class Backbone:
     def places(self, count: int) -> ca.Function:
         """``(q, u, f, p)``: world positions (2, count N) at fractions f (count, N) of the elements."""
         f = ca.SX.sym("f", count, len(self._elements))
-        points = [element.at(f[j, k]) for k, element in enumerate(self._elements) for j in range(count)]
+        points = [element.at(f[:, k].T) for k, element in enumerate(self._elements)]
         return self._function("places", [f], [ca.horzcat(*points)])
+
+    def fixed_places(self, fractions: Sequence[float]) -> ca.Function:
+        """``(q, u, p)``: world positions (2, count N) at fractions (count,) of every element."""
+        points = [element.at(np.array([fractions])) for element in self._elements]
+        return self._function("fixed_places", [], [ca.horzcat(*points)])
 
     @cached_property
     def section(self) -> ca.Function:

@@ -26,24 +26,6 @@ def add_limits(problem: Unknowns) -> None:
         _keep_object_clear(problem)
 
 
-def guarded(finger: UnitFinger) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
-    """World positions (2, K) that must stay clear along a finger, the elements that they are in, whether the finger
-    touches the object there, and half its thickness (K,) in units of the problem, one where it is the same everywhere.
-
-    These are waypoints, joints, and probes, which the search puts where a finger is deepest.
-    """
-    spec = finger.spec
-    touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
-    touching |= {spec.elements - 1} if spec.tip else set()
-    joints, count = range(spec.elements), finger.probes
-    at = ca.reshape(finger.number("probes", count * spec.elements), count, spec.elements)
-    along, owners, probed, half = finger.guarded(at)
-    points = ca.horzcat(finger.world(along), *(finger.ends[:, k] for k in joints), finger.world(probed))
-    elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
-    touches = [*(False for _ in owners), *(k in touching for k in joints), *(False for _ in range(count * len(joints)))]
-    return points, elements, touches, half
-
-
 def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
     """What is not negative for forces within a friction cone, where nothing pulls (n >= 0)."""
     if problem.spec.gravity == "out_of_plane":
@@ -70,7 +52,7 @@ def _bound_contacts(problem: Unknowns) -> None:
 
 def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
-    points, _, touches, thick = guarded(finger)
+    points, _, touches, thick = finger.guarded
     places, tolerance, half = ca.horzsplit(points), number("tolerance"), thick
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.

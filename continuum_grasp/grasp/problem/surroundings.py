@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
-from continuum_grasp.grasp.problem.limits import guarded
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
@@ -83,7 +82,7 @@ class Surroundings:
         self._elements: list[list[int]] = []
         self._free: list[Array] = []  # which guarded places do not touch the object
         for finger in problem.fingers:
-            points, elements, touches, half = guarded(finger)
+            points, elements, touches, half = finger.guarded
             # The probes are where this look puts them; all others follow from the unknowns.
             count = points.shape[1] - finger.probes * finger.spec.elements
             self._elements.append(elements[:count])

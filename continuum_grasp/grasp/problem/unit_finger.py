@@ -113,20 +113,34 @@ class UnitFinger:
         """Number of entries of the model's loads."""
         return self.model.nw
 
-    def guarded(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
+    @cached_property
+    def guarded(self) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
+        """World positions (2, K) that must stay clear, the elements that they are in, whether the finger touches the
+        object there, and half its thickness (K,) in units of the problem, one where it is the same everywhere.
+
+        These are fixed places, joints, and probes, which the search puts where a finger is deepest.
+        """
+        spec = self.spec
+        touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
+        touching |= {spec.elements - 1} if spec.tip else set()
+        joints, count = range(spec.elements), self.probes
+        at = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
+        fixed, owners, probed, half = self.places(at)
+        points = ca.horzcat(self.world(fixed), *(self.ends[:, k] for k in joints), self.world(probed))
+        elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
+        touches = [*(False for _ in owners), *(k in touching for k in joints)]
+        return points, elements, [*touches, *(False for _ in range(count * len(joints)))], half
+
+    def places(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
         """Positions (2, K) of the unit finger that must stay clear, the elements that they are in, positions (2, M) at
         ``fractions`` (count, N) of the elements, and half the thickness in units of the problem: one, or that at all
         places, the ends of the elements being between both.
         """
-        elements, guards, count = self.spec.elements, self.guards, self.guards + self.probes
-        even = ca.SX((np.arange(guards) + 0.5) / guards)
-        at = ca.vertcat(ca.repmat(even, 1, elements), fractions)
-        points = self._backbone.places(count)(self.q, self.u, at, self.p)
-        first, last = (
-            [k * count + j for k in range(elements) for j in part] for part in (range(guards), range(guards, count))
-        )
-        half = self.number("thickness") * self.number("length")
-        return points[:, first], [k for k in range(elements) for _ in range(guards)], points[:, last], half
+        even = (np.arange(self.guards) + 0.5) / self.guards
+        points = self._backbone.fixed_places(even.tolist())(self.q, self.u, self.p)
+        probed = self._backbone.places(self.probes)(self.q, self.u, fractions, self.p)
+        owners = [k for k in range(self.spec.elements) for _ in even]
+        return points, owners, probed, self.number("thickness") * self.number("length")
 
     def stored(self) -> list[ca.SX]:
         """What a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base."""
