@@ -21,6 +21,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.quadrature import collocation, running_weights
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.superellipse import smooth_support
+from continuum_grasp.model.surfaces.surface import NEAR, distance_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
@@ -58,7 +59,7 @@ PARTS = {
 def test_distances_against_dense_outlines(name):
     part = PARTS[name]
     points = np.random.default_rng(3).uniform(-0.12, 0.12, (200, 2))
-    directions, distances = surface_of(part).nearest_places(part, points)
+    directions, distances, _ = surface_of(part).nearest_places(part, points)
     outside = distances > 0.0
     outline = _dense_outline(part)
     true = np.array([np.linalg.norm(outline - p, axis=1).min() for p in points[outside]])
@@ -84,6 +85,30 @@ def _dense_outline(part):
         for (a, b), gap in zip(pairwise(ring), gaps, strict=True)
     ]
     return np.concatenate(parts)[:: 1 if part.radius == 0.0 else 2]
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
+    part, surface = PARTS[name], surface_of(PARTS[name])
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-0.12, 0.12, (300, 2))
+    points = points[surface.nearest_places(part, points)[1] > 2e-3]
+    angles = rng.uniform(-math.pi, math.pi, len(points))
+    circles, distances = surface.circles(part, points, 0.2)
+    point, near = ca.SX.sym("point", 2), ca.SX.sym("near", NEAR)
+    function = ca.Function("d", [point, near], [distance_from(point, near)])
+    assert_allclose(np.array(function(points.T / 0.2, circles)).ravel(), distances, atol=3e-9)
+    errors = []
+    for step in (2e-3, 1e-3):
+        moved = points + step * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        found = np.array(function(moved.T / 0.2, circles)).ravel() * 0.2
+        errors.append(np.abs(found - surface.nearest_places(part, moved)[1]))
+    if name in ("ellipse", "superellipse"):
+        # Where the nearest place stays: the median of the ratios is that of the third power.
+        assert np.median(errors[0] / errors[1]) > 7.0
+    else:
+        # Exact, but where the nearest feature is another one.
+        assert np.quantile(errors[0], 0.85) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["ellipse", "superellipse"])
@@ -114,7 +139,7 @@ def test_places_on_features_are_on_the_surface_with_its_normal(name):
         point, normal, off = (np.array(v).ravel() for v in function(at))
         assert np.abs(off).max(initial=0.0) < 1e-8
         away = point + 0.01 * normal
-        direction, distance = surface_of(part).nearest_places(part, away[None])
+        direction, distance, _ = surface_of(part).nearest_places(part, away[None])
         assert distance[0] == pytest.approx(0.01, abs=1e-8)
         assert_allclose([math.cos(direction[0]), math.sin(direction[0])], normal, atol=1e-5)
         angle = math.atan2(normal[1], normal[0])
@@ -186,7 +211,7 @@ def test_running_weights_integrate_polynomials_exactly(count):
     nodes = collocation(count).nodes
     powers = np.arange(count)
     for end in (0.0, 0.21, 0.5, 1.0):
-        weights = running_weights(count, end)
+        weights = running_weights(count, end).ravel()
         assert_allclose(weights @ nodes[:, None] ** powers, end ** (powers + 1) / (powers + 1), atol=1e-14)
         s = ca.SX.sym("s")
         written = np.array(ca.Function("w", [s], [running_weights(count, s)])(end)).ravel()

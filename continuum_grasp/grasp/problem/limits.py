@@ -9,7 +9,7 @@ import casadi as ca
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
-from continuum_grasp.model.surfaces.surface import CORNERS, separation
+from continuum_grasp.model.surfaces.surface import NEAR, distance_from
 
 SHORTEST = 0.02
 """Least distance of two middle contacts, as a part of the length: the moments of shorter elements are all but
@@ -57,17 +57,15 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
-    for part, surface in enumerate(spec.surfaces):
+    for part in range(len(spec.surfaces)):
         # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
         # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
-        slack = problem.slack["clearance at the object"] + tolerance - half
-        beta = _directions(problem, f"{name}.separating_{part}", len(free), surface.has_directions)
-        spare = []
-        for k, j in enumerate(free):
-            local = back @ (places[j] - problem.pose[:2])
-            near = finger.number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
-            away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
-            spare.append(away + _each(slack, j))
+        slack = problem.slack["clearance at the object"] + tolerance
+        near = ca.reshape(finger.number(f"near_{part}", NEAR * len(free)), NEAR, len(free))
+        spare = [
+            distance_from(back @ (places[j] - problem.pose[:2]), near[:, k]) - _each(half, j) + slack
+            for k, j in enumerate(free)
+        ]
         require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
     slack = problem.slack["clearance at the supports"] + tolerance
     spare = []
@@ -75,9 +73,8 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
     for k in range(spec.lines):
-        ends = ca.reshape(number(f"line_{k}.ends", 4), 2, 2)
-        beta = _directions(problem, f"{name}.beside_{k}", len(places), True)
-        spare += [separation(z, beta[j], ends) - _each(half, j) + slack for j, z in enumerate(places)]
+        near = ca.reshape(finger.number(f"near_line_{k}", NEAR * len(places)), NEAR, len(places))
+        spare += [distance_from(z, near[:, j]) - _each(half, j) + slack for j, z in enumerate(places)]
     for k in range(spec.pegs):
         at, radius = number(f"peg_{k}.position", 2), number(f"peg_{k}.radius")
         # 1e-24 keeps the root differentiable where a place is at the peg's center.
@@ -88,11 +85,6 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
 def _each(values: ca.SX, k: int) -> ca.SX:
     """One of several values, or the one that there is for all."""
     return values if values.numel() == 1 else values[k]
-
-
-def _directions(problem: Unknowns, name: str, count: int, wanted: bool) -> ca.SX:
-    """Angles of the normals of separating lines, as unknowns."""
-    return problem.x(name, count) if wanted else ca.SX(0, 1)
 
 
 def _part_numbers(problem: Unknowns, part: int) -> ca.SX:
@@ -131,10 +123,8 @@ def _keep_object_clear(problem: Unknowns) -> None:
             spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
     for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
-        for part, surface in enumerate(spec.surfaces):
-            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, surface.has_directions)
-            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if surface.looks_at_corners else None
-            away = surface.clearance(local, beta, _part_numbers(problem, part), near)
-            spare.append(away - number(f"peg_{k}.radius"))
+        for part in range(len(spec.surfaces)):
+            near = number(f"peg_{k}.near_{part}", NEAR)
+            spare.append(distance_from(local, near) - number(f"peg_{k}.radius"))
     if spare:
         problem.rows.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

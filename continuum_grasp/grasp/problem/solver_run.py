@@ -31,14 +31,16 @@ EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
 ROUNDS = 8
 """How often the places that must stay clear are moved to where fingers are deepest."""
+STEADY = 1e-5
+"""Relative change of what is sought, by new guarded places, from which on it is solved once more."""
 RUNGS = (
     (nlp.OptionSet.REFINED, 40),
     (nlp.OptionSet.REFINED_MONOTONE, 60),
     (nlp.OptionSet.DEFAULT, 80),
 )
 """How a start is solved from, boldest first: options, and the most iterations of one solver run."""
-DEEP = 2e-5
-"""Penetration above which that is done again (problem's units)."""
+DEEP = 1.1
+"""Penetration above which that is done again, per tolerance: active places have one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +150,9 @@ class GraspSolverRun:
 
         attempts: list[nlp.Attempt] = []
         acceptable = False
-        sight = self._near.look(scene, known.x, pack(values, 0.0))
+        deepest, near = self._looked(scene, known.x, pack(values, 0.0), values)
         for _ in range(ROUNDS):
-            numbers = pack({**values, **sight.numbers})
-            # Separating directions begin where obstacles are nearest.
-            for name, angles in sight.directions.items():
-                if name in self.problem.x.at:
-                    known.x[self.problem.x.at[name]] = angles
+            numbers = near
             known = replace(known, p=numbers)
             attempts.append(solve(known))
             # Where other constraints became active, multipliers of the round before mislead: once more without them.
@@ -163,14 +161,22 @@ class GraspSolverRun:
             last = attempts[-1]
             if not last.converged or not np.isfinite(last.x).all():
                 break
-            sight = self._near.look(scene, last.x, numbers)
+            deepest, near = self._looked(scene, last.x, numbers, values)
+            # By as much, to first order, the new places change what is sought.
+            moved = np.array(self._nlp.functions["jac_g"](last.x, near)[0]).ravel() - last.g
+            change = abs(float(last.multipliers.constraints @ moved))
             # A solution to the acceptable tolerance gets one more round from its own multipliers.
             settled = last.status is nlp.Status.SOLVED or acceptable
             acceptable = last.status is nlp.Status.ACCEPTABLE
-            if sight.deepest < DEEP and settled:
+            if settled and deepest < DEEP * scene.solver.penetration_tolerance and change < STEADY * max(1.0, abs(last.objective)):
                 break
             known = replace(known, x=last.x, multipliers=last.multipliers)
         return attempts, numbers
+
+    def _looked(self, scene: GraspScene, x: Array, numbers: Array, values: dict[str, Any]) -> tuple[float, Array]:
+        """How deep fingers are at a point, and numbers with the guarded places and separating lines of that point."""
+        sight = self._near.look(scene, x, numbers)
+        return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
     def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
         """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""
