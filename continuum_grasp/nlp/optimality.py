@@ -59,12 +59,13 @@ def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipli
     primal = scale * np.maximum(np.maximum(low - at, at - high), 0.0)
     # A multiplier whose end is infinite has the wrong sign.
     push = np.stack([np.maximum(-pressed, 0.0), np.maximum(pressed, 0.0)])
-    room = np.stack([at - low, high - at]) * scale
+    # Beyond its end a point has no room; by how much counts as primal.
+    room = np.maximum(np.stack([at - low, high - at]), 0.0) * scale
     bounded = np.isfinite(room) & (low != high)
     mean = np.abs(pressed).mean() if pressed.size else 0.0
     share = max(_GREATEST, float(mean)) / _GREATEST
     dual = np.concatenate([by_f * np.abs(slope[~fixed]), push[~np.isfinite(room)]]) / share
-    gap = np.abs(push * np.where(bounded, room, 0.0)) / share
+    gap = push * np.where(bounded, room, 0.0) / share
     return float(max(dual.max(initial=0.0), primal.max(initial=0.0), gap.max(initial=0.0)))
 
 

@@ -168,11 +168,8 @@ class GraspSolverRun:
             # A solution to the acceptable tolerance gets one more round from its own multipliers.
             settled = last.status is nlp.Status.SOLVED or acceptable
             acceptable = last.status is nlp.Status.ACCEPTABLE
-            if (
-                settled
-                and deepest < DEEP * scene.solver.penetration_tolerance
-                and change < STEADY * max(1.0, abs(last.objective))
-            ):
+            clear = deepest < DEEP * scene.solver.penetration_tolerance
+            if settled and clear and change < STEADY * max(1.0, abs(last.objective)):
                 break
             known = replace(known, x=last.x, multipliers=last.multipliers)
         return attempts, numbers
