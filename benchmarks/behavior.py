@@ -61,7 +61,7 @@ DATA = {
 """Measured data of the identifications; those of ``nitinol_releases`` are simulated here."""
 FUNCTIONS = (
     *("forward_dynamics", "inverse_dynamics", "mass_matrix", "bias", "gravity", "elastic", "damping", "actuation"),
-    *("external_force", "position", "orientation", "jacobian", "jacobian_rate", "tip", "joints", "waypoints", "energy"),
+    *("external_force", "position", "orientation", "jacobian", "jacobian_rate", "tip", "joints", "energy"),
     *("bending", "range_use", "statics", "linearization"),
 )
 

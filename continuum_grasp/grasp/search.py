@@ -144,7 +144,7 @@ class Search:
     def attempt(self, start: Start, **options: Any) -> Tried | None:
         """Solve from a start and verify; None where there are no numbers to verify."""
         solver = self.solver(start)
-        attempt = solver.run(self.scene, start, self.budget, **options)
+        attempt = solver.run(self.scene, start, self.budget, **{"rung": 2, **options})
         if not np.isfinite(attempt.x).all():
             return None
         arrays = solver.arrays(self.scene, attempt)

@@ -23,8 +23,6 @@ from continuum_grasp.model.stumpff import ROUNDING, stumpff
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.profile import Curve
 
-WAYPOINTS = 8
-"""Parts of an arc between which its waypoints lie [1]: about as many as a clothoid has nodes, 3 to 16."""
 _GRADED_ACCURACY = 1e-6
 """Accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for [1]: a thousandth of what 8
 arcs are off by."""
@@ -90,10 +88,6 @@ class Arc(Link):
     @property
     def curvatures(self) -> list[Scalar]:
         return [self._theta / self._length]
-
-    @property
-    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
-        return tuple((k / WAYPOINTS, self.section(k / WAYPOINTS).position) for k in range(1, WAYPOINTS))
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         if is_end(fraction):

@@ -61,7 +61,7 @@ class CollocatedLink(Link):
         self._length = length
         self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
-        self._rule = rule
+        self.rule = rule
         places = zip(rule.piece, rule.nodes.tolist(), strict=True)
         self._shape = np.array([self._angles(u, piece) for piece, u in places]).T
         self._first_scale = linear_density * length * length
@@ -86,19 +86,19 @@ class CollocatedLink(Link):
 
     def _reaches(self, fraction: Scalar) -> list[Scalar]:
         """Per piece of the rule, the share of it that a part of the link has."""
-        if len(self._rule.pieces) == 1 or is_end(fraction):
-            return [fraction for _ in self._rule.pieces]
-        return [ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0) for a, b in self._rule.pieces]
+        if len(self.rule.pieces) == 1 or is_end(fraction):
+            return [fraction for _ in self.rule.pieces]
+        return [ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0) for a, b in self.rule.pieces]
 
     def _places(self, fraction: Scalar) -> list[tuple[Scalar, int]]:
         """Nodes of a part of the link: fractions of the length, and pieces of the rule."""
-        reaches, nodes = self._reaches(fraction), zip(self._rule.nodes.tolist(), self._rule.piece, strict=True)
-        starts = [a for a, _ in self._rule.pieces]
+        reaches, nodes = self._reaches(fraction), zip(self.rule.nodes.tolist(), self.rule.piece, strict=True)
+        starts = [a for a, _ in self.rule.pieces]
         return [(starts[piece] + reaches[piece] * (u - starts[piece]), piece) for u, piece in nodes]
 
     def _ends(self, fraction: Scalar) -> list[tuple[Scalar, Scalar]]:
         """Start and end of each piece of a part of the link."""
-        spans = zip(self._rule.pieces, self._reaches(fraction), strict=True)
+        spans = zip(self.rule.pieces, self._reaches(fraction), strict=True)
         return [(a, b if is_end(reach) else a + reach * (b - a)) for (a, b), reach in spans]
 
     def _turned(self, fraction: Scalar) -> tuple[list[Scalar], Scalar]:
@@ -134,14 +134,14 @@ class CollocatedLink(Link):
     @property
     def count(self) -> int:
         """Number of nodes."""
-        return len(self._rule.nodes)
+        return len(self.rule.nodes)
 
     def table(self, count: int, *, straight: bool) -> LinkTable:
         """The link as numbers, which its length and densities must be, as if it had ``count`` nodes.
 
         The coordinates must be zero. A ``straight`` one has as rest what a curvature [1/m] bends that is one all along.
         """
-        h, rule, more = float(self._length), self._rule, count - self.count
+        h, rule, more = float(self._length), self.rule, count - self.count
         bends = [phi * h for phi in self._turned(1.0)[0]]
         places = np.column_stack([np.zeros(len(bends)), h * self._shape, np.array(bends, dtype=float)])
         rest = h * rule.steps if straight else np.array(self._turns(1.0), dtype=float)
@@ -165,7 +165,7 @@ class CollocatedLink(Link):
 
     def reach(self, count: int) -> list[float]:
         """Greatest turns from node to node [rad], as if there were ``count`` nodes."""
-        *steps, last = (self._angle_range * float(step) for step in self._rule.steps)
+        *steps, last = (self._angle_range * float(step) for step in self.rule.steps)
         return [*steps, *[0.0] * (count - self.count), last]
 
     # -- kinematics ----------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ class CollocatedLink(Link):
         # mass matrix needs them anyway.
         turns = [
             rotation(ca.SX(angle), self._angle_range * float(step))
-            for angle, step in zip(self._turns(fraction), self._rule.steps, strict=True)
+            for angle, step in zip(self._turns(fraction), self.rule.steps, strict=True)
         ]
         # Products of two turns first: half the depth, so the processor can work on them side by side.
         doubled = [a @ b for a, b in itertools.pairwise(turns)]
@@ -198,16 +198,9 @@ class CollocatedLink(Link):
             return self.end
         return self._section(fraction, self._nodes_up_to(fraction))
 
-    @property
-    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
-        rows, tangents = self._rule.running, self._whole.tangents
-        return tuple(
-            (float(u), _weigh(row, tangents, self._length)) for u, row in zip(self._rule.nodes, rows, strict=True)
-        )
-
     def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
         shapes = zip(*[self._angles(at, piece) for at, piece in self._places(fraction)], strict=True)
-        one = [1.0 for _ in self._rule.nodes]
+        one = [1.0 for _ in self.rule.nodes]
         return Section(
             position=self._integral(fraction, one, nodes.tangents, self._length),
             rotation=nodes.end,
@@ -219,9 +212,9 @@ class CollocatedLink(Link):
         """Scale times the integral of factor times tangent over the fractions of a part of the link."""
         total, first = ZERO, 0
         for piece, reach in enumerate(self._reaches(fraction)):
-            last = first + self._rule.piece.count(piece)
+            last = first + self.rule.piece.count(piece)
             part = slice(first, last)
-            total = total + _weigh_products(self._rule.weights[part], factors[part], tangents[part], reach * scale)
+            total = total + _weigh_products(self.rule.weights[part], factors[part], tangents[part], reach * scale)
             first = last
         return total
 
@@ -242,7 +235,7 @@ class CollocatedLink(Link):
     @cached_property
     def _differences(self) -> dict[tuple[int, int], Rotation]:
         """Per pair of nodes j < k, the turn from the tangent at j to that at k."""
-        nodes, count = self._whole, len(self._rule.nodes)
+        nodes, count = self._whole, len(self.rule.nodes)
         found: dict[tuple[int, int], Rotation] = {}
         for j in range(count):
             for k in range(j + 1, count):
@@ -264,7 +257,7 @@ class CollocatedLink(Link):
 
     @cached_property
     def inertia(self) -> Inertia:
-        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self._rule.rotary_weights
+        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self.rule.rotary_weights
         one = np.ones(len(weights))
         rotary = self._rotary_inertia * h
         # Sections turn by the shapes of the bending angle: rho I times the integrals of these and of their products.
@@ -274,7 +267,7 @@ class CollocatedLink(Link):
         return Inertia(
             mass=self._mass,
             first=_weigh(self._mean, tangents, self._first_scale),
-            second=self._form(one, one, scale) + self._rule.rotary_mass * rotary,
+            second=self._form(one, one, scale) + self.rule.rotary_mass * rotary,
             arms=tuple(_weigh(self._mean * f, tangents, self._first_scale * h) for f in shape),
             swing=tuple(self._form(one, f, scale * h) + r for f, r in zip(shape, rotary_swing, strict=True)),
             matrix=tuple(
@@ -284,7 +277,7 @@ class CollocatedLink(Link):
         )
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        nodes, tangents = range(len(self._rule.nodes)), self._whole.tangents
+        nodes, tangents = range(len(self.rule.nodes)), self._whole.tangents
         spins = [self._spin(at, piece, omega, rates) for at, piece in self._places(1.0)]
         loads: list[Scalar] = [0.0 for _ in nodes]
         for (j, k), turn in self._differences.items():
@@ -294,7 +287,7 @@ class CollocatedLink(Link):
             loads[k] -= sine * spins[j]
         scale, h = self._kernel_scale, self._length
         return Bias(
-            end=_weigh_products(self._rule.weights, spins, tangents, h),
+            end=_weigh_products(self.rule.weights, spins, tangents, h),
             force=_weigh_products(self._mean, spins, tangents, self._first_scale),
             moment=weighted_sum([1.0 for _ in nodes], loads, scale),
             generalized=tuple(weighted_sum(map(float, f), loads, scale * h) for f in self._shape),

@@ -221,21 +221,6 @@ class Equations:
         """World position [m] and angle [rad] of the end section of each element."""
         return [self.section_at(Place(k)) for k in range(len(self.lengths))]
 
-    @cached_property
-    def waypoints(self) -> list[Vec]:
-        """World positions [m] at the fractions of the elements where they cost least, from base to tip."""
-        start, found = ZERO, []
-        for link, turn, span in zip(self.chain.links, self.chain.rotations, self.chain.spans, strict=False):
-            found += [self.to_world(start + turn.apply(at)) for _, at in link.link.waypoints]
-            start += span
-        return found
-
-    def inside(self, fractions: ca.SX) -> list[Vec]:
-        """World positions [m] at run-time fractions (M, N) of the N elements' lengths, from base to tip."""
-        count, elements = fractions.shape
-        places = [Place(k, fractions[j, k]) for k in range(elements) for j in range(count)]
-        return [self.to_world(self.chain.position(place)) for place in places]
-
     def section_at(self, place: Place) -> tuple[Vec, Scalar]:
         """World position [m] and angle [rad] of a section."""
         angle: Scalar = self._par["base_angle"]

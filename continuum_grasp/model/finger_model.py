@@ -7,6 +7,7 @@ from typing import Unpack
 
 import casadi as ca
 
+from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.functions import Functions, function_names, named
@@ -97,7 +98,6 @@ class FingerModel(Functions):
     | jacobian_rate    | q, qd, u, s, p      | Jd (2, n) [m/(q s)], world |
     | tip              | q, u, p             | r (2) [m], world |
     | joints           | q, u, p             | r (2, N) [m], world, angle (N) [rad], of the elements' end sections |
-    | waypoints        | q, u, p             | r (2, K) [m], world, at ``waypoint_fractions`` of the elements |
     | energy           | x, u, p             | kinetic, potential [J] |
     | bending          | q, u, p             | bend of each element [rad] |
     | range_use        | q, u, p             | use of the declared bending range, per element [1] |
@@ -181,7 +181,6 @@ class FingerModel(Functions):
         r=lambda eq: ca.horzcat(*[at.column() for at, _ in eq.joints]),
         angle=lambda eq: [angle for _, angle in eq.joints],
     )
-    waypoints = named("q u p", r=lambda eq: ca.horzcat(*[at.column() for at in eq.waypoints]))
     energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     bending = named("q u p", bend=lambda eq: eq.bends)
     range_use = named("q u p", use=lambda eq: eq.range_use)
@@ -193,17 +192,12 @@ class FingerModel(Functions):
         missing = -column(eq.force_at_rest)
         return self._function("statics", "q u w p", Q=missing, K=ca.jacobian(missing, eq.q))
 
-    @property
-    def waypoint_fractions(self) -> tuple[tuple[float, ...], ...]:
-        """Per element, the fractions of its length where ``waypoints`` are."""
-        return tuple(tuple(at for at, _ in link.link.waypoints) for link in self._equations.chain.links)
+    def backbone(self) -> Backbone:
+        """Places and equilibrium of a finger of uniform elements, written for problems that differentiate them.
 
-    def probes(self, count: int) -> ca.Function:
-        """``(q, u, f, p) -> r``: world positions (2, count * N) [m] at fractions f (count, N) of the N elements."""
-        eq = self._equations
-        f = ca.SX.sym("f", count, len(self.lengths))
-        r = ca.horzcat(*[at.column() for at in eq.inside(f)])
-        return ca.Function("probes", [eq.q, eq.u, f, eq.p], self._at_command([r]), ["q", "u", "f", "p"], ["r"])
+        They are as accurate as the model, by the nodes of its elements; arcs get the nodes for its accuracy.
+        """
+        return Backbone(self._equations)
 
     def curvatures(self) -> ca.Function:
         """``(q, u, p) -> kappa, at, bend``: curvature and bends of the N elements.

@@ -26,7 +26,6 @@ MATRICES = frozenset(
         "jacobian.J",
         "jacobian_rate.Jd",
         "joints.r",
-        "waypoints.r",
         "linearization.A",
         "linearization.B",
         "pressed_linearization.A",

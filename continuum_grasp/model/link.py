@@ -75,11 +75,6 @@ class Link(ABC):
     def curvatures(self) -> list[Scalar]:
         """Curvature [1/m] at the ``places`` of the family, then wherever else it may be greatest."""
 
-    @property
-    @abstractmethod
-    def waypoints(self) -> tuple[tuple[float, Vec], ...]:
-        """Fractions of the length inside the link, and the positions there; where these cost least."""
-
     @abstractmethod
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         """Reversed velocity-product acceleration of a section.

@@ -45,7 +45,7 @@ class Clothoid(CollocatedLink):
         reach = fraction * self._length
         middle, lean = reach * (self._local[0] + 0.5 * rise), reach * rise
         angles = []
-        for step, offset in zip(self._rule.steps.tolist(), self._rule.offsets.tolist(), strict=True):
+        for step, offset in zip(self.rule.steps.tolist(), self.rule.offsets.tolist(), strict=True):
             bend, shift = step * middle, abs(offset) * lean
             angles.append(bend + shift if offset > 0.0 else bend - shift)
         return angles

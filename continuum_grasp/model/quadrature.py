@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,6 +42,7 @@ class Collocation:
         return 0.5 * (offsets - offsets[::-1])
 
 
+@cache
 def _integrals(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Gauss nodes (m,) and weights on [-1, 1]; Legendre coefficients (m + 1, m) of the running integrals over [0, 1] of
     the polynomials that are one at a node and zero at the others.
@@ -54,6 +57,23 @@ def _integrals(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], ND
         running[n + 1] += 0.5 * coefficients[n] / (2 * n + 1)
         running[n - 1] -= 0.5 * coefficients[n] / (2 * n + 1)
     return x, w, running
+
+
+def running_weights(count: int, fraction: Any) -> Any:
+    """Weights (m, K) of the integrals from 0 to fractions (1, K) of the polynomial through values at ``count`` Gauss
+    nodes.
+
+    An ndarray or a number gives an ndarray, a casadi.SX a casadi.SX.
+    """
+    # Legendre polynomials by their recurrence, which serves numbers and expressions alike.
+    x = 2.0 * fraction - 1.0
+    polynomials = [1.0 + 0.0 * x, x]
+    for n in range(1, count):
+        polynomials.append(((2 * n + 1) * x * polynomials[n] - n * polynomials[n - 1]) / (n + 1))
+    weights = _integrals(count)[2].T
+    if isinstance(fraction, ca.SX):
+        return ca.DM(weights) @ ca.vertcat(*polynomials)
+    return weights @ np.vstack(polynomials)
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, Start, Status
+from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, OptionSet, Start, Status
 from continuum_grasp.nlp.problem import NLP, Block, Constraints, Violation
 from continuum_grasp.nlp.solver import Settings, Solver, new_solver
 
@@ -13,6 +13,7 @@ __all__ = [
     "Budget",
     "Constraints",
     "Multipliers",
+    "OptionSet",
     "Settings",
     "Solver",
     "Start",

@@ -21,9 +21,9 @@ class Status(StrEnum):
     """How a solver run ended; the same words for every solver."""
 
     SOLVED = "solved"
-    """At a local optimum, to the full tolerance."""
+    """At a point where the conditions of optimality hold to the full tolerance, whatever the solver says of it."""
     ACCEPTABLE = "acceptable"
-    """At a local optimum, to 100 times the tolerance, with no further progress."""
+    """At a point where they hold to 100 times the tolerance, with no further progress."""
     INFEASIBLE = "infeasible"
     """At a point from which no nearby one violates the constraints less: start elsewhere, or relax a constraint."""
     ITERATION_LIMIT = "iteration_limit"
@@ -40,6 +40,26 @@ class Multipliers:
 
     bounds: Array
     constraints: Array
+
+
+class OptionSet(StrEnum):
+    """How near a solution a start is taken to be; a solver has options for each, and builds for those that are used."""
+
+    DEFAULT = "default"
+    """Rough: what the settings say."""
+    REFINED = "refined"
+    """Nearly exact: few, bold iterations."""
+    REFINED_MONOTONE = "refined_monotone"
+    """Nearly exact, where bold iterations left it."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """What of a start decides on the options of a solver; see `Start`."""
+
+    option_set: OptionSet = OptionSet.DEFAULT
+    barrier: float | None = None
+    warm: bool = False  # whether multipliers are known
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +80,8 @@ class Start:
         Known where the start is next to a solution, which is then looked for nearby.
     barrier : float or None
         First barrier parameter of an interior-point method, for a start that is worth staying near.
+    option_set : OptionSet
+        How near a solution it is.
     """
 
     x: Array
@@ -70,6 +92,12 @@ class Start:
     p: Array = field(default_factory=lambda: np.empty(0))
     multipliers: Multipliers | None = None
     barrier: float | None = None
+    option_set: OptionSet = OptionSet.DEFAULT
+
+    @property
+    def approach(self) -> Approach:
+        """What decides on the options of a solver."""
+        return Approach(self.option_set, self.barrier, self.multipliers is not None)
 
     def violation(self, x: Array, g: Array) -> float:
         """Largest amount by which a point leaves a bound of an unknown or of a constraint; infinite if not finite."""
@@ -96,6 +124,8 @@ class Attempt:
     seconds : float
     violation : float
         Largest amount by which a constraint or a bound is violated, in units of the problem.
+    error : float
+        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.optimality`.
     """
 
     status: Status
@@ -107,6 +137,7 @@ class Attempt:
     iterations: int
     seconds: float
     violation: float
+    error: float
 
     @property
     def converged(self) -> bool:

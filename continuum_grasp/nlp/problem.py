@@ -56,7 +56,11 @@ class NLP:
     @cached_property
     def functions(self) -> dict[str, ca.Function]:
         """``grad_f``, ``jac_g`` and ``hess_lag``; differentiated once for all solvers of the problem."""
-        oracle = ca.Function("nlp", [self.x, self.p], [self.f, self.g], ["x", "p"], ["f", "g"])
+        values = [self.f, self.g]
+        if isinstance(self.x, ca.SX):
+            # What several constraints have in common is written, and so differentiated, once.
+            values = ca.cse(values)
+        oracle = ca.Function("nlp", [self.x, self.p], values, ["x", "p"], ["f", "g"])
         hessian_inputs = ["x", "p", "lam:f", "lam:g"]
         found = {
             "grad_f": ("nlp_grad_f", ["x", "p"], ["f", "grad:f:x"], {}),

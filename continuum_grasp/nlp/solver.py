@@ -18,7 +18,8 @@ import numpy as np
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, Start, Status
+from continuum_grasp.nlp.attempt import Approach, Attempt, Budget, Multipliers, Start, Status
+from continuum_grasp.nlp.optimality import optimality_error
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
 
@@ -30,6 +31,8 @@ _STATUS = {
     "User_Requested_Stop": Status.STOPPED,
 }
 """CasADi's solvers share these names."""
+_ACCEPTABLE = 100.0
+"""Of an acceptable point, its errors per tolerance."""
 
 
 @dataclass(frozen=True)
@@ -70,25 +73,23 @@ class Solver(ABC):
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self._built: dict[tuple[NLP, bool, float | None], tuple[ca.Function, _Stop]] = {}
+        self._built: dict[tuple[NLP, Approach], tuple[ca.Function, _Stop]] = {}
 
     @abstractmethod
-    def options(self, problem: NLP, near: bool, barrier: float | None) -> dict[str, Any]:
+    def options(self, problem: NLP, approach: Approach) -> dict[str, Any]:
         """Options of the plugin, derivatives of the problem included.
 
         Parameters
         ----------
         problem : NLP
-        near : bool
-            Whether starts come with multipliers and are next to a solution.
-        barrier : float or None
-            See `Start`.
+        approach : Approach
+            What is known of the starts.
         """
 
     def prepare(self, problem: NLP) -> None:
         """Build what starts with and without multipliers need, which otherwise counts as time of the first run."""
-        for near in (False, True):
-            self._function(problem, near, None)
+        for warm in (False, True):
+            self._function(problem, Approach(warm=warm))
 
     def solve(self, problem: NLP, start: Start, until: Budget) -> Attempt:
         """Solve from a start until it is solved or the budget ends.
@@ -100,7 +101,7 @@ class Solver(ABC):
             instead.
         """
         began = time.perf_counter()
-        function, stop = self._function(problem, start.multipliers is not None, start.barrier)
+        function, stop = self._function(problem, start.approach)
         stop.until, stop.calls = until, 0
         given = {}
         if start.multipliers is not None:
@@ -111,16 +112,29 @@ class Solver(ABC):
         stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
         outcome, iterations = str(stats["return_status"]), int(stats.get("iter_count", stop.calls - 1))
-        status, multipliers = _STATUS.get(outcome, Status.FAILED), Multipliers(bound_forces, forces)
-        seconds, violation = time.perf_counter() - began, start.violation(x, g)
-        return Attempt(status, outcome, x, g, float(found["f"]), multipliers, iterations, seconds, violation)
+        multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
+        error = optimality_error(problem, start, x, multipliers)
+        status = self._status(_STATUS.get(outcome, Status.FAILED), error, violation)
+        seconds, objective = time.perf_counter() - began, float(found["f"])
+        return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
+
+    def _status(self, reported: Status, error: float, violation: float) -> Status:
+        """The status of a point, which is solved if, and only if, the conditions of optimality say so."""
+        # The last step of a solver may fail by rounding, or the budget end, at a solution.
+        tolerance, most = self.settings.tolerance, self.settings.constraint_tolerance
+        if error <= tolerance and violation <= most:
+            return Status.SOLVED
+        if reported in (Status.SOLVED, Status.ACCEPTABLE, Status.FAILED):
+            near = error <= _ACCEPTABLE * tolerance and violation <= _ACCEPTABLE * most
+            return Status.ACCEPTABLE if near else Status.FAILED
+        return reported
 
     def statistics(self, function: ca.Function) -> dict[str, Any]:
         """What the solver reports of its last run: ``return_status``, ``iter_count``."""
         return dict(function.stats())
 
-    def _function(self, problem: NLP, near: bool, barrier: float | None) -> tuple[ca.Function, _Stop]:
-        key = problem, near, barrier
+    def _function(self, problem: NLP, approach: Approach) -> tuple[ca.Function, _Stop]:
+        key = problem, approach
         if key not in self._built:
             stop = _Stop(problem)
             common: dict[str, Any] = {
@@ -133,7 +147,7 @@ class Solver(ABC):
                 "iteration_callback": stop,
             }
             expressions = {"x": problem.x, "p": problem.p, "f": problem.f, "g": problem.g}
-            options = common | self.options(problem, near, barrier)
+            options = common | self.options(problem, approach)
             self._built[key] = ca.nlpsol(problem.name, self.plugin, expressions, options), stop
         return self._built[key]
 

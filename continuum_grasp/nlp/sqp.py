@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from continuum_grasp.nlp.attempt import Approach
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.nlp.solver import Solver
 
@@ -20,13 +21,13 @@ class Method(Solver):
 
     QPs have to be convex: a Hessian that is not positive semidefinite gives way to damped BFGS updates. Shifting its
     eigenvalues to positive ones (``convexify_strategy``) took 200 iterations on configs/grasp/mug.yaml in place of 13.
-    The budget and Ctrl-C are looked at before each QP. There is no barrier parameter, and an infeasible problem ends
-    as ``failed``.
+    The budget and Ctrl-C are looked at before each QP. There is no barrier parameter, one set of options, and an
+    infeasible problem ends as ``failed``.
     """
 
     plugin = "sqpmethod"
 
-    def options(self, problem: NLP, near: bool, barrier: float | None) -> dict[str, Any]:
+    def options(self, problem: NLP, approach: Approach) -> dict[str, Any]:
         """See `Solver`."""
         settings = self.settings
         return {

@@ -18,8 +18,10 @@ from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search, contact_modes
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.quadrature import collocation, running_weights
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.superellipse import smooth_support
+from continuum_grasp.model.surfaces.surface import NEAR, distance_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
@@ -27,8 +29,10 @@ from continuum_grasp.scene import (
     Finger,
     FingerContacts,
     GraspContacts,
+    MomentLoad,
     ObjectiveWeights,
     Palm,
+    PointMass,
     Rod,
     Tendons,
 )
@@ -55,7 +59,7 @@ PARTS = {
 def test_distances_against_dense_outlines(name):
     part = PARTS[name]
     points = np.random.default_rng(3).uniform(-0.12, 0.12, (200, 2))
-    directions, distances = surface_of(part).nearest_places(part, points)
+    directions, distances, _ = surface_of(part).nearest_places(part, points)
     outside = distances > 0.0
     outline = _dense_outline(part)
     true = np.array([np.linalg.norm(outline - p, axis=1).min() for p in points[outside]])
@@ -81,6 +85,30 @@ def _dense_outline(part):
         for (a, b), gap in zip(pairwise(ring), gaps, strict=True)
     ]
     return np.concatenate(parts)[:: 1 if part.radius == 0.0 else 2]
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
+    part, surface = PARTS[name], surface_of(PARTS[name])
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-0.12, 0.12, (300, 2))
+    points = points[surface.nearest_places(part, points)[1] > 2e-3]
+    angles = rng.uniform(-math.pi, math.pi, len(points))
+    circles, distances = surface.circles(part, points, 0.2)
+    point, near = ca.SX.sym("point", 2), ca.SX.sym("near", NEAR)
+    function = ca.Function("d", [point, near], [distance_from(point, near)])
+    assert_allclose(np.array(function(points.T / 0.2, circles)).ravel(), distances, atol=3e-9)
+    errors = []
+    for step in (2e-3, 1e-3):
+        moved = points + step * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        found = np.array(function(moved.T / 0.2, circles)).ravel() * 0.2
+        errors.append(np.abs(found - surface.nearest_places(part, moved)[1]))
+    if name in ("ellipse", "superellipse"):
+        # Where the nearest place stays: the median of the ratios is that of the third power.
+        assert np.median(errors[0] / errors[1]) > 7.0
+    else:
+        # Exact, but where the nearest feature is another one.
+        assert np.quantile(errors[0], 0.85) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["ellipse", "superellipse"])
@@ -111,7 +139,7 @@ def test_places_on_features_are_on_the_surface_with_its_normal(name):
         point, normal, off = (np.array(v).ravel() for v in function(at))
         assert np.abs(off).max(initial=0.0) < 1e-8
         away = point + 0.01 * normal
-        direction, distance = surface_of(part).nearest_places(part, away[None])
+        direction, distance, _ = surface_of(part).nearest_places(part, away[None])
         assert distance[0] == pytest.approx(0.01, abs=1e-8)
         assert_allclose([math.cos(direction[0]), math.sin(direction[0])], normal, atol=1e-5)
         angle = math.atan2(normal[1], normal[0])
@@ -127,28 +155,67 @@ def _on_superellipse(t, power):
     return c * size, s * size
 
 
+LOADED = {
+    "element_lengths": [0.2, 0.45, 0.35],
+    "gravity": [0.3, -2.0],
+    "rest_curvature": [0.4],
+    "tendon_friction": [0.1],
+    "tip_mass": [0.2],
+}
+
+
 @pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
-def test_joints_waypoints_and_probes_are_sections_of_the_model(family):
+def test_places_and_equilibrium_are_those_of_the_model(family):
+    """The running sums of the grasp against the recursions of the model, which share no integral with them."""
+    # A matched tip carries no tendon friction.
+    loaded = {key: value for key, value in LOADED.items() if family != "matched_clothoid" or key != "tendon_friction"}
     finger = Finger(
-        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0), tendons=Tendons(offset=0.1, max_tension=9.0)
+        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
+        masses=(PointMass(at=1.0, mass=0.2),),
+        tendons=Tendons(offset=0.1, max_tension=9.0, friction=0.1 if "tendon_friction" in loaded else 0.0),
     )
     model = FingerModel(
-        finger, family=family, elements=3, gravity=(0, 0), parameters=("element_lengths",), accuracy=1e-12
+        finger,
+        family=family,
+        elements=3,
+        gravity=(0, 0),
+        contacts=(1 / 3, 2 / 3),
+        loads=(MomentLoad(at=1 / 3, moment=0.0), MomentLoad(at=2 / 3, moment=0.0), MomentLoad(at=1.0, moment=0.0)),
+        tip_force=True,
+        parameters=tuple(loaded),
+        accuracy=1e-13,
     )
-    q, u, lengths = np.array([0.5, -0.4, 0.9, 0.3][: model.n]), [3.0, 0.0], [0.2, 0.45, 0.35]
-    starts = np.cumsum([0.0, *lengths])
-    r, angles = (np.array(v) for v in model.joints(q, u, lengths))
+    q, u, p = np.array([0.5, -0.4, 0.9, 0.3][: model.n]), [3.0, 1.0, 0.2], np.concatenate(list(loaded.values()))
+    w, lengths = np.array([0.5, -1.0, 0.2, 0.8, -0.7, 0.1, 0.3, -0.2]), LOADED["element_lengths"]
+    starts, backbone = np.cumsum([0.0, *lengths]), model.backbone()
+    r, angles = (np.array(v) for v in backbone.joints(q, u, p))
     for k in range(3):
-        assert_allclose(r[:, k], np.array(model.position(q, u, starts[k + 1], lengths)).ravel(), atol=1e-12)
-        assert float(angles[k, 0]) == pytest.approx(float(model.orientation(q, u, starts[k + 1], lengths)), abs=1e-12)
-    inside = [starts[k] + f * lengths[k] for k, part in enumerate(model.waypoint_fractions) for f in part]
-    points = np.array(model.waypoints(q, u, lengths))
+        assert_allclose(r[:, k], np.array(model.position(q, u, starts[k + 1], p)).ravel(), atol=1e-12)
+        assert float(angles[k, 0]) == pytest.approx(float(model.orientation(q, u, starts[k + 1], p)), abs=1e-12)
     fractions = np.array([[0.1, 0.5, 0.9], [0.7, 0.2, 0.4]])
-    probes = np.array(model.probes(2)(q, u, fractions, lengths))
-    at = [starts[k] + fractions[j, k] * lengths[k] for k in range(3) for j in range(2)]
-    for found, places in ((points, inside), (probes, at)):
-        for k, s in enumerate(places):
-            assert_allclose(found[:, k], np.array(model.position(q, u, s, lengths)).ravel(), atol=1e-10)
+    places = np.array(backbone.places(2)(q, u, fractions, p))
+    for j, s in enumerate(starts[k] + fractions[j, k] * lengths[k] for k in range(3) for j in range(2)):
+        point, angle = (np.array(v).ravel() for v in backbone.section(q, u, s, p))
+        assert_allclose(point, np.array(model.position(q, u, s, p)).ravel(), atol=1e-12)
+        assert angle == pytest.approx(float(model.orientation(q, u, s, p)), abs=1e-12)
+        assert_allclose(places[:, j], point, atol=1e-12)
+    zero = np.zeros(model.n)
+    still = np.array(model.inverse_dynamics(q, zero, zero, u, w, p)).ravel()
+    # A mass within an element bears like its Jacobian.
+    carried = np.array(model.jacobian(q, u, 0.55, p)).T @ LOADED["gravity"] * 0.7
+    assert_allclose(np.array(backbone.missing(1)(q, u, w, [0.7, 0.55], p)).ravel(), still - carried, atol=1e-11)
+
+
+@pytest.mark.parametrize("count", [4, 9])
+def test_running_weights_integrate_polynomials_exactly(count):
+    nodes = collocation(count).nodes
+    powers = np.arange(count)
+    for end in (0.0, 0.21, 0.5, 1.0):
+        weights = running_weights(count, end).ravel()
+        assert_allclose(weights @ nodes[:, None] ** powers, end ** (powers + 1) / (powers + 1), atol=1e-14)
+        s = ca.SX.sym("s")
+        written = np.array(ca.Function("w", [s], [running_weights(count, s)])(end)).ravel()
+        assert_allclose(written, weights, atol=1e-15)
 
 
 # -- what follows from a solution --------------------------------------------------------------------------------

@@ -21,8 +21,20 @@ from plan_cases import two_arcs
 
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.nlp import NLP, Attempt, Budget, Constraints, Settings, Start, Status, new_solver
-from continuum_grasp.nlp.solver import _Stop
+from continuum_grasp.nlp import (
+    NLP,
+    Attempt,
+    Budget,
+    Constraints,
+    Multipliers,
+    OptionSet,
+    Settings,
+    Start,
+    Status,
+    new_solver,
+)
+from continuum_grasp.nlp.optimality import optimality_error
+from continuum_grasp.nlp.solver import Solver, _Stop
 from continuum_grasp.planning import plan
 from continuum_grasp.scene.grasp_options import GraspSolver
 from continuum_grasp.scene.load import load
@@ -159,6 +171,73 @@ def test_ctrl_c_ends_it_after_the_iteration(method, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         solved(method, problem, start)
     assert count[0] == 3
+
+
+def problem_by_hand():
+    """Minimize (x - 2)^2 / 2 + y^2 / 2 + c z for x <= 1 as a bound, y >= 3 as a constraint and z in [0, 4].
+
+    At (1, 3, 0) the multipliers are 1 of x, -3 of the constraint and -c of z.
+    """
+    x, c = ca.SX.sym("x", 3), ca.SX.sym("c")
+    low, high = np.array([-INF, -INF, 0.0]), np.array([1.0, INF, 4.0])
+    start = Start(np.zeros(3), low, high, np.array([3.0]), np.array([INF]), np.array([0.5]))
+    return NLP("hand", x, (x[0] - 2) ** 2 / 2 + x[1] ** 2 / 2 + c * x[2], x[1], c), start
+
+
+@pytest.mark.parametrize(
+    ("point", "bounds", "forces", "error"),
+    [
+        ([1.0, 3.0, 0.0], [1.0, 0.0, -0.5], [-3.0], 0.0),  # the solution
+        ([1.0, 3.0, 0.0], [1.0, 0.0, 0.0], [-3.0], 0.5),  # the multiplier of z is missing
+        ([1.0, 3.1, 0.0], [1.0, 0.0, -0.5], [-3.1], 0.31),  # 0.1 within the constraint that pushes by 3.1
+        ([1.0, 2.8, 0.0], [1.0, 0.0, -0.5], [-2.8], 0.2),  # 0.2 beyond it
+        ([1.2, 3.0, 0.0], [0.8, 0.0, -0.5], [-3.0], 0.2),  # beyond the bound of x
+        ([2.0, 3.0, 0.0], [0.0, 0.0, -0.5], [-3.0], 1.0),  # without it
+        ([1.0, 3.0, 4.0], [1.0, 0.0, -0.5], [-3.0], 2.0),  # z at its other end, the sign that of the lower
+        ([1.0, -1.0, 0.0], [1.0, 0.0, -0.5], [1.0], 4.0),  # the constraint pulls, and is violated by 4
+        ([np.nan, 3.0, 0.0], [1.0, 0.0, -0.5], [-3.0], INF),
+    ],
+)
+def test_the_error_of_optimality_against_a_problem_by_hand(point, bounds, forces, error):
+    problem, start = problem_by_hand()
+    found = optimality_error(problem, start, np.array(point), Multipliers(np.array(bounds), np.array(forces)))
+    assert found == pytest.approx(error, abs=1e-14)
+
+
+def test_steep_functions_and_great_multipliers_are_scaled_as_ipopt_does():
+    """A gradient of 1000 at the start is scaled to 100; multipliers of 400 in the mean count as 100."""
+    x = ca.SX.sym("x")
+    problem = NLP("steep", x, 500 * x**2, 1e-3 * x)
+    start = Start(np.ones(1), np.full(1, -INF), np.full(1, INF), np.full(1, 2e-3), np.full(1, INF))
+    # At 2 the slope of 2000 is held by a multiplier of -2e6; with -1.9e6, 100 are left.
+    found = optimality_error(problem, start, np.full(1, 2.0), Multipliers(np.zeros(1), np.full(1, -1.9e6)))
+    assert found == pytest.approx(0.1 * 100 / (0.1 * 1.9e6 / 2 / 100), rel=1e-12)
+    # A violated steep constraint counts less by as much.
+    steep = NLP("steep", x, x, 1e4 * x)
+    start = Start(np.ones(1), np.full(1, -INF), np.full(1, INF), np.full(1, 1e4), np.full(1, INF))
+    found = optimality_error(steep, start, np.full(1, 0.5), Multipliers(np.zeros(1), np.full(1, -1e-4)))
+    assert found == pytest.approx(50.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_solution_is_solved_whatever_the_solver_says(method, monkeypatch):
+    problem, start, _ = problem_71()
+    monkeypatch.setattr(Solver, "statistics", lambda self, function: {"return_status": "Error_In_Step_Computation"})
+    found = solved(method, problem, start, tolerance=1e-6)
+    assert (found.status, found.outcome) == (Status.SOLVED, "Error_In_Step_Computation")
+    monkeypatch.setattr(Solver, "statistics", lambda self, function: {"return_status": "Solve_Succeeded"})
+    early = solved(method, problem, start, Budget(left=3), tolerance=1e-6)
+    assert early.status is Status.FAILED
+    assert early.error > 1e-4
+
+
+@pytest.mark.parametrize("option_set", OptionSet)
+def test_every_option_set_solves_from_next_to_the_solution(option_set):
+    problem, start, expected = problem_71()
+    near = replace(start, x=np.array(expected) + 1e-3, option_set=option_set)
+    found = solved("ipopt", problem, near)
+    assert found.status is Status.SOLVED
+    assert_allclose(found.x, expected, atol=1e-5)
 
 
 def test_another_solver_finds_the_same_plan():

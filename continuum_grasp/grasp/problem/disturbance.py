@@ -214,7 +214,7 @@ def _keep_limits(problem: Unknowns, change: _Change, k: int) -> None:
         n, f, lift = contact.force[0] + own[0], contact.force[1] + own[1], contact.force[2]
         cone = friction_cone(problem, number(f"{name}.friction"), n, f, lift)
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
-        spare = number(f"{name}.normal_force_max") - n
+        spare = ca.vertcat(n, number(f"{name}.normal_force_max") - n)
         require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
     for finger, own in zip(problem.fingers, change.pulls, strict=True):
         pulls = finger.pulls + own

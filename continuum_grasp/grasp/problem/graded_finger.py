@@ -77,7 +77,7 @@ class GradedUnitFinger(UnitFinger):
     def loads_size(self) -> int:
         return self.statics.nw
 
-    def guarded(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
+    def places(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
         picks, elements, start = [], [], 0
         for element, count in enumerate(self.statics.waypoint_counts):
             few = min(count, self.guards)

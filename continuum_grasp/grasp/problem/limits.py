@@ -9,10 +9,8 @@ import casadi as ca
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
-from continuum_grasp.model.surfaces.surface import CORNERS, separation
+from continuum_grasp.model.surfaces.surface import NEAR, distance_from
 
-APEX = 2e-4
-"""Rounding of the apex of spatial friction cones, as a part of the weight; it lies inside the true one."""
 SHORTEST = 0.02
 """Least distance of two middle contacts, as a part of the length: the moments of shorter elements are all but
 dependent."""
@@ -28,30 +26,13 @@ def add_limits(problem: Unknowns) -> None:
         _keep_object_clear(problem)
 
 
-def guarded(finger: UnitFinger) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
-    """World positions (2, K) that must stay clear along a finger, the elements that they are in, whether the finger
-    touches the object there, and half its thickness (K,) in units of the problem, one where it is the same everywhere.
-
-    These are waypoints, joints, and probes, which the search puts where a finger is deepest.
-    """
-    spec = finger.spec
-    touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
-    touching |= {spec.elements - 1} if spec.tip else set()
-    joints, count = range(spec.elements), finger.probes
-    at = ca.reshape(finger.number("probes", count * spec.elements), count, spec.elements)
-    along, owners, probed, half = finger.guarded(at)
-    points = ca.horzcat(finger.world(along), *(finger.ends[:, k] for k in joints), finger.world(probed))
-    elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
-    touches = [*(False for _ in owners), *(k in touching for k in joints), *(False for _ in range(count * len(joints)))]
-    return points, elements, touches, half
-
-
 def friction_cone(problem: Unknowns, friction: ca.SX, n: ca.SX, f: ca.SX, lift: ca.SX) -> ca.SX:
-    """What is not negative for forces within a friction cone."""
+    """What is not negative for forces within a friction cone, where nothing pulls (n >= 0)."""
     if problem.spec.gravity == "out_of_plane":
-        # Rounded from inside: the root has a kink where nothing presses, at which IPOPT would zigzag.
-        apex = APEX * problem.numbers("force reference")
-        return friction * n - ca.sqrt(f**2 + lift**2 + apex**2)
+        # The hyperboloid (mu N)^2 >= f^2 + l^2 + e^2 within the cone. The cone has a kink where nothing presses, at
+        # which IPOPT would zigzag; so does a root in its place, which is nearly one.
+        apex = problem.numbers("cone rounding")
+        return friction * n - apex - (f**2 + lift**2) / (friction * n + apex)
     # In the plane the cone is two half planes: linear, nothing to round.
     return ca.vertcat(friction * n - f, friction * n + f)
 
@@ -71,22 +52,20 @@ def _bound_contacts(problem: Unknowns) -> None:
 
 def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
-    points, _, touches, thick = guarded(finger)
+    points, _, touches, thick = finger.guarded
     places, tolerance, half = ca.horzsplit(points), number("tolerance"), thick
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
-    for part, surface in enumerate(spec.surfaces):
+    for part in range(len(spec.surfaces)):
         # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
         # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
-        slack = problem.slack["clearance at the object"] + tolerance - half
-        beta = _directions(problem, f"{name}.separating_{part}", len(free), surface.has_directions)
-        spare = []
-        for k, j in enumerate(free):
-            local = back @ (places[j] - problem.pose[:2])
-            near = finger.number(f"corners_{part}_{j}", 2 * CORNERS) if surface.looks_at_corners else None
-            away = surface.clearance(local, beta[k] if beta.numel() else beta, _part_numbers(problem, part), near)
-            spare.append(away + _each(slack, j))
+        slack = problem.slack["clearance at the object"] + tolerance
+        near = ca.reshape(finger.number(f"near_{part}", NEAR * len(free)), NEAR, len(free))
+        spare = [
+            distance_from(back @ (places[j] - problem.pose[:2]), near[:, k]) - _each(half, j) + slack
+            for k, j in enumerate(free)
+        ]
         require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
     slack = problem.slack["clearance at the supports"] + tolerance
     spare = []
@@ -94,9 +73,8 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
     for k in range(spec.lines):
-        ends = ca.reshape(number(f"line_{k}.ends", 4), 2, 2)
-        beta = _directions(problem, f"{name}.beside_{k}", len(places), True)
-        spare += [separation(z, beta[j], ends) - _each(half, j) + slack for j, z in enumerate(places)]
+        near = ca.reshape(finger.number(f"near_line_{k}", NEAR * len(places)), NEAR, len(places))
+        spare += [distance_from(z, near[:, j]) - _each(half, j) + slack for j, z in enumerate(places)]
     for k in range(spec.pegs):
         at, radius = number(f"peg_{k}.position", 2), number(f"peg_{k}.radius")
         # 1e-24 keeps the root differentiable where a place is at the peg's center.
@@ -107,11 +85,6 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
 def _each(values: ca.SX, k: int) -> ca.SX:
     """One of several values, or the one that there is for all."""
     return values if values.numel() == 1 else values[k]
-
-
-def _directions(problem: Unknowns, name: str, count: int, wanted: bool) -> ca.SX:
-    """Angles of the normals of separating lines, as unknowns."""
-    return problem.x(name, count) if wanted else ca.SX(0, 1)
 
 
 def _part_numbers(problem: Unknowns, part: int) -> ca.SX:
@@ -150,10 +123,8 @@ def _keep_object_clear(problem: Unknowns) -> None:
             spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
     for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
-        for part, surface in enumerate(spec.surfaces):
-            beta = _directions(problem, f"peg_{k}.separating_{part}", 1, surface.has_directions)
-            near = number(f"peg_{k}.corners_{part}", 2 * CORNERS) if surface.looks_at_corners else None
-            away = surface.clearance(local, beta, _part_numbers(problem, part), near)
-            spare.append(away - number(f"peg_{k}.radius"))
+        for part in range(len(spec.surfaces)):
+            near = number(f"peg_{k}.near_{part}", NEAR)
+            spare.append(distance_from(local, near) - number(f"peg_{k}.radius"))
     if spare:
         problem.rows.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

@@ -6,7 +6,7 @@ so that middle contacts, which are joints of two elements, can move along the fi
 normal n and half thickness h:
 
     middle    r(s) = p + h n,  n across the finger there (tangency)
-    tip       r(L) = p + h n
+    tip       r(L) = p + h n,  the finger not coming from within
     finger    inverse dynamics at rest = 0, contact forces N n + f t and couples -h f included
     object    weight - sum (N n + f t) = 0, moments about the center of mass, lift out of the plane
 
@@ -28,6 +28,8 @@ from continuum_grasp.grasp.problem.unknowns import Touch, Unknowns
 _REGULARIZATION = 1e-8
 """Weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more than three
 contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate resolves."""
+_ANY = 1e3
+"""Angle of the tip that clearance relaxed by one unit of length allows [rad]: any, from a thousandth on."""
 _TINY = 1e-6
 """Rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at zero."""
 
@@ -54,11 +56,18 @@ class GraspProblem(Unknowns):
         end = finger.end_of(spec)
         gap = finger.ends[:, end] - contact.point - finger.half(spec) * contact.normal
         require(f"contact gap, {spec.name}", gap, "m", key)
+        along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
+        tilt, lean = ca.dot(along, contact.normal), finger.lean(spec)
+        # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
+        tilt -= 0.0 if lean is None else lean
         if spec.joint >= 0:
-            along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
-            tilt, lean = ca.dot(along, contact.normal), finger.lean(spec)
-            # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
-            require(f"contact tangency, {spec.name}", tilt if lean is None else tilt - lean, "rad", key)
+            require(f"contact tangency, {spec.name}", tilt, "rad", key)
+        else:
+            # Else it would come from within the object, if only by the tolerance: places before the tip, guarded where
+            # they are deepest, would follow it by halves, as often the optimum touches with the side of the tip. An
+            # angle e leaves a depth of e^2 / 2 per relative curvature; an arc that fits a disc needs one.
+            spare = ca.sqrt(self.numbers("tolerance")) + _ANY * self.slack["clearance at the object"] - tilt
+            require(f"contact direction, {spec.name}", spare, "rad", key, upper=ca.inf)
 
     def _close_support(self, contact: Touch) -> None:
         """A support touches the object, whose pose is sought."""
@@ -69,8 +78,11 @@ class GraspProblem(Unknowns):
             require(f"contact gap, {name}", contact.point + radius * contact.normal - center, "m", key)
             return
         normal, at = number(f"{name}.wall normal", 2), number(f"{name}.wall point", 2)
-        along = ca.vertcat(-normal[1], normal[0])
-        require(f"contact gap, {name}", ca.dot(normal, contact.point - at), "m", key)
+        along, gap = ca.vertcat(-normal[1], normal[0]), ca.dot(normal, contact.point - at)
+        # Within the tolerance, not zero: where the object cannot leave or enter the support, because its pose is free
+        # along it alone or other supports hold it, equations would be dependent (egg: no start converged).
+        spare = number("tolerance") + ca.vertcat(-gap, gap)
+        require(f"contact gap, {name}", spare, "m", key, upper=ca.inf)
         require(f"contact normal, {name}", ca.dot(along, contact.normal), "rad", key)
         if contact.spec.bounded:
             off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")

@@ -31,8 +31,16 @@ EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
 ROUNDS = 8
 """How often the places that must stay clear are moved to where fingers are deepest."""
-DEEP = 2e-5
-"""Penetration above which that is done again (problem's units)."""
+STEADY = 1e-5
+"""Relative change of what is sought, by new guarded places, from which on it is solved once more."""
+RUNGS = (
+    (nlp.OptionSet.REFINED, 40),
+    (nlp.OptionSet.REFINED_MONOTONE, 60),
+    (nlp.OptionSet.DEFAULT, 80),
+)
+"""How a start is solved from, boldest first: options, and the most iterations of one solver run."""
+DEEP = 1.1
+"""Penetration above which that is done again, per tolerance: active places have one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +91,7 @@ class GraspSolverRun:
         start: Start,
         budget: Budget,
         *,
+        rung: int = 0,
         iterations: int | None = None,
         relaxed: tuple[Relaxation, float] | None = None,
         features: dict[str, Feature] | None = None,
@@ -90,6 +99,7 @@ class GraspSolverRun:
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
+        ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
         ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
         the unknowns begin with ``x0``, by default those of the start.
@@ -115,9 +125,10 @@ class GraspSolverRun:
             values["relaxation weights"] = np.array([float(each is relaxation) for each in RELAXATIONS])
         self.prepare(scene)
         began = time.perf_counter()
-        known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds())
+        options, most = RUNGS[rung]
+        known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds(), option_set=options)
         with budget.share(iterations) as part:
-            attempts, numbers = self._rounds(scene, known, values, part)
+            attempts, numbers = self._rounds(scene, known, values, part, most)
         last = attempts[-1]
         total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
@@ -126,35 +137,47 @@ class GraspSolverRun:
         )
 
     def _rounds(
-        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget
+        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget, most: int
     ) -> tuple[list[nlp.Attempt], Array]:
-        """Solve until no finger is deep between the places that must stay clear; all runs, and the last numbers."""
+        """Solve until no finger is deep between the places that must stay clear, each time by at most so many
+        iterations; all runs, and the last numbers.
+        """
         method, pack = self.prepare(scene), self.problem.numbers.pack
+
+        def solve(start: nlp.Start) -> nlp.Attempt:
+            with part.share(most) as one:
+                return method.solve(self._nlp, start, one)
+
         attempts: list[nlp.Attempt] = []
         acceptable = False
-        sight = self._near.look(scene, known.x, pack(values, 0.0))
+        deepest, near = self._looked(scene, known.x, pack(values, 0.0), values)
         for _ in range(ROUNDS):
-            numbers = pack({**values, **sight.numbers})
-            # Separating directions begin where obstacles are nearest.
-            for name, angles in sight.directions.items():
-                if name in self.problem.x.at:
-                    known.x[self.problem.x.at[name]] = angles
+            numbers = near
             known = replace(known, p=numbers)
-            attempts.append(method.solve(self._nlp, known, part))
+            attempts.append(solve(known))
             # Where other constraints became active, multipliers of the round before mislead: once more without them.
             if known.multipliers is not None and not attempts[-1].converged:
-                attempts.append(method.solve(self._nlp, replace(known, multipliers=None), part))
+                attempts.append(solve(replace(known, multipliers=None)))
             last = attempts[-1]
             if not last.converged or not np.isfinite(last.x).all():
                 break
-            sight = self._near.look(scene, last.x, numbers)
+            deepest, near = self._looked(scene, last.x, numbers, values)
+            # By as much, to first order, the new places change what is sought.
+            moved = np.array(self._nlp.functions["jac_g"](last.x, near)[0]).ravel() - last.g
+            change = abs(float(last.multipliers.constraints @ moved))
             # A solution to the acceptable tolerance gets one more round from its own multipliers.
             settled = last.status is nlp.Status.SOLVED or acceptable
             acceptable = last.status is nlp.Status.ACCEPTABLE
-            if sight.deepest < DEEP and settled:
+            clear = deepest < DEEP * scene.solver.penetration_tolerance
+            if settled and clear and change < STEADY * max(1.0, abs(last.objective)):
                 break
             known = replace(known, x=last.x, multipliers=last.multipliers)
         return attempts, numbers
+
+    def _looked(self, scene: GraspScene, x: Array, numbers: Array, values: dict[str, Any]) -> tuple[float, Array]:
+        """How deep fingers are at a point, and numbers with the guarded places and separating lines of that point."""
+        sight = self._near.look(scene, x, numbers)
+        return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
     def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
         """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""

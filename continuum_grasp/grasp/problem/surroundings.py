@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
-from continuum_grasp.grasp.problem.limits import guarded
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
@@ -19,7 +18,6 @@ from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import CORNERS
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -28,8 +26,6 @@ from continuum_grasp.scene.supports import Wall
 
 Array = NDArray[Any]
 Values = dict[str, Any]
-Nearest = tuple[Array, Array, Array]
-"""Directions (K,) of the nearest surface points' normals [rad], distances (K,), and corners (K, 2 * CORNERS)."""
 
 FINE = 64
 """Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
@@ -43,8 +39,7 @@ _EVEN = np.linspace(0.0, 1.0, 129)
 class Sight:
     """What a look found."""
 
-    numbers: Values = field(default_factory=dict)  # run-time numbers: probes, corners, needed gaps
-    directions: Values = field(default_factory=dict)  # of the separating directions among the unknowns
+    numbers: Values = field(default_factory=dict)  # of the problem: probes, circles of obstacles, needed gaps
     deepest: float = -np.inf  # greatest penetration beyond the relaxation, in units of the problem
 
 
@@ -53,24 +48,24 @@ class _Obstacle:
     """What fingers must stay clear of: a convex part, or the half plane behind a wall."""
 
     body: Part | Wall
-    direction: str = ""  # what separating directions among a finger's unknowns are called, where there are some
-    corners: str = ""  # what the nearest corners among its numbers are called, where it moves with the object
+    circles: str = ""  # what those that stand for it are called among a finger's numbers, where there are some
+    moves: bool = False  # with the object
 
     def near(
         self, at: Array, owner: Array, half: Array, setup: FingerSetup, base: Array, pose: Array, units: Units
-    ) -> tuple[Nearest, Array]:
-        """What is nearest to places (K, 2) on the elements ``owner`` (K,) of a finger, half as thick as ``half`` (K,)
-        there, and the gaps needed (K,).
+    ) -> tuple[Array, Array, Array]:
+        """Circles (NEAR, K) that stand for it near places (K, 2) on the elements ``owner`` (K,) of a finger, half as
+        thick as ``half`` (K,) there, distances (K,), and the gaps needed (K,).
         """
         needed = half.copy()
         if not isinstance(self.body, Wall):
-            return _nearest(self.body, _local(at, pose) if self.corners else at, units), needed
+            return *_nearest(self.body, _local(at, pose) if self.moves else at, units), needed
         normal, point = np.asarray(self.body.normal), np.asarray(self.body.point) / units.length
         height = float((base[:2] - point) @ normal)
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
         if height < CLEAR * float(setup.finger.profile.half_thickness(0.0)) / units.length:
             needed[owner < setup.before[0]] = min(0.0, height)
-        return (np.zeros(len(at)), (at - point) @ normal, np.zeros((len(at), 2 * CORNERS))), needed
+        return np.zeros((0, len(at))), (at - point) @ normal, needed
 
 
 class Surroundings:
@@ -83,7 +78,7 @@ class Surroundings:
         self._elements: list[list[int]] = []
         self._free: list[Array] = []  # which guarded places do not touch the object
         for finger in problem.fingers:
-            points, elements, touches, half = guarded(finger)
+            points, elements, touches, half = finger.guarded
             # The probes are where this look puts them; all others follow from the unknowns.
             count = points.shape[1] - finger.probes * finger.spec.elements
             self._elements.append(elements[:count])
@@ -105,8 +100,7 @@ class Surroundings:
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, part in enumerate(scene.object.parts):
-                sight.directions[f"peg_{i}.separating_{k}"], _, corners = _nearest(part, local, units)
-                sight.numbers[f"peg_{i}.corners_{k}"] = corners[0]
+                sight.numbers[f"peg_{i}.near_{k}"] = _nearest(part, local, units)[0]
         return sight
 
     def _along(
@@ -126,7 +120,7 @@ class Surroundings:
         half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
         line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
         obstacles = _obstacles(scene)
-        spare = [allowed[bool(obstacle.corners)] for obstacle in obstacles]  # what moves is the object
+        spare = [allowed[obstacle.moves] for obstacle in obstacles]  # what moves is the object
 
         def along(fractions: Array) -> tuple[Array, Array, Array]:
             at = line.points(fractions) * np.exp(1j * base[2]) * (size / units.length)
@@ -134,12 +128,12 @@ class Surroundings:
             thick = skin(setup.finger.profile.half_thickness)(size * line.places(fractions)) / units.length
             return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner, thick
 
-        def look(at: Array, owner: Array, thick: Array) -> list[tuple[Nearest, Array]]:
+        def look(at: Array, owner: Array, thick: Array) -> list[tuple[Array, Array, Array]]:
             return [obstacle.near(at, owner, thick, setup, base, pose, units) for obstacle in obstacles]
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         depth = np.max(
-            [needed - near[1] - r for (near, needed), r in zip(look(*along(even)), spare, strict=True)], axis=0
+            [needed - gap - r for (_, gap, needed), r in zip(look(*along(even)), spare, strict=True)], axis=0
         )
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.probes)
         at, owner, thick = along(probes)
@@ -149,13 +143,12 @@ class Surroundings:
             sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
         sight.numbers[f"{name}.probes"] = probes.ravel()
         planes = 0
-        for obstacle, ((direction, gap, corners), needed), slack in zip(obstacles, looked, spare, strict=True):
-            retained = self._free[index] if obstacle.corners else np.ones(len(gap), dtype=bool)
+        for obstacle, (circles, gap, needed), slack in zip(obstacles, looked, spare, strict=True):
+            retained = self._free[index] if obstacle.moves else np.ones(len(gap), dtype=bool)
             sight.deepest = max(sight.deepest, float((needed - gap)[retained].max()) - slack)
-            if obstacle.direction:
-                sight.directions[f"{name}.{obstacle.direction}"] = direction[retained]
-            if obstacle.corners:
-                sight.numbers |= {f"{name}.{obstacle.corners}_{j}": row for j, row in enumerate(corners)}
+            if obstacle.circles:
+                # One column after the other.
+                sight.numbers[f"{name}.{obstacle.circles}"] = circles[:, retained].T
             elif isinstance(obstacle.body, Wall):
                 sight.numbers |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
                 planes += 1
@@ -165,9 +158,9 @@ def _obstacles(scene: GraspScene) -> list[_Obstacle]:
     planes = [wall for wall in scene.walls if np.isinf(wall.half_length)]
     edges = [OffsetPolygon(wall.ends) for wall in scene.walls if np.isfinite(wall.half_length)]
     return [
-        *(_Obstacle(part, f"separating_{k}", f"corners_{k}") for k, part in enumerate(scene.object.parts)),
+        *(_Obstacle(part, f"near_{k}", moves=True) for k, part in enumerate(scene.object.parts)),
         *(_Obstacle(wall) for wall in planes),
-        *(_Obstacle(edge, f"beside_{k}") for k, edge in enumerate(edges)),
+        *(_Obstacle(edge, f"near_line_{k}") for k, edge in enumerate(edges)),
         *(_Obstacle(OffsetPolygon((peg.position,), peg.radius)) for peg in scene.pegs),
     ]
 
@@ -263,8 +256,8 @@ def _local(points: Array, pose: Array) -> Array:
     return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
 
 
-def _nearest(part: Part, points: Array, units: Units) -> Nearest:
-    """What of a part is nearest to points of its frame (K, 2), in units of the problem."""
-    at, surface = points * units.length, surface_of(part)
-    direction, gap = surface.nearest_places(part, at)
-    return direction, gap / units.length, surface.near_corners(part, at) / units.length
+def _nearest(part: Part, points: Array, units: Units) -> tuple[Array, Array]:
+    """Circles (NEAR, K) that stand for a part near points of its frame (K, 2), and distances (K,), in units of the
+    problem.
+    """
+    return surface_of(part).circles(part, points * units.length, units.length)

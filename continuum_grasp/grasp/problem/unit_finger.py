@@ -77,6 +77,7 @@ class UnitFinger:
             loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
             tip_force=True,
         )
+        self._backbone = self.model.backbone()
         return self.model.n
 
     def _parameters(self) -> ca.SX:
@@ -104,7 +105,7 @@ class UnitFinger:
 
     def joints_at(self, q: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Positions (2, N) and angles (N,) of the ends of the elements of the unit finger."""
-        ends, angles = self.model.joints(q, u, self.p)
+        ends, angles = self._backbone.joints(q, u, self.p)
         return ends, angles
 
     @property
@@ -112,16 +113,34 @@ class UnitFinger:
         """Number of entries of the model's loads."""
         return self.model.nw
 
-    def guarded(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
+    @cached_property
+    def guarded(self) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
+        """World positions (2, K) that must stay clear, the elements that they are in, whether the finger touches the
+        object there, and half its thickness (K,) in units of the problem, one where it is the same everywhere.
+
+        These are fixed places, joints, and probes, which the search puts where a finger is deepest.
+        """
+        spec = self.spec
+        touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
+        touching |= {spec.elements - 1} if spec.tip else set()
+        joints, count = range(spec.elements), self.probes
+        at = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
+        fixed, owners, probed, half = self.places(at)
+        points = ca.horzcat(self.world(fixed), *(self.ends[:, k] for k in joints), self.world(probed))
+        elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
+        touches = [*(False for _ in owners), *(k in touching for k in joints)]
+        return points, elements, [*touches, *(False for _ in range(count * len(joints)))], half
+
+    def places(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
         """Positions (2, K) of the unit finger that must stay clear, the elements that they are in, positions (2, M) at
         ``fractions`` (count, N) of the elements, and half the thickness in units of the problem: one, or that at all
         places, the ends of the elements being between both.
         """
-        shares = self._waypoint_shares
-        every = self.model.waypoints(self.q, self.u, self.p)
-        probed = self.model.probes(self.probes)(self.q, self.u, fractions, self.p)
-        half = self.number("thickness") * self.number("length")
-        return every[:, [k for k, _ in shares]], [element for _, element in shares], probed, half
+        even = (np.arange(self.guards) + 0.5) / self.guards
+        points = self._backbone.fixed_places(even.tolist())(self.q, self.u, self.p)
+        probed = self._backbone.places(self.probes)(self.q, self.u, fractions, self.p)
+        owners = [k for k in range(self.spec.elements) for _ in even]
+        return points, owners, probed, self.number("thickness") * self.number("length")
 
     def stored(self) -> list[ca.SX]:
         """What a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base."""
@@ -131,8 +150,8 @@ class UnitFinger:
 
     def section(self, s: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Position and angle of the unit finger at a place."""
-        point = self.model.position(self.q, self.u, s, self.p)
-        return point, self.model.orientation(self.q, self.u, s, self.p)
+        point, angle = self._backbone.section(self.q, self.u, s, self.p)
+        return point, angle
 
     def world(self, points: ca.SX) -> ca.SX:
         """World positions (2, K) of points of the unit finger."""
@@ -162,13 +181,13 @@ class UnitFinger:
 
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
         """Generalized force that is missing for rest under inputs and loads, in E I / L."""
-        rest = ca.SX.zeros(self.model.n)
-        missing = self.model.inverse_dynamics(q, rest, rest, u, w, self.p)
-        force = ca.SX.zeros(self.model.n)
-        for k in range(self.spec.masses):
-            arm = self.model.jacobian(q, u, self.number(f"mass_{k}.at"), self.p)
-            force += self.number(f"mass_{k}") * arm.T @ rotation(-self.base[2]) @ self.number("weight", 2)
-        return missing - force
+        masses = [ca.vertcat(self.number(f"mass_{k}"), self.number(f"mass_{k}.at")) for k in range(self.spec.masses)]
+        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.p)
+        return missing
+
+    @cached_property
+    def _missing(self) -> ca.Function:
+        return self._backbone.missing(self.spec.masses)
 
     @cached_property
     def _curvatures(self) -> ca.Function:
@@ -188,18 +207,6 @@ class UnitFinger:
 
     @property
     def guards(self) -> int:
-        """Most guarded waypoints per element."""
-        # Few are enough beside the probes: clearance makes two thirds of the Hessian's instructions (mug).
+        """Guarded places per element that are spread evenly."""
+        # Few are enough beside the probes.
         return 4 if self.spec.elements > 3 else 6
-
-    @cached_property
-    def _waypoint_shares(self) -> list[tuple[int, int]]:
-        """Indices and elements of the guarded waypoints: a few of each element, spread evenly."""
-        found, start = [], 0
-        for element, inside in enumerate(self.model.waypoint_fractions):
-            count = min(len(inside), self.guards)
-            wanted = (np.arange(count) + 0.5) / count
-            picks = {int(np.abs(np.array(inside) - at).argmin()) for at in wanted}
-            found += [(start + k, element) for k in sorted(picks)]
-            start += len(inside)
-        return found

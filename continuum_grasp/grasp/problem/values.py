@@ -26,6 +26,10 @@ from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
 Array = NDArray[Any]
 Values = dict[str, Any]
 
+APEX = 2e-4
+"""Rounding e of the apex of spatial friction cones, as a part of the weight: (mu N)^2 >= f^2 + l^2 + e^2 in place of
+(mu N)^2 >= f^2 + l^2, all inside the true cone, which the certificate checks. A contact that carries nothing presses by
+e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relatively."""
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
 _FINE = 65
@@ -80,6 +84,8 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
         "effort weight": 1.0,
         "relaxation weights": np.zeros(len(RELAXATIONS)),
         "force reference": max(scene.weight, units.force) / units.force,
+        # Without a weight, contacts press by what bends the fingers.
+        "cone rounding": APEX * (scene.weight or units.force) / units.force,
         **_object_values(scene, units),
         **_support_values(scene, units),
         **_objective_values(scene, units),

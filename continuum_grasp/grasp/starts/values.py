@@ -73,13 +73,19 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
             sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
         base = tuple(arrays[f"{finger}.base"].tolist())
         fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(shape.curvatures, ends))
-    contacts = {}
+    contacts, forces = {}, {}
     for k, name in enumerate(names):
+        n, f, lift = arrays["contact_forces"][k].tolist()
+        forces[name] = n, f, lift
         point = back @ (arrays["contact_positions"][k] - [x, y])
         normal = back @ normals[name]
         angle = float(np.arctan2(normal[1], normal[0]))
         contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
-    return Start("found", (x, y, turn), fingers, contacts)
+    tensions = {}
+    for setup in scene.setups:
+        left, right = arrays[f"{setup.name}.tensions"].tolist()
+        tensions[setup.name] = left, right
+    return Start("found", (x, y, turn), fingers, contacts, forces, tensions)
 
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
 from continuum_grasp.model.surfaces.surface import (
-    CORNERS,
     TINY,
     Feature,
     Nearest,
@@ -33,7 +32,6 @@ from continuum_grasp.model.surfaces.surface import (
     SurfacePoint,
     chosen,
     length,
-    separation,
 )
 from continuum_grasp.scene.parts import OffsetPolygon
 
@@ -61,14 +59,6 @@ class PolygonSurface(Surface[OffsetPolygon]):
     def number_count(self) -> int:  # type: ignore[override]
         return 2 * self.corners + 1
 
-    @property
-    def has_directions(self) -> bool:  # type: ignore[override]
-        return self.corners != 1
-
-    @property
-    def looks_at_corners(self) -> bool:  # type: ignore[override]
-        return self.corners > CORNERS
-
     @classmethod
     def of(cls, part: OffsetPolygon) -> PolygonSurface:
         return cls(len(part.vertices))
@@ -94,13 +84,6 @@ class PolygonSurface(Surface[OffsetPolygon]):
         normal = ca.vertcat(ca.cos(place[1]), ca.sin(place[1]))
         a, b = feature[:2], feature[2:4]
         return SurfacePoint(a + place[0] * (b - a) + feature[4] * normal, normal, ca.SX(0, 1))
-
-    def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
-        # From a disc the distance is smooth; of a polygon it is the greatest of heights, whose direction is an unknown.
-        if not self.has_directions:
-            return ca.sqrt(ca.sumsqr(point - numbers[:2]) + 1e-24) - numbers[2]  # 1e-12 units: differentiable at zero
-        corners = numbers[: 2 * self.corners] if near is None else near
-        return separation(point, beta, ca.reshape(corners, 2, corners.numel() // 2)) - numbers[-1]
 
     def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
@@ -157,14 +140,14 @@ class PolygonSurface(Surface[OffsetPolygon]):
                 best, index = cost, k
         return index
 
-    def nearest_places(self, part: OffsetPolygon, points: Array) -> tuple[Array, Array]:
+    def nearest_places(self, part: OffsetPolygon, points: Array) -> tuple[Array, Array, Array]:
         core = np.array(part.vertices)
         count = len(core)
         off = points[:, None, :] - core
         away = np.linalg.norm(off, axis=2)
-        rows = np.arange(len(points))
+        rows, bend = np.arange(len(points)), 1.0 / part.radius if part.radius else np.inf
         if count == 1:
-            return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius
+            return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius, np.full(len(points), bend)
         edge = np.roll(core, -1, axis=0) - core
         size = np.linalg.norm(edge, axis=1)
         normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / size[:, None]
@@ -180,12 +163,9 @@ class PolygonSurface(Surface[OffsetPolygon]):
         on = inside | (far < 1e-12)
         direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
         distance = np.where(inside, height[rows, pick], far)
-        return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius
-
-    def near_corners(self, part: OffsetPolygon, points: Array) -> Array:
-        core = np.array(part.vertices)
-        close = np.linalg.norm(points[:, None, :] - core, axis=2).argmin(axis=1)
-        return np.concatenate([core[(close + k) % len(core)] for k in (-1, 0, 1)], axis=1)
+        at_corner = ~inside & ((share[rows, pick] == 0.0) | (share[rows, pick] == 1.0))
+        curvatures = np.where(at_corner, bend, 0.0)
+        return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius, curvatures
 
     # -- search of a grasp
 

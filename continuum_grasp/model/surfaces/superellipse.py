@@ -89,9 +89,6 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         curvature = (bend[0] * slope[1] ** 2 + bend[1] * slope[0] ** 2) / size**3
         return SurfacePoint(point, turn @ (slope / size), ca.sum1(square ** (0.5 * power)) - 1.0, curvature)
 
-    def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
-        return ca.cos(beta) * point[0] + ca.sin(beta) * point[1] - smooth_support(beta, numbers)
-
     def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
         beta = angle + ca.pi - pose[2]
         return [ca.dot(normal, pose[:2] - point) - smooth_support(beta, numbers)]
@@ -116,18 +113,18 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         x, y = point[0] - part.center[0], point[1] - part.center[1]
         return (c * x + s * y) / part.semi_axes[0], (c * y - s * x) / part.semi_axes[1]
 
-    def nearest_places(self, part: SuperellipsePart, points: Array) -> tuple[Array, Array]:
+    def nearest_places(self, part: SuperellipsePart, points: Array) -> tuple[Array, Array, Array]:
         (a, b), power = part.semi_axes, part.exponent
         c, s = np.cos(part.angle), np.sin(part.angle)
         turn = np.array([[c, -s], [s, c]])
         local = (points - part.center) @ turn
         t = _nearest_parameter(np.abs(local), a, b, power)
         sign = np.where(local < 0.0, -1.0, 1.0)
-        foot, normal, _ = _at(t, a, b, power)
+        foot, normal, radius = _at(t, a, b, power)
         foot, normal = foot * sign, normal * sign
         distance = ((local - foot) * normal).sum(axis=1)
         world = normal @ turn.T
-        return np.arctan2(world[:, 1], world[:, 0]), distance
+        return np.arctan2(world[:, 1], world[:, 0]), distance, 1.0 / radius
 
     # -- search of a grasp
 

@@ -21,9 +21,10 @@ from continuum_grasp.scene.parts import Part
 Array = NDArray[Any]
 P = TypeVar("P", bound=Part)
 
-CORNERS = 3
-"""Corners of a polygon that a place must stay clear of: the nearest one and its two neighbors, which the search renews;
-the others cannot be nearest before it looks again."""
+ROUND = 1e-9
+"""Radius of a sharp corner, in a unit of lengths: its distance is off by that much."""
+NEAR = 5
+"""Numbers of a circle that stands for a surface; see `distance_from`."""
 TINY = 1e-30
 """Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
 
@@ -77,15 +78,12 @@ class Surface(ABC, Generic[P]):
     """The surface of one kind of part.
 
     In the expressions of the grasp problem, ``place`` are the two unknowns of a contact, ``feature`` the numbers of the
-    feature that it sits on, ``numbers`` those of the part, and ``beta`` is the angle of a separating line's normal
-    [rad], empty where the surface has no such directions.
+    feature that it sits on, and ``numbers`` those of the part.
     """
 
     number_count: int  # of a part
     feature_count: int  # numbers of a feature
     is_smooth = False  # whether it is one feature, of which each place has its own normal
-    has_directions = True  # whether a place that must stay clear needs a separating line's angle as an unknown
-    looks_at_corners = False  # whether a place must stay clear of the nearest corners alone
 
     @classmethod
     @abstractmethod
@@ -107,13 +105,6 @@ class Surface(ABC, Generic[P]):
     @abstractmethod
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
         """The surface point of a contact."""
-
-    @abstractmethod
-    def clearance(self, point: ca.SX, beta: ca.SX, numbers: ca.SX, near: ca.SX | None) -> ca.SX:
-        """Lengths that are all at most the distance of a point, and equal to it in the best direction.
-
-        ``near`` are the nearest corners, where the surface looks at these.
-        """
 
     @abstractmethod
     def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
@@ -142,16 +133,19 @@ class Surface(ABC, Generic[P]):
         return 0
 
     @abstractmethod
-    def nearest_places(self, part: P, points: Array) -> tuple[Array, Array]:
+    def nearest_places(self, part: P, points: Array) -> tuple[Array, Array, Array]:
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
-        frame, and the distances (K,) [m], negative inside.
+        frame, the distances (K,) [m], negative inside, and the curvatures (K,) there [1/m], infinite at a sharp corner.
         """
 
-    def near_corners(self, part: P, points: Array) -> Array:
-        """Nearest corner of the core to each point (K, 2) and its neighbors, x and y one after the other
-        (K, 2 * CORNERS) [m]; zeros where the surface does not look at corners.
+    def circles(self, part: P, points: Array, unit: float) -> tuple[Array, Array]:
+        """Circles (NEAR, K) that stand for the surface near points (K, 2) of the object's frame, and their distances
+        (K,), in a unit [m]; see `distance_from`.
         """
-        return np.zeros((len(points), 2 * CORNERS))
+        angles, distances, curvatures = self.nearest_places(part, points)
+        normals = np.stack([np.cos(angles), np.sin(angles)])
+        foot = (points.T - distances * normals) / unit
+        return np.vstack([foot, normals, np.minimum(curvatures * unit, 1.0 / ROUND)]), distances / unit
 
     # -- search of a grasp
 
@@ -160,12 +154,15 @@ class Surface(ABC, Generic[P]):
         """The outline in other coordinates, grown by a distance of these coordinates."""
 
 
-def separation(point: ca.SX, beta: ca.SX, corners: ca.SX) -> ca.SX:
-    """Heights (M,) of a point above lines through the corners (2, M) whose normal is in direction ``beta``.
+def distance_from(point: ca.SX, near: ca.SX) -> ca.SX:
+    """Distance of a point from the circle (x, y, normal x, normal y, curvature) that touches a surface at a place.
 
-    A point x is at least d away from a convex part if there is a direction n(beta) with n . x - H(beta) >= d, where H
-    is the part's support function; the distance itself is the greatest of these. So beta is an unknown of the problem,
-    one per place that must stay clear. For an offset polygon H is the greatest of n . v + r over its corners v.
+    The place is the nearest one of a point, and the circle that of the curvature there: its distance is that from the
+    surface but for the third power of how far the nearest place has moved along it. Of discs and corners it is exact,
+    and of faces, whose curvature is zero.
     """
-    normal = ca.vertcat(ca.cos(beta), ca.sin(beta))
-    return ca.vertcat(*(ca.dot(normal, point - corners[:, k]) for k in range(corners.shape[1])))
+    off, normal, bend = point - near[:2], near[2:4], near[4]
+    along, across = ca.dot(off, normal), off[1] * normal[0] - off[0] * normal[1]
+    # |x - c| - r without a difference of large numbers; TINY: differentiable at the center.
+    reach = ca.sqrt((1.0 + bend * along) ** 2 + (bend * across) ** 2 + TINY)
+    return (bend * ca.sumsqr(off) + 2.0 * along) / (1.0 + reach)
