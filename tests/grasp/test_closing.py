@@ -54,7 +54,7 @@ def test_places_press_within_their_cones_and_slide_at_their_edge() -> None:
     assert path.distance < 0.01 * result.scene.setups[0].finger.rod.length
 
 
-def test_work_is_stored_or_rubbed_away() -> None:
+def test_work_is_stored_or_lost_to_friction() -> None:
     """Over the path the tendons' work is elastic energy and friction, better so the finer the steps."""
     result = grasp("mug", "contacts.friction=0.4")
     finger = result.scene.setups[0].finger

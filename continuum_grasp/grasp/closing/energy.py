@@ -112,7 +112,7 @@ class Closing:
         count = len(pairs)
         tensions = [symbol(f"{f.name}.tensions", f.model.nu) for f in self.fingers]
         energy = sum((f.potential - f.work(t) for f, t in zip(self.fingers, tensions, strict=True)), ca.SX(0))
-        # What rubs, given by the pass before: friction force, tangent, place in the object, and slip so far.
+        # Friction, given by the pass before: friction force, tangent, place in the object, and slip so far.
         force, tangent, at, past = (
             symbol("force", count),
             symbol("tangent", 2, count),
@@ -236,21 +236,21 @@ class Closing:
         gaps, normals, points, lines = (np.array(v) for v in self.look(q, unknown))
         return Sight(q, gaps.ravel(), normals, points, lines, unknown * self.scale)
 
-    def rub(self, sight: Sight, pressed: Array, stick: float) -> Rub:
+    def sliding(self, sight: Sight, pressed: Array, stick: float) -> Sliding:
         """Friction from what presses at a point."""
         tangents = np.stack([-sight.normals[1], sight.normals[0]])
         turn = turned(sight.pose[2])
         at = turn.T @ (sight.points - sight.pose[:2, None])
         past = self.slip(sight, tangents, at)
         friction = np.array([pair.friction for pair in self.pairs])
-        return Rub(friction * pressed, tangents, at, past, stick)
+        return Sliding(friction * pressed, tangents, at, past, stick)
 
     def slip(self, sight: Sight, tangents: Array, at: Array) -> Array:
         """Positions (M,) of skins along tangents, relative to places of the object (2, M) [m]."""
         return np.array(self.slips(sight.q, sight.pose / self.scale, tangents, at)).ravel()
 
     def solve(
-        self, tensions: Array, rub: Rub, last: Array, start: Array, near: nlp.Multipliers | None, open_: bool
+        self, tensions: Array, sliding: Sliding, last: Array, start: Array, near: nlp.Multipliers | None, open_: bool
     ) -> nlp.Attempt:
         """The least energy at tensions (all fingers' in a row), next to a start; ``open_``: through everything."""
         m = len(self.pairs)
@@ -259,7 +259,7 @@ class Closing:
         reach = np.full(len(start), np.inf if open_ else 1.0)
         if self.free:
             reach[-3:] = REACH
-        given = np.concatenate([tensions, *rub.packed, last, *([] if self.free else [last / self.scale])])
+        given = np.concatenate([tensions, *sliding.packed, last, *([] if self.free else [last / self.scale])])
         known = nlp.Start(start, start - reach, start + reach, low, high, given, near)
         attempt = self.solver.solve(self.problem, known, nlp.Budget())
         if near is not None and not attempt.converged:
@@ -278,7 +278,7 @@ def turned(angle: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Rub:
+class Sliding:
     """Friction of M pairs: greatest forces (M,) [N], tangents and places in the object (2, M), slips (M,) [m], and the
     slip of a step up to which it is not full, per length.
     """

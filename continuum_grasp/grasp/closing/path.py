@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from continuum_grasp import nlp
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.closing.energy import FOOT, Closing, Rub, Sight, turned
+from continuum_grasp.grasp.closing.energy import FOOT, Closing, Sliding, Sight, turned
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def closing_path(result: GraspResult, *, steps: int = 40, table_friction: float 
     """Close the fingers of a grasp from their open posture, and see whether they end in it.
 
     All tensions grow together, from none to those of the grasp. Where unloaded fingers lie in the object they are first
-    opened by the other tendons. Tendons have no friction on the way, and fingers do not touch each other or supports
+    opened by the other tendons. Tendons have no friction here, and fingers do not touch each other or supports
     but where these are in the way of the object.
 
     Parameters
@@ -225,7 +225,7 @@ class _Walk:
         x, m = np.zeros(closing.problem.x.numel()), len(closing.pairs)
         if closing.free:
             x[-3:] = closing.grasped / closing.scale
-        none = Rub(np.zeros(m), np.zeros((2, m)), np.zeros((2, m)), np.zeros(m), _STICKS[0])
+        none = Sliding(np.zeros(m), np.zeros((2, m)), np.zeros((2, m)), np.zeros(m), _STICKS[0])
         for share in np.linspace(0.0, -1.0, _OPENINGS + 1):
             held = closing.solve(self.tensions(share), none, closing.grasped, x, None, True)
             sight = closing.found(held.x, closing.grasped)
@@ -235,9 +235,9 @@ class _Walk:
                 return float(share)
         return None
 
-    def _keep(self, share: float, attempt: nlp.Attempt, sight: Sight, rub: Rub) -> None:
-        slid = self.closing.slip(sight, rub.tangents, rub.at) - rub.past
-        friction = -rub.forces * slid / np.hypot(slid, rub.stick * self.closing.length)
+    def _keep(self, share: float, attempt: nlp.Attempt, sight: Sight, sliding: Sliding) -> None:
+        slid = self.closing.slip(sight, sliding.tangents, sliding.at) - sliding.past
+        friction = -sliding.forces * slid / np.hypot(slid, sliding.stick * self.closing.length)
         # The first shape was found through everything: nothing presses there.
         first = not self.taken
         normal = np.zeros(len(slid)) if first else self.closing.pressed(attempt)
@@ -249,8 +249,8 @@ class _Walk:
         closing, before = self.closing, self.taken[-1]
         pressed, start, near = before.normal, before.x, self._multipliers
         for stick in _STICKS:
-            rub = closing.rub(before.sight, pressed, stick)
-            attempt = closing.solve(self.tensions(share), rub, before.sight.pose, start, near, False)
+            sliding = closing.sliding(before.sight, pressed, stick)
+            attempt = closing.solve(self.tensions(share), sliding, before.sight.pose, start, near, False)
             if not attempt.converged:
                 break
             pressed, start, near = closing.pressed(attempt), attempt.x, attempt.multipliers
@@ -261,7 +261,7 @@ class _Walk:
             middle = 0.5 * (before.share + share)
             return self._advance(middle, halvings + 1) and self._advance(share, halvings + 1)
         if attempt.converged:
-            self._keep(share, attempt, sight, rub)
+            self._keep(share, attempt, sight, sliding)
         return attempt.converged
 
     # -- verdict
