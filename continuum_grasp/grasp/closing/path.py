@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from continuum_grasp import nlp
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.closing.energy import FOOT, Closing, Sliding, Sight, turned
+from continuum_grasp.grasp.closing.energy import FOOT, Closing, Sight, Sliding, turned
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
