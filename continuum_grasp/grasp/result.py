@@ -24,6 +24,7 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.closing.path import ClosingPath
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
@@ -219,7 +220,10 @@ class GraspResult(Result):
     stored: ClassVar[tuple[Stored, ...]] = STORED
     dimensions: ClassVar[tuple[Dimension, ...]] = DIMENSIONS
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
-    pictures: ClassVar[tuple[Picture, ...]] = (Picture("grasp", "grasp.report.page:picture"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("grasp", "grasp.report.page:picture"),
+        Picture("closing", "plotting.grasp.closing:plot_closing", needs="closing"),
+    )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.report.page:page"),)
 
     scene: GraspScene
@@ -249,6 +253,16 @@ class GraspResult(Result):
             raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
         return Quality(self.scene, self.arrays)
 
+    @cached_property
+    def closing(self) -> ClosingPath | None:
+        """The way in, where the scene asks for it and there is a grasp; followed when it is first read."""
+        from continuum_grasp.grasp.closing.path import closing_path
+
+        asked = self.scene.closing
+        if asked is None or not self.solved:
+            return None
+        return closing_path(self, steps=asked.steps, table_friction=asked.table_friction)
+
     @property
     def solved(self) -> bool:
         """Whether there is a verified grasp."""
@@ -273,6 +287,8 @@ class GraspResult(Result):
             forces = ", ".join(f"{c.name} {c.normal_force:.2f} N" for c in self.contacts)
             margin = max(min(c.friction_margin for c in self.contacts), 0.0)
             rows |= {"normal forces": forces, "least friction margin": f"{margin:.1%}"}
+        if self.closing is not None:
+            rows["closing"] = f"{self.closing.status.value}: {self.closing.message}"
         if self.certificate is not None:
             checks, failed = len(self.certificate.checks), len(self.certificate.failed)
             stable = "stable" if self.certificate.stability.stable else "unstable"

@@ -11,7 +11,7 @@ Further pictures are in ``plotting.control`` (closed loops and plans), ``plottin
 from __future__ import annotations
 
 from continuum_grasp.plotting.accuracy import plot_accuracy
-from continuum_grasp.plotting.grasp import plot_grasp, plot_resistance
+from continuum_grasp.plotting.grasp import plot_closing, plot_grasp, plot_resistance
 from continuum_grasp.plotting.motion import (
     plot_contact_forces,
     plot_coordinates,
@@ -25,6 +25,7 @@ from continuum_grasp.plotting.sweep import plot_front, plot_map
 
 __all__ = [
     "plot_accuracy",
+    "plot_closing",
     "plot_contact_forces",
     "plot_coordinates",
     "plot_energy",

@@ -14,6 +14,7 @@ from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
+    Closing,
     Disturbances,
     GraspContacts,
     GraspFinger,
@@ -120,6 +121,9 @@ class GraspScene(Value):
     contacts are as far from slipping as can be; or weights of these."""
     disturbances: Disturbances = Disturbances()
     """Wrenches that the grasp should resist."""
+    closing: Closing | None = None
+    """Whether closing the fingers by their tendons leads to the grasp, where that is asked: then a path is followed
+    and drawn."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 

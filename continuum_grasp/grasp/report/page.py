@@ -71,6 +71,7 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
         section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
         section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
+        _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
         section("The search", nested(result.statistics)),
         section(
@@ -179,6 +180,23 @@ def _resistance(resisted: ArrayLike | None) -> str:
 def _disturbances(result: GraspResult) -> str:
     head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
     return table(head, disturbance_rows(result), (1,))
+
+
+def _closing(result: GraspResult) -> str:
+    """The way in, where it was asked for."""
+    from continuum_grasp.plotting.drawing.axes import inline_svg
+    from continuum_grasp.plotting.grasp.closing import plot_closing
+
+    path = result.closing
+    if path is None:
+        return ""
+    caption = (
+        "Central lines of the fingers while all tensions grow from none to those of the grasp, light to dark; dots "
+        "press on the object; dashed: the grasp."
+    )
+    lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
+    drawing = inline_svg(plot_closing(result), "closing", "fingers on their way into the grasp")
+    return section("The way in", lead, figure("closing", drawing, caption))
 
 
 def _certificate(certificate: Certificate) -> str:

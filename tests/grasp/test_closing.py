@@ -1,0 +1,115 @@
+"""The way into a grasp, against closed forms, balances and the laws of friction."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp import ClosingStatus, GraspResult, closing_path
+
+
+@cache
+def grasp(name: str, *changes: str) -> GraspResult:
+    return cg.optimize_grasp(cg.load(f"configs/grasp/{name}.yaml", list(changes)))
+
+
+def test_tips_touch_where_circles_do() -> None:
+    result = grasp("pinch")
+    path = closing_path(result, steps=200)
+    setup = result.scene.setups[0]
+    finger, body = setup.finger, result.scene.object
+    length, half = finger.rod.length, finger.thickness_radius
+    start, turn = complex(*finger.base.position), np.exp(1j * finger.base.angle)
+
+    def gap(curvature: float) -> float:
+        # An unloaded finger under a moment is an arc from the base along +Y, its center at -1 / curvature.
+        tip = start + turn * (np.exp(1j * curvature * length) - 1.0) / curvature
+        return body.distance((tip.real, tip.imag)) - half
+
+    left, right = path.tensions[setup.name][-1]
+    moment = finger.tendons.offset * (left - right)
+    curvature = brentq(gap, 1e-3 * moment / finger.rod.bending_stiffness, 1.2 * moment / finger.rod.bending_stiffness)
+    touch = next(t for t in path.touches if t.finger == setup.name)
+    assert touch.station == pytest.approx(length)
+    # The first step at which it presses is the first one beyond.
+    assert 0.0 <= touch.share - curvature * finger.rod.bending_stiffness / moment <= 1.5 / 200
+    assert path.status is ClosingStatus.REACHED
+
+
+def test_places_press_within_their_cones_and_slide_at_their_edge() -> None:
+    result = grasp("mug")
+    path = closing_path(result)
+    normal, friction = path.normal_forces["finger"], path.friction_forces["finger"]
+    coefficient = result.scene.setups[0].friction
+    pressed = normal > 1e-2
+    assert pressed.any()
+    # Friction follows the normal force of the pass before, by less than a step's change of it.
+    assert np.abs(friction[pressed]).max() <= coefficient * normal.max() * 1.05
+    assert np.isclose(np.abs(friction[pressed]), coefficient * normal[pressed], rtol=0.1).any()
+    assert path.distance < 0.01 * result.scene.setups[0].finger.rod.length
+
+
+def test_work_is_stored_or_lost_to_friction() -> None:
+    """Over the path the tendons' work is elastic energy and friction, better so the finer the steps."""
+    result = grasp("mug", "contacts.friction=0.4")
+    finger = result.scene.setups[0].finger
+    missing = []
+    for steps in (40, 80):
+        path = closing_path(result, steps=steps)
+        line, stations = path.lines["finger"], path.stations["finger"]
+        # From positions alone: the angle of the tip and the elastic energy of a uniform rod by second differences.
+        s = np.concatenate([[0.0], stations])
+        chord = np.diff(line, axis=1)
+        angle = np.unwrap(np.arctan2(chord[..., 1], chord[..., 0]), axis=1)
+        middle = 0.5 * (s[1:] + s[:-1])
+        curvature = np.diff(angle, axis=1) / np.diff(middle)
+        inner = np.concatenate([curvature[:, :1], curvature, curvature[:, -1:]], axis=1)
+        energy = 0.5 * finger.rod.bending_stiffness * np.trapezoid(inner**2, s, axis=1)
+        end = angle[:, -1] + curvature[:, -1] * 0.5 * (s[-1] - s[-2])
+        moment = finger.tendons.offset * (path.tensions["finger"] @ [1.0, -1.0])
+        work = float(np.sum(0.5 * (moment[1:] + moment[:-1]) * np.diff(end)))
+        missing.append((work - float(energy[-1] - energy[0])) / work)
+    # What is missing went into friction: little, and not negative beyond the error of differences.
+    assert all(-2e-3 < part < 0.1 for part in missing)
+
+
+def test_an_object_slides_on_a_table_under_its_friction() -> None:
+    result = grasp("pinch_above")
+    path = closing_path(result, table_friction=0.2)
+    force = np.hypot(*path.wrenches[:, :2].T)
+    most = 0.2 * result.scene.weight
+    moved = np.hypot(*np.diff(path.poses[:, :2], axis=0).T) > 1e-3 * result.scene.object.size
+    assert moved.any()
+    assert force[1:][moved] == pytest.approx(most, rel=0.05)  # rounded where slip is small
+    assert force.max() <= 1.001 * most
+    still = closing_path(result, table_friction=5.0)
+    assert np.abs(still.poses - still.poses[0]).max() < 1e-3
+
+
+def test_a_finger_in_the_object_is_opened_by_the_other_tendon() -> None:
+    path = closing_path(grasp("preshaped"))
+    assert path.shares[0] < 0.0
+    other = path.tensions["finger"][0]
+    assert other.min() == 0.0 < other.max()
+
+
+def test_what_cannot_be_closed() -> None:
+    with pytest.raises(InputError, match="out_of_plane"):
+        closing_path(grasp("pinch"), table_friction=0.3)
+    failed = cg.optimize_grasp("configs/grasp/heavy_bottle.yaml", raise_on_failure=False)
+    with pytest.raises(InputError, match="no grasp"):
+        closing_path(failed)
+    assert grasp("pinch").closing is None
+
+
+def test_a_scene_that_asks_has_a_way_in(tmp_path: object) -> None:
+    result = grasp("pinch", "closing={steps: 20}")
+    assert result.closing is not None
+    assert len(result.closing.shares) == 21
+    assert [picture.name for picture in result.drawable()] == ["grasp", "closing"]
+    assert "reached" in result.pairs()["closing"]
