@@ -31,11 +31,12 @@ _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-_COST_WEIGHT, _STEPS = 1e-3, 14
+_COST_WEIGHT, _STEPS = 3e-4, 20
 """Weight of the tensions (per their limits) beside the squared imbalance, and steps of the interior point method: the
-barrier falls by 0.3 each, to 5e-10."""
-_TILTS = 0.25 * math.pi * np.arange(5)
-"""Directions of a friction cone's edges out of the plane [rad]: upwards, since friction carries the weight."""
+barrier falls by 0.3 each, to 3e-13."""
+_TILTS = 0.25 * math.pi * np.arange(8)
+"""Directions of a friction cone's edges [rad], out of the plane: also downwards, since with a balance of the tilt the
+best grasp may push a contact down."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,263 @@
+"""Basins of one finger's grasps: minima of the estimated tension over all postures that touch as they should.
+
+All postures of one finger with a fixed base before a fixed object are on curves with one parameter (see
+`continuum_grasp.grasp.starts.scan.touching`). They are scanned, the forces of each are balanced, and the minima along
+the curves are refined. Models with more elements than two bend a little from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
+from continuum_grasp.grasp.starts.force import Loads, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
+from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
+from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+
+MOST = 12
+"""Basins of a set of contacts that are solved at most."""
+_PLACES, _MORE_PLACES, _FEW = 128, 512, 10
+"""Places of the middle contact on each part's outline, and where fewer than 10 postures are left on a side: short
+feasible pieces may lie between two places."""
+_BETWEEN = np.array([0.25, 0.5, 0.75])
+"""Places that are added around what is left, in spacings."""
+_BALANCED = 1e-3
+"""Relative imbalance of a posture in balance: what the price of the tensions in the least squares leaves."""
+_PER_IMBALANCE, _PER_DEPTH = 30.0, 100.0
+"""Score of what is left of the balance, and of penetration [1/L], per limit of the tensions: below it, some postures
+that cannot hold would be solved before those that can."""
+_ROUNDS, _SHRINK = 2, 0.3
+_STEEP, _ARCS_NEAR, _ARC_WINDOW = 0.15, 0.16, 0.06
+_PER_EXCESS, _TOUCHES = 10.0, 1e-5
+_WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
+"""Rounds in which basins are refined, what each leaves of the window, and the places that are tried in it."""
+_NEIGHBORS, _ALIKE = 1.6, (0.08, 2.5, 0.5)
+"""Spacings between places up to which postures are of one curve, if joints [L], curvatures [1/L] and normals [rad] are
+alike too."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """P postures, the forces that come closest to balance, and what that takes."""
+
+    branch: Branch
+    candidates: Candidates
+    forces: Array  # (P, n) [N]
+    left: Array  # (P,) relative imbalance
+    wrong: Array  # (P,) penetration [L]
+    score: Array  # (P,) tensions by their limits, with penalties
+    estimate: Array  # (P,) the same in N
+
+    def take(self, index: Any) -> Scored:
+        """Some of them."""
+        taken = (getattr(self, name) for name in ("forces", "left", "wrong", "score", "estimate"))
+        return Scored(self.branch.take(index), self.candidates.take(index), *(values[index] for values in taken))
+
+
+class Basins:
+    """The basins of a scene of one finger with the contacts ``on`` by name."""
+
+    def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
+        self.scene, self.setup = scene, scene.setups[0]
+        base = self.setup.finger.base
+        self.base = (*base.position, base.angle)
+        self.pose = scene.object.pose
+        self.task = make_task(scene, self.setup, self.base, self.pose, 1, on)
+        self.loads = loads_of(scene)
+        touched = support_contacts(scene, self.pose, on)
+        self.supports = support_block(scene, self.loads, touched, self.pose)
+        self.places = self.postures = 0
+        self._joints = np.flatnonzero(self.task.middles)
+
+    def found(self) -> Scored | None:
+        """The basins, those with the least score first; None where no posture touches."""
+        return self._along_outline() if any(self.task.middles) else self._of_arcs()
+
+    # -- postures ----------------------------------------------------------------------------------------------
+
+    def _along_outline(self) -> Scored | None:
+        task, isolated = self.task, self.task.one_arc_to_joint
+        some, ring = self._scan(_PLACES)
+        if not isolated and min(int((some.side == side).sum()) for side in (1, -1)) < _FEW:
+            some, ring = self._scan(_MORE_PLACES)
+        self.places = ring.count * len(task.shapes)
+        if not len(some):
+            return None
+        if not isolated:
+            added, _ = beside(task, ring, some, _gaps(some))
+            some = together([some, added])
+        scored = self._judged(some)
+        if scored is None:
+            return None
+        best = _minima(scored, _along_outline(scored.branch, ring.count))
+        if isolated:
+            return best
+
+        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
+            return beside(task, ring, branch, window[:, None] * _WINDOW)
+
+        return self._refined(best, near, 0.25)
+
+    def _scan(self, count: int) -> tuple[Branch, Ring]:
+        ring = Ring(self.task, count)
+        found = scanned(self.task, ring)
+        return found.take(self._depth(found) <= LOOSE), ring
+
+    def _of_arcs(self) -> Scored | None:
+        some = scanned_arcs(self.task)
+        self.places = len(some)
+        scored = self._judged(some)
+        if scored is None:
+            return None
+
+        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
+            return beside_arcs(self.task, branch, window[:, None] * _WINDOW)
+
+        return self._refined(_minima(scored, _of_arcs(scored.branch)), near, _ARC_WINDOW)
+
+    def _depth(self, branch: Branch) -> Array:
+        """By how much something is in the way of postures (P,) [L]."""
+        joints = branch.joint[:, None] if any(self.task.middles) else np.zeros((len(branch), 0))
+        return obstruction(self.task, branch.knots, branch.ends, all_joints(self.task, joints))
+
+    # -- forces ------------------------------------------------------------------------------------------------
+
+    def _judged(self, branch: Branch) -> Scored | None:
+        """The postures that are clear of everything, with their forces; None where there are none."""
+        wrong = self._depth(branch)
+        clear = wrong <= STRICT
+        branch, wrong = branch.take(clear), wrong[clear]
+        if not len(branch):
+            return None
+        self.postures += len(branch)
+        candidates = self._candidates(branch, wrong)
+        block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
+        count = len(branch)
+        left, cost, forces = imbalance(
+            self.loads, [block, self.supports], [np.arange(count), np.zeros(count, int)]
+        )
+        most = float((block.cost * block.high).sum())
+        above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
+        score = (
+            cost
+            + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
+            + _PER_DEPTH * np.maximum(wrong - _TOUCHES, 0.0)
+            + _PER_EXCESS * np.maximum(above, 0.0)
+        )
+        return Scored(branch, candidates, forces, left, wrong, score, most * score)
+
+    def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
+        task, count = self.task, len(branch)
+        middle, tip = any(task.middles), task.tip
+        joints = branch.joint[:, None] if middle else np.zeros((count, 0))
+        points = np.stack([branch.point] * middle + [branch.tip_point] * tip, axis=1)
+        angles = np.stack([branch.normal] * middle + [branch.tip_normal] * tip, axis=1)
+        every = all_joints(task, joints)
+        return Candidates(
+            bases=np.tile(self.base, (count, 1)),
+            sides=branch.side,
+            knots=branch.knots,
+            curvatures=branch.ends,
+            joints=every,
+            stations=np.concatenate([every[:, self._joints], np.ones((count, int(tip)))], axis=1),
+            parts=np.stack([branch.part] * middle + [branch.tip] * tip, axis=1),
+            points=task.frame.back(points - task.half * np.exp(1j * angles)),
+            angles=task.frame.angle_back(angles),
+            violation=wrong,
+        )
+
+    # -- minima ------------------------------------------------------------------------------------------------
+
+    def _refined(self, best: Scored, near: Near, window: float) -> Scored:
+        """The basins moved along their curves to where they are best."""
+        size = np.full(len(best.score), window)
+        for _ in range(_ROUNDS):
+            found, rows = near(best.branch, size)
+            # What the judgement drops is lost with its row: ranks carry it.
+            order = np.argsort(rows, kind="stable")
+            found, rows = found.take(order), rows[order]
+            clear = self._depth(found) <= STRICT
+            found, rows = found.take(clear), rows[clear]
+            judged = self._judged(found)
+            if judged is None:
+                break
+            moved = _best_of(judged.score, rows, len(size))
+            better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
+            index = np.arange(len(size))
+            best = _merged(best, judged).take(np.where(better, len(size) + moved, index))
+            size = np.where(better, 0.5, _SHRINK) * size
+        return best.take(np.argsort(best.score, kind="stable"))
+
+
+Near = Callable[[Branch, Array], tuple[Branch, Array]]
+
+
+def _merged(one: Scored, two: Scored) -> Scored:
+    candidates = join([one.candidates, two.candidates])
+    assert candidates is not None
+    names = ("forces", "left", "wrong", "score", "estimate")
+    values = (np.concatenate([getattr(one, name), getattr(two, name)]) for name in names)
+    return Scored(together([one.branch, two.branch]), candidates, *values)
+
+
+def _best_of(score: Array, rows: Array, count: int) -> Array:
+    """Index of the least score of each of so many rows; -1 where there is none."""
+    out = np.full(count, -1)
+    order = np.lexsort((-score, rows))
+    out[rows[order]] = order
+    return out
+
+
+def _gaps(some: Branch) -> Array:
+    """Shifts by which places are added: on to the next place, and back where no posture lies before."""
+    before = _linked(some, some.place[None, :] - some.place[:, None] + 1.0, 0.01)
+    back = np.where(before.any(axis=1)[:, None], np.nan, -_BETWEEN)
+    return np.concatenate([np.broadcast_to(_BETWEEN, back.shape), back], axis=1)
+
+
+def _linked(branch: Branch, apart: Array, near: float) -> Array:
+    """Which pairs (P, P) of postures are alike and next to each other by a distance (P, P)."""
+    joint, curvature, normal = _ALIKE
+
+    def differ(values: Array) -> Array:
+        return np.asarray(np.abs(values[:, None] - values[None, :]))
+
+    alike = (np.abs(apart) <= near) & (branch.side[:, None] == branch.side) & (branch.part[:, None] == branch.part)
+    alike &= differ(branch.joint) < joint
+    for end in (0, 1, 3):
+        values = branch.ends[:, end]
+        alike &= differ(values) < curvature + _STEEP * np.abs(values)
+    alike &= np.abs(np.remainder(branch.tip_normal[:, None] - branch.tip_normal + np.pi, 2 * np.pi) - np.pi) < normal
+    return np.asarray(alike)
+
+
+def _along_outline(branch: Branch, count: int) -> Array:
+    apart = branch.place[:, None] - branch.place
+    return _linked(branch, np.remainder(apart + 0.5 * count, count) - 0.5 * count, _NEIGHBORS)
+
+
+def _of_arcs(branch: Branch) -> Array:
+    one = branch.ends[:, 0] * branch.joint
+    two = branch.ends[:, 2] * (1.0 - branch.joint)
+    near = np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR
+    return np.asarray(near & (branch.tip[:, None] == branch.tip))
+
+
+def _minima(scored: Scored, linked: Array) -> Scored:
+    """The least of each neighborhood, at most so many, the best first."""
+    # Of equal ones the first.
+    order = np.argsort(scored.score, kind="stable")
+    rank = np.empty(len(order), int)
+    rank[order] = np.arange(len(order))
+    least = np.where(linked, rank[None, :], len(order)).min(axis=1)
+    return scored.take(order[least[order] >= rank[order]][:MOST])
