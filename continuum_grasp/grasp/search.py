@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.grasp.starts.basins import Scan
+from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces.surface import Feature
@@ -46,6 +47,11 @@ ITERATION_CAP = 60
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
+SKIP_FACTOR, OPEN_FACTOR = 1.1, 0.98
+"""Estimated tension of a basin, per that of the best grasp, up to which it is solved, and up to which it is open while it
+is not: of 300 scenes 95 % of the estimates were within 3 % of the tension found, 99 % within 7 %."""
+LEAST_DIFFERENCE = 1e-4
+"""Tension that is none, per the greatest."""
 SLIDES = 12
 """How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
 
@@ -65,6 +71,15 @@ class Tried:
     certificate: Certificate
 
 
+@dataclass
+class Basin:
+    """A basin of the estimated tension, and whether a verified grasp was found from it."""
+
+    mode: frozenset[str]
+    start: Start
+    solved: bool = False
+
+
 class Search:
     """Finds and verifies grasps of a scene within a budget."""
 
@@ -75,6 +90,9 @@ class Search:
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
+        self.modes = 0
+        self.scans: list[Scan] = []
+        self.basins: list[Basin] = []
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
@@ -86,28 +104,71 @@ class Search:
         return min(converged or self.good, key=lambda t: round(t.attempt.objective, 9), default=None)
 
     def run(self) -> None:
-        """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners.
+        """Solve from the basins of all modes in order of their estimates, from rough starts where there are none, then
+        let contacts pass on to the next faces and corners.
+        """
+        if self.scene.objective != "least_tension":
+            self._from_least_tension()
+        # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
+        # since a contact without force is as good as one that is off.
+        rough = []
+        for mode in contact_modes(self.scene):
+            self.modes += 1
+            basins = self.basins_of(mode)
+            if basins is None:
+                rough.append(mode)
+            self.basins += [Basin(mode, start) for start in basins or ()]
+            for basin in self.basins:
+                if basin.mode is mode:
+                    self._solve(basin, 0)
+        # Bolder options, and rough starts, only where something better is to be expected.
+        for rung in range(1, len(RUNGS)):
+            for basin in self.basins:
+                if self.is_open(basin):
+                    self._solve(basin, rung)
+        if not self.good or any(self.is_open(basin) for basin in self.basins):
+            rough += [mode for mode in contact_modes(self.scene) if mode not in rough]
+        for mode in rough:
+            self._from_rough(mode)
+        self.slide()
+
+    def _solve(self, basin: Basin, rung: int) -> None:
+        """Solve from a basin, unless it cannot be better than what there is."""
+        if not self._is_worth(basin.start, SKIP_FACTOR) or (self.tried and self.budget.over):
+            return
+        found = self.attempt(basin.start, rung=rung)
+        if found is not None and found in self.good:
+            basin.solved = True
+
+    def is_open(self, basin: Basin) -> bool:
+        """Whether a basin may be better than what there is: not solved, and estimated to be."""
+        return not basin.solved and self._is_worth(basin.start, OPEN_FACTOR)
+
+    def _is_worth(self, start: Start, factor: float) -> bool:
+        """Whether the estimate of a start is at most a factor times what there is."""
+        if self.scene.objective != "least_tension":
+            most = sum(2.0 * setup.tendons.max_tension for setup in self.scene.setups)
+            return not self.good or start.estimate <= most
+        best = self.best
+        return best is None or start.estimate <= factor * self._tension(best) + self._least_difference
+
+    def _from_rough(self, mode: frozenset[str]) -> None:
+        """Solve from rough starts of a mode, one of each branch.
 
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
         """
-        if self.scene.objective != "least_tension":
-            self._from_least_tension()
-        for mode in contact_modes(self.scene):
-            # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
-            # since a contact without force is as good as one that is off.
-            starts = [tried.attempt.start for tried in self.good]
-            held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
-            for start in self.starts_of(mode):
-                branch = branch_of(start)
-                if branch in held or (self.good and not self._promises(start)):
-                    continue
-                if self.tried and self.budget.over:
-                    return
-                found = self.attempt(start, iterations=ITERATION_CAP if self.good else None)
-                if found is not None and found in self.good:
-                    held.add(branch)
-        self.slide()
+        starts = [tried.attempt.start for tried in self.good]
+        held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
+        for start in self.rough_starts_of(mode):
+            branch = branch_of(start)
+            if branch in held or (self.good and not self._promises(start)):
+                continue
+            if self.tried and self.budget.over:
+                return
+            found = self.attempt(start, rung=len(RUNGS) - 1, iterations=ITERATION_CAP if self.good else None)
+            if found is not None and found in self.good:
+                held.add(branch)
 
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""
@@ -131,20 +192,42 @@ class Search:
         if self.scene.objective != "least_tension" or not start.tensions:
             return True
         wanted = sum(sum(tensions) for tensions in start.tensions.values())
-        there = sum(float(best.arrays[f"{name}.tensions"].sum()) for name in self.scene.named_fingers)
-        return wanted <= PRUNE_FACTOR * there
+        return wanted <= PRUNE_FACTOR * self._tension(best)
+
+    def _tension(self, tried: Tried) -> float:
+        return sum(float(tried.arrays[f"{name}.tensions"].sum()) for name in self.scene.named_fingers)
+
+    @property
+    def _least_difference(self) -> float:
+        """Tension below which differences are rounding [N]: grasps may take none at all."""
+        return LEAST_DIFFERENCE * sum(setup.tendons.max_tension for setup in self.scene.setups)
 
     def starts_of(self, mode: frozenset[str]) -> list[Start]:
-        """The starts of a mode."""
+        """The starts of a mode: of its basins, or rough ones."""
+        return self.basins_of(mode) or self.rough_starts_of(mode)
+
+    def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
+        """The starts of a mode's basins; None where it has none that are scanned."""
+        began = time.perf_counter()
+        found = basin_starts(self.scene, mode)
+        self.start_seconds += time.perf_counter() - began
+        if found is None:
+            return None
+        starts, scan = found
+        self.scans.append(scan)
+        return starts
+
+    def rough_starts_of(self, mode: frozenset[str]) -> list[Start]:
+        """Starts of a mode of all kinds of scenes."""
         began = time.perf_counter()
         starts = make_starts(self.scene, mode, self.scene.solver.seeds, self._rng)
         self.start_seconds += time.perf_counter() - began
         return starts
 
-    def attempt(self, start: Start, **options: Any) -> Tried | None:
+    def attempt(self, start: Start, *, rung: int = len(RUNGS) - 1, **options: Any) -> Tried | None:
         """Solve from a start and verify; None where there are no numbers to verify."""
-        solver = self.solver(start)
-        attempt = solver.run(self.scene, start, self.budget, **options)
+        solver = self.solver(start, rung)
+        attempt = solver.run(self.scene, start, self.budget, rung=rung, **options)
         if not np.isfinite(attempt.x).all():
             return None
         arrays = solver.arrays(self.scene, attempt)
@@ -154,11 +237,11 @@ class Search:
             self.good.append(found)
         return found
 
-    def solver(self, start: Start) -> GraspSolverRun:
+    def solver(self, start: Start, rung: int = len(RUNGS) - 1) -> GraspSolverRun:
         """The solver for a start's contacts."""
         began = time.perf_counter()
         solver = solver_for(ProblemSpec.of(self.scene, start.contacts))
-        solver.prepare(self.scene)
+        solver.prepare(self.scene, rung)
         self.build_seconds += time.perf_counter() - began
         return solver
 

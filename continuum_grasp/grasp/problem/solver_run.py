@@ -66,13 +66,13 @@ class GraspSolverRun:
         self._nlp = nlp.NLP("grasp", x, self.problem.objective, self.problem.rows.g, numbers)
         self._solvers: dict[tuple[Any, ...], nlp.Solver] = {}
 
-    def prepare(self, scene: GraspScene) -> nlp.Solver:
-        """The solver for the options of a scene; built once."""
+    def prepare(self, scene: GraspScene, rung: int = 0) -> nlp.Solver:
+        """The solver for the options of a scene and a rung of `RUNGS`; built once."""
         options = scene.solver
-        key = (options.method, options.tolerance, options.max_iterations)
+        key = (options.method, options.tolerance, options.max_iterations, rung)
         if key not in self._solvers:
             constraints = min(1e-9, options.tolerance)
-            settings = nlp.Settings(*key[:2], constraints, options.max_iterations, {"ipopt": _IPOPT})
+            settings = nlp.Settings(*key[:2], constraints, options.max_iterations, {"ipopt": RUNGS[rung][0]})
             self._solvers[key] = nlp.new_solver(settings)
             self._solvers[key].prepare(self._nlp)
         return self._solvers[key]
@@ -83,6 +83,7 @@ class GraspSolverRun:
         start: Start,
         budget: Budget,
         *,
+        rung: int = 0,
         iterations: int | None = None,
         relaxed: tuple[Relaxation, float] | None = None,
         features: dict[str, Feature] | None = None,
@@ -90,6 +91,7 @@ class GraspSolverRun:
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
+        ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
         ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
         the unknowns begin with ``x0``, by default those of the start.
@@ -113,11 +115,11 @@ class GraspSolverRun:
             x[at] = amount / scale
             values["effort weight"] = EFFORT_WHEN_RELAXED
             values["relaxation weights"] = np.array([float(each is relaxation) for each in RELAXATIONS])
-        self.prepare(scene)
+        self.prepare(scene, rung)
         began = time.perf_counter()
         known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds())
         with budget.share(iterations) as part:
-            attempts, numbers = self._rounds(scene, known, values, part)
+            attempts, numbers = self._rounds(scene, known, values, part, rung)
         last = attempts[-1]
         total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
@@ -126,10 +128,15 @@ class GraspSolverRun:
         )
 
     def _rounds(
-        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget
+        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget, rung: int
     ) -> tuple[list[nlp.Attempt], Array]:
         """Solve until no finger is deep between the places that must stay clear; all runs, and the last numbers."""
-        method, pack = self.prepare(scene), self.problem.numbers.pack
+        method, pack = self.prepare(scene, rung), self.problem.numbers.pack
+
+        def solve(start: nlp.Start) -> nlp.Attempt:
+            with part.share(RUNGS[rung][1]) as one:
+                return method.solve(self._nlp, start, one)
+
         attempts: list[nlp.Attempt] = []
         acceptable = False
         sight = self._near.look(scene, known.x, pack(values, 0.0))
@@ -140,10 +147,10 @@ class GraspSolverRun:
                 if name in self.problem.x.at:
                     known.x[self.problem.x.at[name]] = angles
             known = replace(known, p=numbers)
-            attempts.append(method.solve(self._nlp, known, part))
+            attempts.append(solve(known))
             # Where other constraints became active, multipliers of the round before mislead: once more without them.
             if known.multipliers is not None and not attempts[-1].converged:
-                attempts.append(method.solve(self._nlp, replace(known, multipliers=None), part))
+                attempts.append(solve(replace(known, multipliers=None)))
             last = attempts[-1]
             if not last.converged or not np.isfinite(last.x).all():
                 break
@@ -191,6 +198,19 @@ _IPOPT = {
     # Next to a solution they stay as near to these ends as they are.
     "near_push": 1e-5,
 }
+
+_REFINED = {
+    **_IPOPT,
+    "mu_init": 1e-3,
+    "bound_mult_init_method": "mu-based",
+    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-3),
+}
+RUNGS: tuple[tuple[dict[str, Any], int], ...] = (
+    ({**_REFINED, "mu_strategy": "adaptive"}, 40),
+    (_REFINED, 60),
+    (_IPOPT, 80),
+)
+"""How a start is solved from, boldest first: options, and the most iterations of one solver run."""
 
 
 @lru_cache(maxsize=24)

@@ -181,7 +181,7 @@ class _Repairs:
     def _try(self, relaxation: Relaxation, start: Start, amount: float, **options: Any) -> None:
         name, search = relaxation.name, self._search
         solver = search.solver(start)
-        attempt = solver.run(self.scene, start, search.budget, relaxed=(relaxation, amount), **options)
+        attempt = solver.run(self.scene, start, search.budget, rung=2, relaxed=(relaxation, amount), **options)
         if not np.isfinite(attempt.x).all():
             return
         # Out of its own iterations: most limits are no reason, so the others are tried first.

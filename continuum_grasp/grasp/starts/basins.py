@@ -8,18 +8,19 @@ the curves are refined. Models with more elements than two bend a little from th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
-from continuum_grasp.grasp.starts.force import Loads, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
 from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
@@ -37,6 +38,7 @@ _PER_IMBALANCE, _PER_DEPTH = 30.0, 100.0
 """Score of what is left of the balance, and of penetration [1/L], per limit of the tensions: below it, some postures
 that cannot hold would be solved before those that can."""
 _ROUNDS, _SHRINK = 2, 0.3
+_FINE_CONE = 24
 _STEEP, _ARCS_NEAR, _ARC_WINDOW = 0.15, 0.16, 0.06
 _PER_EXCESS, _TOUCHES = 10.0, 1e-5
 _WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
@@ -44,6 +46,27 @@ _WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
 _NEIGHBORS, _ALIKE = 1.6, (0.08, 2.5, 0.5)
 """Spacings between places up to which postures are of one curve, if joints [L], curvatures [1/L] and normals [rad] are
 alike too."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a scan looked at."""
+
+    places: int  # of contacts
+    postures: int  # that touch and are clear of everything
+    basins: int
+
+
+def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
+    """Whether the postures of a scene with the contacts ``on`` are curves with one parameter: those of one finger with
+    fixed base before a fixed object, with one middle contact, or of two arcs with the tip alone.
+    """
+    if len(scene.setups) > 1 or scene.object.free is not None or scene.setups[0].finger.base_free is not None:
+        return False
+    (setup,) = scene.setups
+    middles = sum(name in on for name in setup.middle_names)
+    two_arcs = setup.elements == 2 and family_class(setup.family).degree == 0
+    return middles == 1 or (middles == 0 and two_arcs and setup.tip_name in on)
 
 
 @dataclass(frozen=True)
@@ -74,14 +97,15 @@ class Basins:
         self.pose = scene.object.pose
         self.task = make_task(scene, self.setup, self.base, self.pose, 1, on)
         self.loads = loads_of(scene)
-        touched = support_contacts(scene, self.pose, on)
-        self.supports = support_block(scene, self.loads, touched, self.pose)
+        self._touched = support_contacts(scene, self.pose, on)
+        self.supports = support_block(scene, self.loads, self._touched, self.pose)
         self.places = self.postures = 0
         self._joints = np.flatnonzero(self.task.middles)
 
     def found(self) -> Scored | None:
         """The basins, those with the least score first; None where no posture touches."""
-        return self._along_outline() if any(self.task.middles) else self._of_arcs()
+        found = self._along_outline() if any(self.task.middles) else self._of_arcs()
+        return None if found is None else self._exactly(found)
 
     # -- postures ----------------------------------------------------------------------------------------------
 
@@ -132,6 +156,14 @@ class Basins:
 
     # -- forces ------------------------------------------------------------------------------------------------
 
+    def _exactly(self, found: Scored) -> Scored:
+        """The basins with finer friction cones and a lower price of the tensions, and their order then."""
+        self.loads = replace(self.loads, directions=_FINE_CONE)
+        self.supports = support_block(self.scene, self.loads, self._touched, self.pose)
+        block = finger_block(self.scene, self.loads, self.setup, found.candidates, self.pose)
+        fine = self._weighed(found.branch, found.candidates, block, found.wrong)
+        return fine.take(np.argsort(fine.score, kind="stable"))
+
     def _judged(self, branch: Branch) -> Scored | None:
         """The postures that are clear of everything, with their forces; None where there are none."""
         wrong = self._depth(branch)
@@ -142,10 +174,14 @@ class Basins:
         self.postures += len(branch)
         candidates = self._candidates(branch, wrong)
         block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
+        return self._weighed(branch, candidates, block, wrong)
+
+    def _weighed(
+        self, branch: Branch, candidates: Candidates, block: Block, wrong: Array
+    ) -> Scored:
         count = len(branch)
-        left, cost, forces = imbalance(
-            self.loads, [block, self.supports], [np.arange(count), np.zeros(count, int)]
-        )
+        index = [np.arange(count), np.zeros(count, int)]
+        left, cost, forces = imbalance(self.loads, [block, self.supports], index)
         most = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = (

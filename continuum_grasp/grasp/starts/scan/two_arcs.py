@@ -15,6 +15,8 @@ from continuum_grasp.grasp.starts.scan.touching import FRONT, Branch, bracketed_
 
 Array = NDArray[Any]
 
+SHARE = 0.5
+"""Part of the length of each of the two arcs, where no contact is between them."""
 _LINES = 201
 """Bends of each arc that are tried, over the bending range both ways: 0.063 rad apart for a whole turn."""
 _ACROSS = np.linspace(-1.0, 1.0, 7)
@@ -22,23 +24,22 @@ _ACROSS = np.linspace(-1.0, 1.0, 7)
 
 
 @lru_cache(8)
-def _table(reach: float, share: float) -> tuple[Array, Array, Array]:
-    """Bends of the arcs of a finger, tips, and angles there; the first arc has a share of the length."""
+def _table(reach: float) -> tuple[Array, Array, Array]:
+    """Bends of the arcs of a finger, tips, and angles there."""
     bends = np.linspace(-reach, reach, _LINES)
-    tips, turns = table_of(bends / share, bends / (1.0 - share), share)
+    tips, turns = table_of(bends / SHARE, bends / SHARE, SHARE)
     return bends, tips, turns
 
 
 def scanned_arcs(task: FingerTask) -> Branch:
     """All postures, by crossings of the curves with the lines of a grid of both bends."""
-    share = task.counts[0] / sum(task.counts)
-    bends, tips, turns = _table(task.bending_range, share)
+    bends, tips, turns = _table(task.bending_range)
     near = np.zeros(tips.shape, bool)
     cell = 2.0 * (bends[1] - bends[0])
     for shape in task.shapes:
         near |= np.abs(tips - shape.center) < shape.extent + task.half + cell
-    most = 1.02 * np.max(task.limits) * np.array([share, 1.0 - share]) + bends[1] - bends[0]
-    near &= (np.abs(bends) < most[0])[:, None] & (np.abs(bends) < most[1])
+    most = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
+    near &= (np.abs(bends) < most)[:, None] & (np.abs(bends) < most)
     gap = np.full(tips.shape, np.nan)
     gap[near] = task.rough_distance(tips[near]) - task.half
     found = []
@@ -57,8 +58,7 @@ def scanned_arcs(task: FingerTask) -> Branch:
 
 def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, Array]:
     """The postures next to some along their curves, by steps (P, S) of the bends [rad], and the row that each is from."""
-    share = task.counts[0] / sum(task.counts)
-    bends = some.ends[:, [0, 2]] * [share, 1.0 - share]
+    bends = some.ends[:, [0, 2]] * SHARE
     # Along the curve: across the gradient of the gap.
     gradient = np.stack(
         [_gap(task, bends + d) - _gap(task, bends - d) for d in 1e-4 * np.eye(2)], axis=1
@@ -78,9 +78,8 @@ def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, A
 
 def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
     """Tips and angles of the section there, by the two bends (B, 2)."""
-    share = task.counts[0] / sum(task.counts)
     half = 0.5 * bends
-    chord = np.sinc(half / math.pi) * [share, 1.0 - share]
+    chord = np.sinc(half / math.pi) * SHARE
     tip = 1j * (chord[:, 0] * np.exp(1j * half[:, 0]) + chord[:, 1] * np.exp(1j * (bends[:, 0] + half[:, 1])))
     return tip, bends[:, 0] + bends[:, 1]
 
@@ -97,7 +96,6 @@ def _ahead(task: FingerTask, tip: Array, facing: Array) -> Array:
 
 def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:
     """The postures between pairs of bends (B, 2), and their rows."""
-    share = task.counts[0] / sum(task.counts)
 
     def gap(part: Array) -> Array:
         return _gap(task, low + part[:, None] * (high - low))
@@ -112,7 +110,7 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
     )
     bends, parts, point, normal = bends[good], parts[good], point[good], normal[good]
     none = np.zeros(len(bends))
-    curvatures = bends / [share, 1.0 - share]
+    curvatures = bends / SHARE
     found = Branch(
         part=parts,
         side=none.astype(int) + 1,
@@ -120,7 +118,7 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
         point=none + 0j,
         normal=none,
         turn=bends[:, 0],
-        joint=none + share,
+        joint=none + SHARE,
         ends=np.repeat(curvatures, 2, axis=1),
         tip=parts,
         tip_point=point,
