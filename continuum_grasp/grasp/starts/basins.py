@@ -34,6 +34,8 @@ _BETWEEN = np.array([0.25, 0.5, 0.75])
 """Places that are added around what is left, in spacings."""
 _BALANCED = 1e-3
 """Relative imbalance of a posture in balance: what the price of the tensions in the least squares leaves."""
+_HOPEFUL = 0.15
+"""Relative imbalance of a posture up to which one in balance may be between it and the next place."""
 _PER_IMBALANCE, _PER_DEPTH = 30.0, 100.0
 """Score of what is left of the balance, and of penetration [1/L], per limit of the tensions: below it, some postures
 that cannot hold would be solved before those that can."""
@@ -112,15 +114,22 @@ class Basins:
     def _along_outline(self) -> Scored | None:
         task, isolated = self.task, self.task.one_arc_to_joint
         some, ring = self._scan(_PLACES)
-        if not isolated and min(int((some.side == side).sum()) for side in (1, -1)) < _FEW:
+        if not isolated and len(some) < _FEW:
             some, ring = self._scan(_MORE_PLACES)
         self.places = ring.count * len(task.shapes)
         if not len(some):
             return None
-        if not isolated:
-            added, _ = beside(task, ring, some, _gaps(some))
-            some = together([some, added])
-        scored = self._judged(some)
+        clear = self._depth(some) <= STRICT
+        scored = self._judged(some.take(clear))
+        if not isolated and ring.count == _PLACES:
+            # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
+            some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
+            left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
+            some = some.take(left < _HOPEFUL)
+            if len(some):
+                added, _ = beside(task, ring, some, _gaps(some))
+                more = self._judged(added)
+                scored = more if scored is None else scored if more is None else _merged(scored, more)
         if scored is None:
             return None
         best = _minima(scored, _along_outline(scored.branch, ring.count))
