@@ -208,7 +208,7 @@ _REFINED = {
 RUNGS: tuple[tuple[dict[str, Any], int], ...] = (
     ({**_REFINED, "mu_strategy": "adaptive"}, 40),
     (_REFINED, 60),
-    (_IPOPT, 80),
+    (_IPOPT, 200),
 )
 """How a start is solved from, boldest first: options, and the most iterations of one solver run."""
 

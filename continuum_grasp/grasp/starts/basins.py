@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
-from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import PRICE, Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
 from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
@@ -34,14 +34,17 @@ _BETWEEN = np.array([0.25, 0.5, 0.75])
 """Places that are added around what is left, in spacings."""
 _BALANCED = 1e-3
 """Relative imbalance of a posture in balance: what the price of the tensions in the least squares leaves."""
+_NEARLY = 0.05
 _HOPEFUL = 0.15
 """Relative imbalance of a posture up to which one in balance may be between it and the next place."""
 _PER_IMBALANCE, _PER_DEPTH = 30.0, 100.0
 """Score of what is left of the balance, and of penetration [1/L], per limit of the tensions: below it, some postures
 that cannot hold would be solved before those that can."""
-_ROUNDS, _SHRINK = 2, 0.3
-_FINE_CONE = 24
-_STEEP, _ARCS_NEAR, _ARC_WINDOW = 0.15, 0.16, 0.06
+_ROUNDS, _SHRINK, _KEPT = 2, 0.3, 0.5
+_FINE_CONE, _FINE_PRICE, _FINE_BALANCED, _FINE_PER_IMBALANCE = 24, 5e-5, 2e-4, 100.0
+_PROMISES, _FINE_WINDOW, _FINE_ROUNDS = 1.3, 0.2, 3
+_STEEP, _ARCS_NEAR, _ARC_WINDOW = 0.15, 0.1, 0.02
+_ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 _PER_EXCESS, _TOUCHES = 10.0, 1e-5
 _WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
 """Rounds in which basins are refined, what each leaves of the window, and the places that are tried in it."""
@@ -92,7 +95,8 @@ class Scored:
 class Basins:
     """The basins of a scene of one finger with the contacts ``on`` by name."""
 
-    def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
+    def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
+        self._dense = dense
         self.scene, self.setup = scene, scene.setups[0]
         base = self.setup.finger.base
         self.base = (*base.position, base.angle)
@@ -101,20 +105,22 @@ class Basins:
         self.loads = loads_of(scene)
         self._touched = support_contacts(scene, self.pose, on)
         self.supports = support_block(scene, self.loads, self._touched, self.pose)
+        self._fine, self._fine_loads = False, replace(self.loads, directions=_FINE_CONE)
+        self._fine_supports = support_block(scene, self._fine_loads, self._touched, self.pose)
         self.places = self.postures = 0
+        self._price, self._balanced, self._per_imbalance = PRICE, _BALANCED, _PER_IMBALANCE
         self._joints = np.flatnonzero(self.task.middles)
 
     def found(self) -> Scored | None:
         """The basins, those with the least score first; None where no posture touches."""
-        found = self._along_outline() if any(self.task.middles) else self._of_arcs()
-        return None if found is None else self._exactly(found)
+        return self._along_outline() if any(self.task.middles) else self._of_arcs()
 
     # -- postures ----------------------------------------------------------------------------------------------
 
     def _along_outline(self) -> Scored | None:
         task, isolated = self.task, self.task.one_arc_to_joint
-        some, ring = self._scan(_PLACES)
-        if not isolated and len(some) < _FEW:
+        some, ring = self._scan(_MORE_PLACES if self._dense else _PLACES)
+        if not isolated and not self._dense and len(some) < _FEW:
             some, ring = self._scan(_MORE_PLACES)
         self.places = ring.count * len(task.shapes)
         if not len(some):
@@ -133,13 +139,11 @@ class Basins:
         if scored is None:
             return None
         best = _minima(scored, _along_outline(scored.branch, ring.count))
-        if isolated:
-            return best
 
         def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
             return beside(task, ring, branch, window[:, None] * _WINDOW)
 
-        return self._refined(best, near, 0.25)
+        return self._refined(best, None if isolated else near, 0.25)
 
     def _scan(self, count: int) -> tuple[Branch, Ring]:
         ring = Ring(self.task, count)
@@ -152,6 +156,10 @@ class Basins:
         scored = self._judged(some)
         if scored is None:
             return None
+        hopeful = scored.branch.take(scored.left < _HOPEFUL)
+        if len(hopeful):  # on a corner the normal turns within a step
+            more = self._judged(beside_arcs(self.task, hopeful, np.tile(_ARC_STEPS, (len(hopeful), 1)))[0])
+            scored = scored if more is None else _merged(scored, more)
 
         def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
             return beside_arcs(self.task, branch, window[:, None] * _WINDOW)
@@ -165,19 +173,12 @@ class Basins:
 
     # -- forces ------------------------------------------------------------------------------------------------
 
-    def _exactly(self, found: Scored) -> Scored:
-        """The basins with finer friction cones and a lower price of the tensions, and their order then."""
-        self.loads = replace(self.loads, directions=_FINE_CONE)
-        self.supports = support_block(self.scene, self.loads, self._touched, self.pose)
-        block = finger_block(self.scene, self.loads, self.setup, found.candidates, self.pose)
-        fine = self._weighed(found.branch, found.candidates, block, found.wrong)
-        return fine.take(np.argsort(fine.score, kind="stable"))
-
-    def _judged(self, branch: Branch) -> Scored | None:
+    def _judged(self, branch: Branch, wrong: Array | None = None) -> Scored | None:
         """The postures that are clear of everything, with their forces; None where there are none."""
-        wrong = self._depth(branch)
-        clear = wrong <= STRICT
-        branch, wrong = branch.take(clear), wrong[clear]
+        if wrong is None:
+            wrong = self._depth(branch)
+            clear = wrong <= STRICT
+            branch, wrong = branch.take(clear), wrong[clear]
         if not len(branch):
             return None
         self.postures += len(branch)
@@ -188,18 +189,31 @@ class Basins:
     def _weighed(
         self, branch: Branch, candidates: Candidates, block: Block, wrong: Array
     ) -> Scored:
-        count = len(branch)
-        index = [np.arange(count), np.zeros(count, int)]
-        left, cost, forces = imbalance(self.loads, [block, self.supports], index)
+        left, cost, forces = self._balance(block)
+        if self.loads.lift and not self._fine:
+            # Eight edges lose up to 8 % of the friction: where that may be what is missing, more of them.
+            near = np.flatnonzero((left > self._balanced) & (left < _NEARLY))
+            if len(near):
+                finer = self._finer_block(candidates.take(near))
+                left[near], cost[near], _ = self._balance(finer, self._fine_supports)
+            forces = forces[:, :0]
         most = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = (
             cost
-            + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
+            + self._per_imbalance * np.maximum(left - self._balanced, 0.0)
             + _PER_DEPTH * np.maximum(wrong - _TOUCHES, 0.0)
             + _PER_EXCESS * np.maximum(above, 0.0)
         )
         return Scored(branch, candidates, forces, left, wrong, score, most * score)
+
+    def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
+        count = len(block.needed)
+        blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
+        return imbalance(self.loads, blocks, index, self._price)
+
+    def _finer_block(self, candidates: Candidates) -> Block:
+        return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
 
     def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
         task, count = self.task, len(branch)
@@ -223,25 +237,38 @@ class Basins:
 
     # -- minima ------------------------------------------------------------------------------------------------
 
-    def _refined(self, best: Scored, near: Near, window: float) -> Scored:
-        """The basins moved along their curves to where they are best."""
-        size = np.full(len(best.score), window)
-        for _ in range(_ROUNDS):
-            found, rows = near(best.branch, size)
-            # What the judgement drops is lost with its row: ranks carry it.
-            order = np.argsort(rows, kind="stable")
-            found, rows = found.take(order), rows[order]
-            clear = self._depth(found) <= STRICT
-            found, rows = found.take(clear), rows[clear]
-            judged = self._judged(found)
-            if judged is None:
-                break
-            moved = _best_of(judged.score, rows, len(size))
-            better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
-            index = np.arange(len(size))
-            best = _merged(best, judged).take(np.where(better, len(size) + moved, index))
-            size = np.where(better, 0.5, _SHRINK) * size
+    def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
+        """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
+        and a lower price of the tensions, and the order then.
+        """
+        if near is not None:
+            best = self._moved(best, near, window, _ROUNDS)
+        best = best.take(np.argsort(best.score, kind="stable"))
+        self.loads, self.supports, self._fine = self._fine_loads, self._fine_supports, True
+        self._price, self._balanced, self._per_imbalance = _FINE_PRICE, _FINE_BALANCED, _FINE_PER_IMBALANCE
+        block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
+        best = self._weighed(best.branch, best.candidates, block, best.wrong)
+        if near is not None:
+            some = best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0
+            moved = self._moved(best.take(some), near, _FINE_WINDOW * window, _FINE_ROUNDS)
+            best = _merged(moved, best.take(~some)) if not some.all() else moved
         return best.take(np.argsort(best.score, kind="stable"))
+
+    def _moved(self, best: Scored, near: Near, window: float, rounds: int) -> Scored:
+        size = np.full(len(best.score), window)
+        for _ in range(rounds):
+            found, rows = near(best.branch, size)
+            wrong = self._depth(found)
+            clear = wrong <= STRICT
+            judged = self._judged(found.take(clear), wrong[clear])
+            if judged is None:
+                size = _SHRINK * size
+                continue
+            moved = _best_of(judged.score, rows[clear], len(size))
+            better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
+            best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
+            size = np.where(better, _KEPT, _SHRINK) * size
+        return best
 
 
 Near = Callable[[Branch, Array], tuple[Branch, Array]]
@@ -295,7 +322,8 @@ def _of_arcs(branch: Branch) -> Array:
     one = branch.ends[:, 0] * branch.joint
     two = branch.ends[:, 2] * (1.0 - branch.joint)
     near = np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR
-    return np.asarray(near & (branch.tip[:, None] == branch.tip))
+    turned = np.abs(np.remainder(branch.tip_normal[:, None] - branch.tip_normal + np.pi, 2 * np.pi) - np.pi)
+    return np.asarray(near & (branch.tip[:, None] == branch.tip) & (turned < _ALIKE[2]))
 
 
 def _minima(scored: Scored, linked: Array) -> Scored:

@@ -31,10 +31,10 @@ _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-_COST_WEIGHT, _STEPS = 3e-4, 13
+PRICE, _STEPS = 3e-4, 15
 """Weight of the tensions (per their limits) beside the squared imbalance, and steps of the interior point method: the
 barrier falls by 0.3 each, to 3e-13."""
-_RIGID, _LEAST = 1e-9, 1e-9
+_RIGID, _ENOUGH = 1e-9, 1e-6
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,9 @@ def contact_forces(
     return out
 
 
-def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
+def imbalance(
+    loads: Loads, blocks: list[Block], index: list[Array], price: float = PRICE
+) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
     Returns the imbalances (B,) relative to the loads, the sums of the tensions per their limits (B,), and the forces of
@@ -284,10 +286,12 @@ def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Ar
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
     low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
-    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300))
+    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), price)
 
 
-def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) -> tuple[Array, Array, Array]:
+def _boxed(
+    system: Array, right: Array, low: Array, high: Array, cost: Array, price: float
+) -> tuple[Array, Array, Array]:
     """Least squares within bounds for many systems at once, by an interior point method: what is left, the cost, and
     the unknowns.
 
@@ -298,7 +302,7 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
     span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
-    weight = _COST_WEIGHT * cost * span + 1e-8
+    weight, enough = price * cost * span + 1e-8, _ENOUGH * price
     x = np.full((len(right), len(low)), 0.1)
     zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
     across = np.ascontiguousarray(np.swapaxes(scaled, 1, 2))
@@ -325,13 +329,15 @@ def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) ->
         dl, du = -zl - zl / x * step, -zu + zu / over * step
         length = _longest(step, dl, du, x, over, zl, zu)
         gap = (x * zl + over * zu).mean(axis=1)
+        if (gap <= enough).all():
+            break
         after = ((x + length * step) * (zl + length * dl) + (over - length * step) * (zu + length * du)).mean(axis=1)
-        barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), _LEAST)[:, None]
+        barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), enough)[:, None]
         bent_l, bent_u = barrier - step * dl, barrier + step * du
         step = direction(slope - bent_l / x + bent_u / over)
         dl, du = bent_l / x - zl - zl / x * step, bent_u / over - zu + zu / over * step
         # Those that have converged stay: with multipliers of zero the system is singular.
-        length = 0.99 * _longest(step, dl, du, x, over, zl, zu) * (gap > _LEAST)[:, None]
+        length = 0.99 * _longest(step, dl, du, x, over, zl, zu) * (gap > enough)[:, None]
         x, zl, zu = x + length * step, zl + length * dl, zu + length * du
     left = (scaled @ best[..., None])[..., 0] - right
     x = best * span + low

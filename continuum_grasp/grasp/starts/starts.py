@@ -43,13 +43,13 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
     return _shaken(weighing.setups, starts, count, rng)
 
 
-def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Scan] | None:
+def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Scan] | None:
     """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, the most promising
-    first, and what the scan looked at; None where shapes are not of one parameter (see `is_scanned`).
+    first, and what the scan, which may be ``dense``, looked at; None where shapes are not of one parameter (see `is_scanned`).
     """
     if not is_scanned(scene, on):
         return None
-    basins = Basins(scene, on)
+    basins = Basins(scene, on, dense)
     found = basins.found()
     if found is None:
         return [], Scan(basins.places, basins.postures, 0)
