@@ -38,7 +38,7 @@ class Status(StrEnum):
     """A local optimum that the certificate confirms; of all basins that the search found, none that was not solved is
     estimated to take 2 % less tension."""
     FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped early, or a basin that may be better stayed open."""
+    """A grasp that the certificate confirms, but the solver stopped early, or a basin that may be better is open."""
     INFEASIBLE = "infeasible"
     """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
     NOT_SOLVED = "not_solved"

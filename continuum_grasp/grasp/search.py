@@ -77,12 +77,12 @@ class _Limits:
     always_rough: bool  # whether rough starts are tried where basins were solved
 
 
-_EFFORTS: dict[Effort, EffortLimits] = {
+_EFFORTS: dict[Effort, _Limits] = {
     "quick": _Limits(basins=3, rungs=1, starts=2, iterations=150, always_rough=False),
     "normal": _Limits(basins=12, rungs=3, starts=8, iterations=600, always_rough=False),
     "thorough": _Limits(basins=12, rungs=3, starts=24, iterations=math.inf, always_rough=True),
 }
-"""Of 600 iterations a search of one finger needs more in 0.5 % of 1,000 scenes."""
+"""What each effort means. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ class Search:
         )
 
     def _from_basins(self, mode: frozenset[str], dense: bool = False) -> bool:
-        """Solve from the basins of a mode, those of a ``dense`` scan that are new; whether it is one that is scanned."""
+        """Solve from the basins of a mode, those of a ``dense`` scan that are new; whether it is scanned at all."""
         starts = self.basins_of(mode, dense)
         for start in (starts or [])[: self._effort.basins]:
             if not any(_same(start, basin.start) for basin in self.basins):
@@ -284,7 +284,11 @@ class Search:
                 continue
             if self._is_over:
                 return
-            found = self.attempt(start, rung=len(RUNGS) - 1, iterations=ITERATION_CAP if self.good and not self.exploration.open else None)
+            found = self.attempt(
+                start,
+                rung=len(RUNGS) - 1,
+                iterations=ITERATION_CAP if self.good and not self.exploration.open else None,
+            )
             if found is not None and found in self.good:
                 held.add(branch)
             if not math.isnan(start.estimate):

@@ -157,9 +157,9 @@ class _Verdict:
         if explored.open and self.search.best is not None:
             status = Status.FEASIBLE
             tension = sum(tensions)
+            message += f"; {explored.open} of {explored.basins} basins could not be solved, the best of which is"
             message += (
-                f"; {explored.open} of {explored.basins} basins that were found could not be solved, the best of which "
-                f"is estimated at {explored.best_open:.4g} N ({explored.best_open / tension - 1.0:+.1%} in all tensions)"
+                f" estimated to take {explored.best_open:.4g} N in all ({explored.best_open / tension - 1.0:+.1%})"
             )
         if self.budget.cut:
             status = Status.FEASIBLE

@@ -167,9 +167,9 @@ class GraspSolver(SolverOptions):
     """Options of the search."""
 
     effort: Effort = "normal"
-    """How much is tried. quick: the three most promising postures per set of contacts, for sweeps; normal: all that may be
-    better than what was found, as long as that takes 600 iterations, more where nothing was found; thorough: without that
-    limit, and from more and rougher starts."""
+    """How much is tried. quick: the three most promising postures per set of contacts, for sweeps. normal: all that may
+    be better than what was found, as long as that takes 600 iterations. thorough: without that limit, and from more and
+    rougher starts."""
     random_seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the random starts; equal seeds give equal results."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200

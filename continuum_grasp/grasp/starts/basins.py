@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
 from continuum_grasp.grasp.starts.force import PRICE, Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
 from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
 from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
@@ -25,32 +26,44 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-MOST = 12
-"""Basins of a set of contacts that are solved at most."""
 _PLACES, _MORE_PLACES, _FEW = 128, 512, 10
-"""Places of the middle contact on each part's outline, and where fewer than 10 postures are left on a side: short
-feasible pieces may lie between two places."""
-_BETWEEN = np.array([0.25, 0.5, 0.75])
-"""Places that are added around what is left, in spacings."""
-_BALANCED = 1e-3
-"""Relative imbalance of a posture in balance: what the price of the tensions in the least squares leaves."""
-_NEARLY = 0.05
-_HOPEFUL = 0.15
-"""Relative imbalance of a posture up to which one in balance may be between it and the next place."""
-_PER_IMBALANCE, _PER_DEPTH = 30.0, 100.0
-"""Score of what is left of the balance, and of penetration [1/L], per limit of the tensions: below it, some postures
-that cannot hold would be solved before those that can."""
-_ROUNDS, _SHRINK, _KEPT = 2, 0.3, 0.5
-_FINE_CONE, _FINE_PRICE, _FINE_BALANCED, _FINE_PER_IMBALANCE = 24, 5e-5, 2e-4, 100.0
-_PROMISES, _FINE_WINDOW, _FINE_ROUNDS = 1.3, 0.2, 3
-_STEEP, _ARCS_NEAR, _ARC_WINDOW = 0.15, 0.1, 0.02
-_ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
-_PER_EXCESS, _TOUCHES = 10.0, 1e-5
+"""Places of the middle contact on each part's outline, and where fewer than 10 postures are left: short feasible
+pieces may lie between two places."""
+_NEARLY, _HOPEFUL = 0.05, 0.15
+"""Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
+may be between it and the next one."""
 _WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
-"""Rounds in which basins are refined, what each leaves of the window, and the places that are tried in it."""
-_NEIGHBORS, _ALIKE = 1.6, (0.08, 2.5, 0.5)
-"""Spacings between places up to which postures are of one curve, if joints [L], curvatures [1/L] and normals [rad] are
-alike too."""
+"""Neighbors that are tried where a basin is refined, in sizes of the window."""
+_SHRINK, _KEPT = 0.3, 0.5
+"""What a round of that leaves of the window: where no neighbor was better, and where one was."""
+_PROMISES = 1.3
+"""Score per that of the best basin up to which the exact refinement is worth its time."""
+_PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
+"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]; the steps of the scan."""
+_ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
+"""Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
+the normal turns by a right angle in less."""
+_PER_DEPTH, _TOUCHES = 100.0, 1e-5
+"""Score of penetration [1/L], and penetration that is rounding [L]."""
+_PER_EXCESS = 10.0
+"""Score of a curvature above its limit, as a part of it."""
+
+
+@dataclass(frozen=True)
+class _Accuracy:
+    """How exactly forces are balanced."""
+
+    price: float  # of the tensions in the least squares
+    balanced: float  # relative imbalance that this price leaves
+    per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
+    rounds: int  # of the refinement
+    window: float  # its first, per that of the scan
+
+
+_ROUGH = _Accuracy(PRICE, 1e-3, 30.0, 2, 1.0)
+_EXACT = _Accuracy(5e-5, 2e-4, 100.0, 3, 0.2)
+_EXACT_CONE = 24
+"""Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
 
 @dataclass(frozen=True)
@@ -105,10 +118,9 @@ class Basins:
         self.loads = loads_of(scene)
         self._touched = support_contacts(scene, self.pose, on)
         self.supports = support_block(scene, self.loads, self._touched, self.pose)
-        self._fine, self._fine_loads = False, replace(self.loads, directions=_FINE_CONE)
+        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
         self._fine_supports = support_block(scene, self._fine_loads, self._touched, self.pose)
         self.places = self.postures = 0
-        self._price, self._balanced, self._per_imbalance = PRICE, _BALANCED, _PER_IMBALANCE
         self._joints = np.flatnonzero(self.task.middles)
 
     def found(self) -> Scored | None:
@@ -133,17 +145,17 @@ class Basins:
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
             some = some.take(left < _HOPEFUL)
             if len(some):
-                added, _ = beside(task, ring, some, _gaps(some))
+                added, _ = beside(task, ring, some, gaps(some))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
         if scored is None:
             return None
-        best = _minima(scored, _along_outline(scored.branch, ring.count))
+        best = scored.take(minima(scored.score, along_outline(scored.branch, ring.count)))
 
         def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
             return beside(task, ring, branch, window[:, None] * _WINDOW)
 
-        return self._refined(best, None if isolated else near, 0.25)
+        return self._refined(best, None if isolated else near, _PLACE_WINDOW)
 
     def _scan(self, count: int) -> tuple[Branch, Ring]:
         ring = Ring(self.task, count)
@@ -164,7 +176,7 @@ class Basins:
         def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
             return beside_arcs(self.task, branch, window[:, None] * _WINDOW)
 
-        return self._refined(_minima(scored, _of_arcs(scored.branch)), near, _ARC_WINDOW)
+        return self._refined(scored.take(minima(scored.score, in_bends(scored.branch))), near, _ARC_WINDOW)
 
     def _depth(self, branch: Branch) -> Array:
         """By how much something is in the way of postures (P,) [L]."""
@@ -186,13 +198,11 @@ class Basins:
         block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
         return self._weighed(branch, candidates, block, wrong)
 
-    def _weighed(
-        self, branch: Branch, candidates: Candidates, block: Block, wrong: Array
-    ) -> Scored:
+    def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
         left, cost, forces = self._balance(block)
-        if self.loads.lift and not self._fine:
+        if self.loads.lift and self._accuracy is _ROUGH:
             # Eight edges lose up to 8 % of the friction: where that may be what is missing, more of them.
-            near = np.flatnonzero((left > self._balanced) & (left < _NEARLY))
+            near = np.flatnonzero((left > _ROUGH.balanced) & (left < _NEARLY))
             if len(near):
                 finer = self._finer_block(candidates.take(near))
                 left[near], cost[near], _ = self._balance(finer, self._fine_supports)
@@ -201,7 +211,7 @@ class Basins:
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = (
             cost
-            + self._per_imbalance * np.maximum(left - self._balanced, 0.0)
+            + self._accuracy.per_imbalance * np.maximum(left - self._accuracy.balanced, 0.0)
             + _PER_DEPTH * np.maximum(wrong - _TOUCHES, 0.0)
             + _PER_EXCESS * np.maximum(above, 0.0)
         )
@@ -210,7 +220,7 @@ class Basins:
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
         count = len(block.needed)
         blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index, self._price)
+        return imbalance(self.loads, blocks, index, self._accuracy.price)
 
     def _finer_block(self, candidates: Candidates) -> Block:
         return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
@@ -242,21 +252,21 @@ class Basins:
         and a lower price of the tensions, and the order then.
         """
         if near is not None:
-            best = self._moved(best, near, window, _ROUNDS)
+            best = self._moved(best, near, window)
         best = best.take(np.argsort(best.score, kind="stable"))
-        self.loads, self.supports, self._fine = self._fine_loads, self._fine_supports, True
-        self._price, self._balanced, self._per_imbalance = _FINE_PRICE, _FINE_BALANCED, _FINE_PER_IMBALANCE
+        self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
         block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
         best = self._weighed(best.branch, best.candidates, block, best.wrong)
         if near is not None:
-            some = best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0
-            moved = self._moved(best.take(some), near, _FINE_WINDOW * window, _FINE_ROUNDS)
+            some = np.asarray(best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0)
+            moved = self._moved(best.take(some), near, window)
             best = _merged(moved, best.take(~some)) if not some.all() else moved
         return best.take(np.argsort(best.score, kind="stable"))
 
-    def _moved(self, best: Scored, near: Near, window: float, rounds: int) -> Scored:
-        size = np.full(len(best.score), window)
-        for _ in range(rounds):
+    def _moved(self, best: Scored, near: Near, window: float) -> Scored:
+        """The best neighbors along the curves."""
+        size = np.full(len(best.score), window * self._accuracy.window)
+        for _ in range(self._accuracy.rounds):
             found, rows = near(best.branch, size)
             wrong = self._depth(found)
             clear = wrong <= STRICT
@@ -264,7 +274,7 @@ class Basins:
             if judged is None:
                 size = _SHRINK * size
                 continue
-            moved = _best_of(judged.score, rows[clear], len(size))
+            moved = best_of(judged.score, rows[clear], len(size))
             better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
             best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
             size = np.where(better, _KEPT, _SHRINK) * size
@@ -280,57 +290,3 @@ def _merged(one: Scored, two: Scored) -> Scored:
     names = ("forces", "left", "wrong", "score", "estimate")
     values = (np.concatenate([getattr(one, name), getattr(two, name)]) for name in names)
     return Scored(together([one.branch, two.branch]), candidates, *values)
-
-
-def _best_of(score: Array, rows: Array, count: int) -> Array:
-    """Index of the least score of each of so many rows; -1 where there is none."""
-    out = np.full(count, -1)
-    order = np.lexsort((-score, rows))
-    out[rows[order]] = order
-    return out
-
-
-def _gaps(some: Branch) -> Array:
-    """Shifts by which places are added: on to the next place, and back where no posture lies before."""
-    before = _linked(some, some.place[None, :] - some.place[:, None] + 1.0, 0.01)
-    back = np.where(before.any(axis=1)[:, None], np.nan, -_BETWEEN)
-    return np.concatenate([np.broadcast_to(_BETWEEN, back.shape), back], axis=1)
-
-
-def _linked(branch: Branch, apart: Array, near: float) -> Array:
-    """Which pairs (P, P) of postures are alike and next to each other by a distance (P, P)."""
-    joint, curvature, normal = _ALIKE
-
-    def differ(values: Array) -> Array:
-        return np.asarray(np.abs(values[:, None] - values[None, :]))
-
-    alike = (np.abs(apart) <= near) & (branch.side[:, None] == branch.side) & (branch.part[:, None] == branch.part)
-    alike &= differ(branch.joint) < joint
-    for end in (0, 1, 3):
-        values = branch.ends[:, end]
-        alike &= differ(values) < curvature + _STEEP * np.abs(values)
-    alike &= np.abs(np.remainder(branch.tip_normal[:, None] - branch.tip_normal + np.pi, 2 * np.pi) - np.pi) < normal
-    return np.asarray(alike)
-
-
-def _along_outline(branch: Branch, count: int) -> Array:
-    apart = branch.place[:, None] - branch.place
-    return _linked(branch, np.remainder(apart + 0.5 * count, count) - 0.5 * count, _NEIGHBORS)
-
-
-def _of_arcs(branch: Branch) -> Array:
-    one = branch.ends[:, 0] * branch.joint
-    two = branch.ends[:, 2] * (1.0 - branch.joint)
-    near = np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR
-    turned = np.abs(np.remainder(branch.tip_normal[:, None] - branch.tip_normal + np.pi, 2 * np.pi) - np.pi)
-    return np.asarray(near & (branch.tip[:, None] == branch.tip) & (turned < _ALIKE[2]))
-
-
-def _minima(scored: Scored, linked: Array) -> Scored:
-    """The least of each neighborhood, at most so many, the best first."""
-    # Of equal ones the first.
-    order = np.argsort(scored.score, kind="stable")
-    rank = np.empty(len(order), int)
-    rank[order] = np.arange(len(order))
-    least = np.where(linked, rank[None, :], len(order)).min(axis=1)
-    return scored.take(order[least[order] >= rank[order]][:MOST])

@@ -319,13 +319,8 @@ def _boxed(
         # (K' K + D) step = -down, by the Woodbury identity: D is diagonal, and its inverse is `soft`.
         soft = 1.0 / (zl / x + zu / over + _RIGID)
         slim = scaled * soft[:, None, :]
-        inverse = np.linalg.inv(unit + slim @ across)
-
-        def direction(down: Array) -> Array:
-            inner = inverse @ (slim @ down[..., None])
-            return np.asarray(soft * ((across @ inner)[..., 0] - down))
-
-        step = direction(slope)
+        newton = soft, slim, across, np.linalg.inv(unit + slim @ across)
+        step = _step(*newton, slope)
         dl, du = -zl - zl / x * step, -zu + zu / over * step
         length = _longest(step, dl, du, x, over, zl, zu)
         gap = (x * zl + over * zu).mean(axis=1)
@@ -334,7 +329,7 @@ def _boxed(
         after = ((x + length * step) * (zl + length * dl) + (over - length * step) * (zu + length * du)).mean(axis=1)
         barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), enough)[:, None]
         bent_l, bent_u = barrier - step * dl, barrier + step * du
-        step = direction(slope - bent_l / x + bent_u / over)
+        step = _step(*newton, slope - bent_l / x + bent_u / over)
         dl, du = bent_l / x - zl - zl / x * step, bent_u / over - zu + zu / over * step
         # Those that have converged stay: with multipliers of zero the system is singular.
         length = 0.99 * _longest(step, dl, du, x, over, zl, zu) * (gap > enough)[:, None]
@@ -342,6 +337,12 @@ def _boxed(
     left = (scaled @ best[..., None])[..., 0] - right
     x = best * span + low
     return np.sqrt((left**2).sum(axis=1)), x @ cost, x
+
+
+def _step(soft: Array, slim: Array, across: Array, inverse: Array, slope: Array) -> Array:
+    """A Newton step (B, n) down a slope."""
+    inner = inverse @ (slim @ slope[..., None])
+    return np.asarray(soft * ((across @ inner)[..., 0] - slope))
 
 
 def _longest(step: Array, dl: Array, du: Array, x: Array, over: Array, zl: Array, zu: Array) -> Array:

@@ -45,7 +45,8 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
 
 def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Scan] | None:
     """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, the most promising
-    first, and what the scan, which may be ``dense``, looked at; None where shapes are not of one parameter (see `is_scanned`).
+    first, and what the scan, which may be ``dense``, looked at; None where postures are not of one parameter (see
+    `is_scanned`).
     """
     if not is_scanned(scene, on):
         return None
@@ -57,7 +58,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> 
     weighing.loads = basins.loads
     none, rows = np.zeros(len(found.score)), np.arange(len(found.score))
     at = Weighed(basins.pose, [found.candidates], [rows], found.left, found.score, none, none, found.forces)
-    starts = [replace(_as_start(weighing, at, row), estimate=float(found.estimate[row])) for row in rows]
+    starts = [replace(_as_start(weighing, at, row), estimate=float(found.estimate[row])) for row in rows.tolist()]
     return starts, Scan(basins.places, basins.postures, len(starts))
 
 

@@ -79,7 +79,7 @@ class FingerTask:
         return out
 
     def touched(self, points: Array) -> tuple[Array, Array, Array]:
-        """The parts nearest to points (B,), and the places on their grown outlines: points and angles of the normals."""
+        """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""
         part = np.zeros(len(points), int)
         if len(self.shapes) > 1:
             part = np.argmin([shape.rough_distance(points) for shape in self.shapes], axis=0)

@@ -1,7 +1,7 @@
 """All postures of a finger of two curves that touch an object at one middle contact, with its tip, or with both.
 
-Those with a middle contact form curves over the place of that contact on the outline (of arcs, single points), which are
-scanned at even places; those of two arcs that touch with the tip alone form curves in the plane of the two bends.
+Those with a middle contact form curves over the place of that contact on the outline (of arcs, single points), which
+are scanned at even places; those of two arcs that touch with the tip alone are in `two_arcs`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
-from continuum_grasp.grasp.starts.scan.curves import sample, table_of
+from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import FingerTask
 
 Array = NDArray[Any]
@@ -158,13 +158,15 @@ def _next_to(angle: Array, old: Array) -> Array:
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
-    rows, sides, turns = [], [], []
-    for side in (1, -1):
-        angle = np.remainder(normal[near] + (0.0 if side > 0 else math.pi) + math.pi, math.tau) - math.pi
+    rows: list[Array] = []
+    sides: list[Array] = []
+    turns: list[Array] = []
+    for which in (1, -1):
+        angle = _wrapped(normal[near] + (0.0 if which > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
             fits = np.flatnonzero(np.abs(angle + winding) < MOST_TURN)
             rows.append(near[fits])
-            sides.append(np.full(len(fits), side))
+            sides.append(np.full(len(fits), which))
             turns.append(angle[fits] + winding)
     row, side, turn = (np.concatenate(part) for part in (rows, sides, turns))
     index, guess = bends_to(point[row], turn)
@@ -261,10 +263,14 @@ def _onwards(task: FingerTask, first: Branch) -> Branch:
     if not len(first) or not task.tip:
         return _free(task, first)
     rest = 1.0 - first.joint
-    range_ = task.bending_range * sum(task.counts[task.middles.index(True) + 1 :]) / rest
-    most = np.minimum(np.minimum(_TIP_REACH / rest, _TIP_MOST), 1.02 * range_)
+    most = np.minimum(np.minimum(_TIP_REACH, _range_after(task)) / rest, _TIP_MOST)
     most = np.minimum(most, np.max(task.limits) * (1.0 + _ABOVE))
     return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, _TIPS))[0]
+
+
+def _range_after(task: FingerTask) -> float:
+    """Greatest product of length and curvature of the second curve [rad]."""
+    return task.bending_range * sum(task.counts[task.middles.index(True) + 1 :])
 
 
 def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
@@ -272,7 +278,7 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     each goes on from.
     """
     one_arc = task.arcs and task.counts[-1] == 1
-    rest, begin, phase = 1.0 - first.joint, first.ends[:, 1], np.exp(1j * first.turn)
+    rest, begin = 1.0 - first.joint, first.ends[:, 1]
 
     def tips(rows: Array, last: Array) -> tuple[Array, Array]:
         """Tips (R, G) and angles of the sections there."""
@@ -298,6 +304,8 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     tip, facing = (v[:, 0] for v in tips(rows, last[:, None]))
     part, point, normal = task.touched(tip)
     ahead = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
+    if not one_arc:  # the second curve begins with the curvature that the first one ends with
+        ahead &= np.abs(begin[rows]) * rest[rows] <= _range_after(task) * (1.0 + 1e-6)
     rows, last, part, point, normal = rows[ahead], last[ahead], part[ahead], point[ahead], normal[ahead]
     found = first.take(rows)
     ends = np.stack([found.ends[:, 0], found.ends[:, 1], last if one_arc else found.ends[:, 1], last], axis=1)

@@ -57,12 +57,10 @@ def scanned_arcs(task: FingerTask) -> Branch:
 
 
 def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, Array]:
-    """The postures next to some along their curves, by steps (P, S) of the bends [rad], and the row that each is from."""
+    """The postures next to some, by steps (P, S) of the bends along the curves [rad], and the row that each is from."""
     bends = some.ends[:, [0, 2]] * SHARE
     # Along the curve: across the gradient of the gap.
-    gradient = np.stack(
-        [_gap(task, bends + d) - _gap(task, bends - d) for d in 1e-4 * np.eye(2)], axis=1
-    )
+    gradient = np.stack([_gap(task, bends + d) - _gap(task, bends - d) for d in 1e-4 * np.eye(2)], axis=1)
     across = gradient / np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)[:, None]
     along = np.stack([-across[:, 1], across[:, 0]], axis=1)
     rows = np.repeat(np.arange(len(some)), steps.shape[1])
@@ -105,9 +103,7 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
     tip, facing = _tips(task, bends)
     parts, point, normal = task.touched(tip)
     good = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
-    good &= (np.abs(bends).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (
-        np.abs(gap(part)) < 1e-6
-    )
+    good &= (np.abs(bends).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (np.abs(gap(part)) < 1e-6)
     bends, parts, point, normal = bends[good], parts[good], point[good], normal[good]
     none = np.zeros(len(bends))
     curvatures = bends / SHARE
