@@ -26,6 +26,7 @@ from continuum_grasp.scene.grasp import GraspScene
 if TYPE_CHECKING:
     from continuum_grasp.grasp.closing.path import ClosingPath
     from continuum_grasp.grasp.quality.quality import Quality
+    from continuum_grasp.grasp.search import Exploration
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
 Array = NDArray[Any]
@@ -35,9 +36,10 @@ class Status(StrEnum):
     """How the search ended."""
 
     OPTIMAL = "optimal"
-    """A local optimum that the certificate confirms."""
+    """A local optimum that the certificate confirms; of all basins that the search found, none that was not solved is
+    estimated to take 2 % less tension."""
     FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped early, or the search before its last start."""
+    """A grasp that the certificate confirms, but the solver stopped early, or a basin that may be better is open."""
     INFEASIBLE = "infeasible"
     """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
     NOT_SOLVED = "not_solved"
@@ -204,6 +206,8 @@ class GraspResult(Result):
         How the answer changes with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
         What a fine model changes, where that was asked for.
+    exploration : Exploration, optional
+        What the search looked at.
 
     Examples
     --------
@@ -237,6 +241,7 @@ class GraspResult(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     sensitivity: tuple[Sensitivity, ...] = ()
     fine: Change | None = None
+    exploration: Exploration | None = None
 
     @cached_property
     def quality(self) -> Quality:
@@ -383,6 +388,7 @@ class GraspResult(Result):
             "violated": list(self.violated),
             "reasons": [asdict(reason) for reason in self.reasons],
             "advice": self.advice,
+            "exploration": None if self.exploration is None else asdict(self.exploration),
         }
 
     @check_arguments

@@ -42,7 +42,8 @@ def optimize_grasp(
     Returns
     -------
     GraspResult
-        The best verified grasp of all starts. ``optimal`` is a local optimum.
+        The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is a local
+        optimum, and no basin that the exploration found is estimated to take 2 % less tension.
 
     Raises
     ------
@@ -152,6 +153,14 @@ class _Verdict:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
         elif not best.attempt.optimal:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
+        explored = self.search.exploration
+        if explored.open and self.search.best is not None:
+            status = Status.FEASIBLE
+            tension = sum(tensions)
+            message += f"; {explored.open} of {explored.basins} basins could not be solved, the best of which is"
+            message += (
+                f" estimated to take {explored.best_open:.4g} N in all ({explored.best_open / tension - 1.0:+.1%})"
+            )
         if self.budget.cut:
             status = Status.FEASIBLE
             message += f"; {self._cut()}, not all starts were tried"
@@ -166,6 +175,7 @@ class _Verdict:
             sensitivity=sensitivities(self.scene, best) if best.attempt.optimal else (),
             advice=self._support_note(),
             statistics=self._statistics(best.attempt),
+            exploration=self.search.exploration,
         )
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
@@ -187,7 +197,7 @@ class _Verdict:
             message = f"no start led to a grasp ({outcomes}), and no single limit explains it"
             advice = (
                 "Likely the geometry: move the base or the object, let the middle contact be elsewhere "
-                "(contacts.middle_range), or raise solver.seeds. A scene that breaks two limits at once ends "
+                "(contacts.middle_range), or raise solver.effort. A scene that breaks two limits at once ends "
                 "here too."
             )
         return self._failed(Status.NOT_SOLVED, message, advice, closest)
@@ -205,6 +215,7 @@ class _Verdict:
             reasons=tuple(reasons),
             advice=" ".join(part for part in (self._support_note(), advice) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),
+            exploration=self.search.exploration,
         )
 
     def _cut(self) -> str:

@@ -169,12 +169,17 @@ class Closing(Value):
     plane; None: the object is held until it is grasped."""
 
 
+Effort = Literal["quick", "normal", "thorough"]
+"""How much a search tries."""
+
+
 class GraspSolver(SolverOptions):
     """Options of the search."""
 
-    seeds: Annotated[int, Field(ge=1, le=1000)] = 8
-    """Most starts per set of contacts, of different shape, from a geometric scan and, beyond what that gives, at
-    random; fewer are used where they lead to the same grasp."""
+    effort: Effort = "normal"
+    """How much is tried. quick: the three most promising postures per set of contacts, for sweeps. normal: all that may
+    be better than what was found, as long as that takes 600 iterations. thorough: without that limit, and from more and
+    rougher starts."""
     random_seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the random starts; equal seeds give equal results."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200

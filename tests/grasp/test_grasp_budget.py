@@ -23,7 +23,7 @@ WEAK = {"max_tension": 20.0}
 
 def solved(solver=None, **changes):
     return optimize_grasp(
-        make_scene("arc", UPRIGHT, solver=solver or GraspSolver(seeds=2), **changes), raise_on_failure=False
+        make_scene("arc", UPRIGHT, solver=solver or GraspSolver(effort="quick"), **changes), raise_on_failure=False
     )
 
 
@@ -58,12 +58,12 @@ def test_iterations_are_counted_and_limited(changes):
     spent = free.statistics["total_iterations"]
     assert spent >= sum(a["iterations"] for a in free.statistics["attempts"]) > 0
     assert not free.statistics["cut_short"]
-    exact = solved(GraspSolver(seeds=2, max_total_iterations=spent + 1), **changes)
+    exact = solved(GraspSolver(effort="quick", max_total_iterations=spent + 1), **changes)
     assert numbers(exact) == numbers(free)
 
 
 def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
-    few = GraspSolver(seeds=2, max_total_iterations=40)
+    few = GraspSolver(effort="quick", max_total_iterations=40)
     one, two = solved(few, **WEAK), solved(few, **WEAK)
     assert one.status is Status.NOT_SOLVED
     assert "max_total_iterations" in one.message + one.advice
@@ -102,7 +102,7 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
 def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
     monkeypatch.setattr("continuum_grasp.grasp.search.branch_of", id)  # every start counts
     jump_after(monkeypatch, 2)
-    result = solved(GraspSolver(seeds=8), **HELD)
+    result = solved(GraspSolver(), **HELD)
     assert result.status is Status.FEASIBLE
     assert "clock" in result.message
     assert any("cut short" in warning for warning in result.warnings)
@@ -116,7 +116,7 @@ def test_the_emergency_stop_is_far_from_what_the_budget_takes():
 
 
 def test_the_rows_of_a_sweep_do_not_depend_on_how_busy_its_worker_is(monkeypatch):
-    scene = make_scene("arc", UPRIGHT, solver=GraspSolver(seeds=1)).model_dump(mode="json")
+    scene = make_scene("arc", UPRIGHT, solver=GraspSolver(effort="quick")).model_dump(mode="json")
     job = Job(scene, ("tension",), (("finger", "tendons", "max_tension"),), (), "none", solve)
     points = [Point(k, (tension,), (tension,)) for k, tension in enumerate((60.0, 20.0))]
 

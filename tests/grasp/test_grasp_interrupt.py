@@ -114,7 +114,7 @@ def test_ctrl_c_from_outside():
             return run(self, *arguments, **options)
         solver_run.GraspSolverRun.run = reported
         search.branch_of = id
-        result = optimize_grasp(load(sys.argv[1], ["solver.seeds=1000", "solver.max_total_iterations=1000000"]))
+        result = optimize_grasp(load(sys.argv[1], ["solver.effort=thorough", "solver.max_total_iterations=1000000"]))
         print(result.status.value, result.statistics["interrupted"])
     """
     ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"

@@ -29,7 +29,7 @@ from tests.declared import assert_declared
 
 MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.seeds=1")
+QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
 
 
 @pytest.fixture(scope="module")

@@ -249,7 +249,9 @@ def test_another_solver_finds_the_same_plan():
 
 
 def test_another_solver_finds_the_same_grasp():
-    scenes = (make_scene("arc", UPRIGHT, solver=GraspSolver(seeds=1, method=method)) for method in ("ipopt", "sqp"))
+    scenes = (
+        make_scene("arc", UPRIGHT, solver=GraspSolver(effort="quick", method=method)) for method in ("ipopt", "sqp")
+    )
     one, two = (optimize_grasp(scene) for scene in scenes)
     assert two.status == one.status == "optimal"
     assert two.certificate.passed

@@ -139,7 +139,7 @@ def test_every_point_of_a_grid_meets_the_same_draws():
 
 def test_the_scene_of_a_point_is_what_the_file_with_overrides_is():
     more = {
-        "set": {"solver.seeds": 2},
+        "set": {"solver.effort": "quick"},
         "vary": {
             "finger": {"values": [str(FINGER), {"extends": str(FINGER), "strain_limit": 0.03}]},
             "finger.base.position": {"values": [[0.0, -0.06]]},
@@ -151,17 +151,22 @@ def test_the_scene_of_a_point_is_what_the_file_with_overrides_is():
     for index, extra in enumerate([{}, {"finger.strain_limit": 0.03}]):
         data = scene_data(job, found.point(index))
         scene = type(load(MUG)).model_validate(data)
-        same = {"finger": str(FINGER), "finger.base.position": [0.0, -0.06], "object.mass": 0.4, "solver.seeds": 2}
+        same = {
+            "finger": str(FINGER),
+            "finger.base.position": [0.0, -0.06],
+            "object.mass": 0.4,
+            "solver.effort": "quick",
+        }
         assert scene == load(MUG, {**same, **extra})
     assert found.point(0).labels[0] == str(FINGER)
 
 
 def test_plans_say_what_differs():
     old = plan(vary={"object.mass": {"values": [0.1, 0.2]}}).as_json()
-    new = plan(vary={"object.mass": {"values": [0.1, 0.3]}}, set={"solver.seeds": 3}).as_json()
+    new = plan(vary={"object.mass": {"values": [0.1, 0.3]}}, set={"solver.effort": "thorough"}).as_json()
     assert differences(old, old) == []
     assert differences(old, new) == [
-        "scene.solver.seeds: 4 there, 3 here",
+        "scene.solver.effort: normal there, thorough here",
         "vary.object.mass: [0.1, 0.2] there, [0.1, 0.3] here",
     ]
 

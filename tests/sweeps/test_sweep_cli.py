@@ -17,7 +17,7 @@ from tests.sweep_cases import MUG
 
 TEXT = f"""schema_version: 1
 scene: {MUG}
-set: {{solver.seeds: 1}}
+set: {{solver.effort: quick}}
 vary:
   object.mass: {{values: [0.2, 0.3]}}
   finger.base.position: {{values: [[0.0, -0.055], [0.04, 0.0]]}}
@@ -47,7 +47,7 @@ def test_rows_are_what_the_optimizer_finds(swept):
     table = sweep_table(folder)
     assert list(table["status"]) == ["optimal", "invalid"] * 2
     for index, mass in ((0, 0.2), (2, 0.3)):
-        result = optimize_grasp(load(MUG, {"object.mass": mass, "solver.seeds": 1}))
+        result = optimize_grasp(load(MUG, {"object.mass": mass, "solver.effort": "quick"}))
         np.testing.assert_allclose(table["tension_max"][index], result.fingers["finger"].tensions.max(), rtol=1e-9)
         assert table["normal_force_max"][index] == pytest.approx(max(c.normal_force for c in result.contacts))
         assert table["quality.epsilon_l1"][index] == pytest.approx(result.quality.epsilon_l1, rel=1e-6)
@@ -96,7 +96,7 @@ def test_other_pictures_of_the_same_table(swept, tmp_path):
         (("--keep", "some"), "--keep: expected all, failed or none"),
         (("--quiet", "--json"), "--quiet cannot be combined"),
         (("--set", "vary={object.mas: {values: [1]}}"), "unknown key; did you mean 'mass'?"),
-        (("--set", "set={solver.seeds: 2}"), "another plan: scene.solver.seeds: 1 there, 2 here"),
+        (("--set", "set={solver.effort: thorough}"), "another plan: scene.solver.effort: quick there, 2 here"),
         (("--scheduler", "here"), "no Dask scheduler answers"),
         (("--workers", "0"), "Invalid value"),
     ],

@@ -183,7 +183,7 @@ def alive(pid):
 def test_ctrl_c_stops_and_says_how_to_go_on(tmp_path):
     config = tmp_path / "sweep.yaml"
     config.write_text(
-        f"schema_version: 1\nscene: {MUG}\nset: {{solver.seeds: 1}}\n"
+        f"schema_version: 1\nscene: {MUG}\nset: {{solver.effort: quick}}\n"
         "vary: {object.mass: {from: 0.1, to: 0.4, count: 2000}}\n",
         encoding="utf-8",
     )

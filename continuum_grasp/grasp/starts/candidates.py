@@ -141,7 +141,7 @@ def _neighbors(task: FingerTask, family: Postures, scale: float) -> Postures | N
 
 
 def _finished(task: FingerTask, family: Postures) -> Postures:
-    joints = _all_joints(task, family.joints)
+    joints = all_joints(task, family.joints)
     wrong = violation(task, family.knots, family.curvatures, joints)
     return replace(family, joints=joints, violation=wrong)
 
@@ -162,7 +162,7 @@ def _untouched(task: FingerTask) -> Postures:
     return Postures(np.array([[0.0, 1.0]]), bent, none, none.astype(int), none.astype(complex), none, np.zeros(1))
 
 
-def _all_joints(task: FingerTask, on: Array) -> Array:
+def all_joints(task: FingerTask, on: Array) -> Array:
     """Positions of all middle contacts: those that are off spread evenly between those that are on."""
     low, high = task.bounds
     count, size = len(on), len(task.middles)

@@ -31,11 +31,10 @@ _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-_COST_WEIGHT, _STEPS = 1e-3, 14
+PRICE, _STEPS = 3e-4, 15
 """Weight of the tensions (per their limits) beside the squared imbalance, and steps of the interior point method: the
-barrier falls by 0.3 each, to 5e-10."""
-_TILTS = 0.25 * math.pi * np.arange(5)
-"""Directions of a friction cone's edges out of the plane [rad]: upwards, since friction carries the weight."""
+barrier falls by 0.3 each, to 3e-13."""
+_RIGID, _ENOUGH = 1e-9, 1e-6
 
 
 @dataclass(frozen=True)
@@ -48,6 +47,8 @@ class Loads:
     lift: float  # weight out of the plane [N]
     gravity: complex  # acceleration in the plane [m/s2]
     balance: bool  # whether the lift must not tilt the object
+    directions: int = 8  # edges of a friction cone, where there is lift: also downwards, since with a balance of the
+    # tilt the best grasp may push a contact down
 
     @property
     def rows(self) -> int:
@@ -57,7 +58,7 @@ class Loads:
     @property
     def edges(self) -> int:
         """Number of edges of a friction cone."""
-        return len(_TILTS) if self.lift else 2
+        return self.directions if self.lift else 2
 
     @property
     def target(self) -> Array:
@@ -101,7 +102,8 @@ def loads_of(scene: GraspScene) -> Loads:
 def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
     """Friction in the plane and lift, per normal force, along the edges (E,) of a friction cone."""
     if loads.lift:
-        return friction * np.cos(_TILTS), friction * np.sin(_TILTS)
+        around = math.tau / loads.directions * np.arange(loads.directions)
+        return friction * np.cos(around), friction * np.sin(around)
     return np.array([friction, -friction]), np.zeros(2)
 
 
@@ -263,7 +265,9 @@ def contact_forces(
     return out
 
 
-def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
+def imbalance(
+    loads: Loads, blocks: list[Block], index: list[Array], price: float = PRICE
+) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
     Returns the imbalances (B,) relative to the loads, the sums of the tensions per their limits (B,), and the forces of
@@ -282,41 +286,66 @@ def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Ar
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
     low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
-    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300))
+    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), price)
 
 
-def _boxed(system: Array, right: Array, low: Array, high: Array, cost: Array) -> tuple[Array, Array, Array]:
+def _boxed(
+    system: Array, right: Array, low: Array, high: Array, cost: Array, price: float
+) -> tuple[Array, Array, Array]:
     """Least squares within bounds for many systems at once, by an interior point method: what is left, the cost, and
     the unknowns.
 
-    The Newton step is solved in the rows of the system, of which there are fewer than columns.
+    S. Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992), doi:10.1137/0802028. The Newton steps are solved in
+    the rows of the system, of which there are fewer than columns.
     """
-    # In shares of their ranges all unknowns lie in (0, 1); 1e-6 beside the cost makes the optimum unique.
+    # In shares of their ranges all unknowns lie in (0, 1); 1e-8 beside the cost makes the optimum unique.
     span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
-    weight = _COST_WEIGHT * cost * span + 1e-6
-    x = np.full((len(right), len(low)), 0.2)
+    weight, enough = price * cost * span + 1e-8, _ENOUGH * price
+    x = np.full((len(right), len(low)), 0.1)
     zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
-    across = np.swapaxes(scaled, 1, 2)
+    across = np.ascontiguousarray(np.swapaxes(scaled, 1, 2))
     unit = np.eye(right.shape[1])
-    barrier = 1e-2
-    for _ in range(_STEPS):
+    # Where multipliers are nearly zero the steps are inaccurate: what was best counts.
+    best, least = x, np.full(len(x), np.inf)
+    for _ in range(_STEPS + 1):
         over = 1.0 - x
         left = (scaled @ x[..., None])[..., 0] - right
-        down = (across @ left[..., None])[..., 0] + weight - barrier / x + barrier / over
+        slope = (across @ left[..., None])[..., 0] + weight
+        value = 0.5 * (left**2).sum(axis=1) + x @ weight
+        worse = value > least
+        best, least = np.where(worse[:, None], best, x), np.where(worse, least, value)
         # (K' K + D) step = -down, by the Woodbury identity: D is diagonal, and its inverse is `soft`.
-        soft = 1.0 / (zl / x + zu / over + 1e-9)
+        soft = 1.0 / (zl / x + zu / over + _RIGID)
         slim = scaled * soft[:, None, :]
-        inner = np.linalg.solve(unit + slim @ across, (slim @ down[..., None]))[..., 0]
-        step = soft * ((across @ inner[..., None])[..., 0] - down)
-        dl = barrier / x - zl - zl / x * step
-        du = barrier / over - zu + zu / over * step
-        limit = np.maximum(np.maximum(-step / x, step / over), np.maximum(-dl / zl, -du / zu)).max(axis=1)
-        # 95 % of the way to the first bound, for unknowns and multipliers alike.
-        length = np.minimum(1.0, 0.95 / np.maximum(limit, 1e-300))[:, None]
+        newton = soft, slim, across, np.linalg.inv(unit + slim @ across)
+        step = _step(*newton, slope)
+        dl, du = -zl - zl / x * step, -zu + zu / over * step
+        length = _longest(step, dl, du, x, over, zl, zu)
+        gap = (x * zl + over * zu).mean(axis=1)
+        if (gap <= enough).all():
+            break
+        after = ((x + length * step) * (zl + length * dl) + (over - length * step) * (zu + length * du)).mean(axis=1)
+        barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), enough)[:, None]
+        bent_l, bent_u = barrier - step * dl, barrier + step * du
+        step = _step(*newton, slope - bent_l / x + bent_u / over)
+        dl, du = bent_l / x - zl - zl / x * step, bent_u / over - zu + zu / over * step
+        # Those that have converged stay: with multipliers of zero the system is singular.
+        length = 0.99 * _longest(step, dl, du, x, over, zl, zu) * (gap > enough)[:, None]
         x, zl, zu = x + length * step, zl + length * dl, zu + length * du
-        barrier *= 0.3
-    left = (scaled @ x[..., None])[..., 0] - right
-    x = x * span + low
+    left = (scaled @ best[..., None])[..., 0] - right
+    x = best * span + low
     return np.sqrt((left**2).sum(axis=1)), x @ cost, x
+
+
+def _step(soft: Array, slim: Array, across: Array, inverse: Array, slope: Array) -> Array:
+    """A Newton step (B, n) down a slope."""
+    inner = inverse @ (slim @ slope[..., None])
+    return np.asarray(soft * ((across @ inner)[..., 0] - slope))
+
+
+def _longest(step: Array, dl: Array, du: Array, x: Array, over: Array, zl: Array, zu: Array) -> Array:
+    """The longest step (B, 1), at most one, that no bound and no multiplier of one cuts."""
+    limit = np.maximum(np.maximum(-step / x, step / over), np.maximum(-dl / zl, -du / zu)).max(axis=1)
+    return np.asarray(1.0 / np.maximum(limit, 1.0))[:, None]

@@ -6,11 +6,13 @@ how nearly contact forces and tensions within their limits could balance them. M
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.basins import Basins, Scan, is_scanned
 from continuum_grasp.grasp.starts.force import contact_forces
 from continuum_grasp.grasp.starts.supports import nearest_contact, object_poses, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
@@ -39,6 +41,25 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
     score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True))
     starts = [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
     return _shaken(weighing.setups, starts, count, rng)
+
+
+def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Scan] | None:
+    """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, the most promising
+    first, and what the scan, which may be ``dense``, looked at; None where postures are not of one parameter (see
+    `is_scanned`).
+    """
+    if not is_scanned(scene, on):
+        return None
+    basins = Basins(scene, on, dense)
+    found = basins.found()
+    if found is None:
+        return [], Scan(basins.places, basins.postures, 0)
+    weighing = Weighing(scene, on)
+    weighing.loads = basins.loads
+    none, rows = np.zeros(len(found.score)), np.arange(len(found.score))
+    at = Weighed(basins.pose, [found.candidates], [rows], found.left, found.score, none, none, found.forces)
+    starts = [replace(_as_start(weighing, at, row), estimate=float(found.estimate[row])) for row in rows.tolist()]
+    return starts, Scan(basins.places, basins.postures, len(starts))
 
 
 def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:

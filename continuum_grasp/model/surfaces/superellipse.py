@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -242,6 +242,13 @@ class _SuperellipseOutline(Outline):
         self._normal = normal
         self._reach = (point * np.conj(normal)).real
 
+    @cached_property
+    def _lines(self) -> tuple[Array, Array, Array, Array]:
+        """Tangents of the first quadrant: points, normals, distances from the center, and radii of curvature."""
+        at, normal, speed, turning = self._quadrant(self._table)
+        with np.errstate(divide="ignore"):
+            return at, normal, self._reach, np.where(turning > 0.0, speed / turning, np.inf)
+
     def _quadrant(self, turn: Array) -> tuple[Array, Array, Array, Array]:
         """Point, normal, speed, and turning of the normal, at polar angles of the first quadrant."""
         (a, b), p = self.axes, self.exponent
@@ -270,6 +277,19 @@ class _SuperellipseOutline(Outline):
             1j * axis * normal * (speed + self.grown * turning),
             turning,
         )
+
+    def rough_distance(self, points: Array) -> Array:
+        local = (points - self.center) * np.exp(-1j * self.angle)
+        x, y = np.abs(local.real), np.abs(local.imag)
+        at, normal, reach, radius = self._lines
+        # The farthest of tangents, and how much farther that between them is which the point faces: to second order in
+        # the angle between both, which is slide / (gap + radius).
+        tangents = x[..., None] * normal.real + y[..., None] * normal.imag
+        tangents -= reach
+        best = np.argmax(tangents, axis=-1)
+        gap = np.take_along_axis(tangents, best[..., None], -1)[..., 0]
+        slide = (y - at.imag[best]) * normal.real[best] - (x - at.real[best]) * normal.imag[best]
+        return np.asarray(gap + 0.5 * slide**2 / np.maximum(gap + radius[best], 4.0 * np.abs(slide) + 1e-12))
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         local = (points - self.center) * np.exp(-1j * self.angle)

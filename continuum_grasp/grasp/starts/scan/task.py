@@ -71,6 +71,26 @@ class FingerTask:
             out = np.minimum(out, shape.distance(points))
         return out
 
+    def rough_distance(self, points: Array) -> Array:
+        """Signed distance from the object, to within 1e-5 of its size."""
+        out = self.shapes[0].rough_distance(points)
+        for shape in self.shapes[1:]:
+            out = np.minimum(out, shape.rough_distance(points))
+        return out
+
+    def touched(self, points: Array) -> tuple[Array, Array, Array]:
+        """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""
+        part = np.zeros(len(points), int)
+        if len(self.shapes) > 1:
+            part = np.argmin([shape.rough_distance(points) for shape in self.shapes], axis=0)
+        point, angle = np.zeros(len(points), complex), np.zeros(len(points))
+        for k, shape in enumerate(self.shapes):
+            mine = part == k
+            if mine.any():
+                at = shape.walk(shape.nearest(points[mine])[1])
+                point[mine], angle[mine] = at.point, at.angle
+        return part, point, angle
+
 
 @dataclass(frozen=True)
 class Postures:
@@ -193,9 +213,21 @@ def make_task(
 
 def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
     """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
+    worst = np.maximum(obstruction(task, knots, curvatures, joints) - ALLOWED, 0.0)
+    # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
+    if math.isfinite(task.limits[0]):
+        over = np.abs(curvatures) - np.interp(knots, _EVEN, task.limits)
+        worst = np.maximum(worst, 0.1 * over.max(axis=1))
+    return np.asarray(
+        np.maximum(worst, 0.1 * (bends(knots, curvatures, joints, task.counts) - task.bending_range) - 1e-9)
+    )
+
+
+def obstruction(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
+    """Greatest penetration of each curve (B,) into the object and the supports; negative where there is none."""
     at, half = np.broadcast_to(_EVEN, (len(knots), _STATIONS)), task.halves
     points = sample(knots, curvatures, at)
-    worst = np.maximum((np.minimum(half, task.half) - task.distance(points)).max(axis=1) - ALLOWED, 0.0)
+    worst = (np.minimum(half, task.half) - task.rough_distance(points)).max(axis=1)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:
         rel = (points - point) * np.conj(normal)
@@ -207,14 +239,8 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
         else:
             over = np.maximum(np.abs(rel.imag) - half_length, 0.0)
             short = np.where(beyond, half, 0.0) - np.hypot(over, height)
-        worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
+        worst = np.maximum(worst, short.max(axis=1))
     for center, radius in task.pegs:
         short = np.where(beyond, radius + half, radius) - np.abs(points - center)
-        worst = np.maximum(worst, short.max(axis=1) - ALLOWED)
-    # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
-    if math.isfinite(task.limits[0]):
-        over = np.abs(curvatures) - np.interp(knots, _EVEN, task.limits)
-        worst = np.maximum(worst, 0.1 * over.max(axis=1))
-    return np.asarray(
-        np.maximum(worst, 0.1 * (bends(knots, curvatures, joints, task.counts) - task.bending_range) - 1e-9)
-    )
+        worst = np.maximum(worst, short.max(axis=1))
+    return np.asarray(worst)

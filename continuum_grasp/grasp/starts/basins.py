@@ -1,0 +1,292 @@
+"""Basins of one finger's grasps: minima of the estimated tension over all postures that touch as they should.
+
+All postures of one finger with a fixed base before a fixed object are on curves with one parameter (see
+`continuum_grasp.grasp.starts.scan.touching`). They are scanned, the forces of each are balanced, and the minima along
+the curves are refined. Models with more elements than two bend a little from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
+from continuum_grasp.grasp.starts.force import PRICE, Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
+from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
+from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
+from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.model.family import family_class
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+
+_PLACES, _MORE_PLACES, _FEW = 128, 512, 10
+"""Places of the middle contact on each part's outline, and where fewer than 10 postures are left: short feasible
+pieces may lie between two places."""
+_NEARLY, _HOPEFUL = 0.05, 0.15
+"""Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
+may be between it and the next one."""
+_WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
+"""Neighbors that are tried where a basin is refined, in sizes of the window."""
+_SHRINK, _KEPT = 0.3, 0.5
+"""What a round of that leaves of the window: where no neighbor was better, and where one was."""
+_PROMISES = 1.3
+"""Score per that of the best basin up to which the exact refinement is worth its time."""
+_PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
+"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]; the steps of the scan."""
+_ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
+"""Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
+the normal turns by a right angle in less."""
+_PER_DEPTH, _TOUCHES = 100.0, 1e-5
+"""Score of penetration [1/L], and penetration that is rounding [L]."""
+_PER_EXCESS = 10.0
+"""Score of a curvature above its limit, as a part of it."""
+
+
+@dataclass(frozen=True)
+class _Accuracy:
+    """How exactly forces are balanced."""
+
+    price: float  # of the tensions in the least squares
+    balanced: float  # relative imbalance that this price leaves
+    per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
+    rounds: int  # of the refinement
+    window: float  # its first, per that of the scan
+
+
+_ROUGH = _Accuracy(PRICE, 1e-3, 30.0, 2, 1.0)
+_EXACT = _Accuracy(5e-5, 2e-4, 100.0, 3, 0.2)
+_EXACT_CONE = 24
+"""Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a scan looked at."""
+
+    places: int  # of contacts
+    postures: int  # that touch and are clear of everything
+    basins: int
+
+
+def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
+    """Whether the postures of a scene with the contacts ``on`` are curves with one parameter: those of one finger with
+    fixed base before a fixed object, with one middle contact, or of two arcs with the tip alone.
+    """
+    if len(scene.setups) > 1 or scene.object.free is not None or scene.setups[0].finger.base_free is not None:
+        return False
+    (setup,) = scene.setups
+    middles = sum(name in on for name in setup.middle_names)
+    two_arcs = setup.elements == 2 and family_class(setup.family).degree == 0
+    return middles == 1 or (middles == 0 and two_arcs and setup.tip_name in on)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """P postures, the forces that come closest to balance, and what that takes."""
+
+    branch: Branch
+    candidates: Candidates
+    forces: Array  # (P, n) [N]
+    left: Array  # (P,) relative imbalance
+    wrong: Array  # (P,) penetration [L]
+    score: Array  # (P,) tensions by their limits, with penalties
+    estimate: Array  # (P,) the same in N
+
+    def take(self, index: Any) -> Scored:
+        """Some of them."""
+        taken = (getattr(self, name) for name in ("forces", "left", "wrong", "score", "estimate"))
+        return Scored(self.branch.take(index), self.candidates.take(index), *(values[index] for values in taken))
+
+
+class Basins:
+    """The basins of a scene of one finger with the contacts ``on`` by name."""
+
+    def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
+        self._dense = dense
+        self.scene, self.setup = scene, scene.setups[0]
+        base = self.setup.finger.base
+        self.base = (*base.position, base.angle)
+        self.pose = scene.object.pose
+        self.task = make_task(scene, self.setup, self.base, self.pose, 1, on)
+        self.loads = loads_of(scene)
+        self._touched = support_contacts(scene, self.pose, on)
+        self.supports = support_block(scene, self.loads, self._touched, self.pose)
+        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
+        self._fine_supports = support_block(scene, self._fine_loads, self._touched, self.pose)
+        self.places = self.postures = 0
+        self._joints = np.flatnonzero(self.task.middles)
+
+    def found(self) -> Scored | None:
+        """The basins, those with the least score first; None where no posture touches."""
+        return self._along_outline() if any(self.task.middles) else self._of_arcs()
+
+    # -- postures ----------------------------------------------------------------------------------------------
+
+    def _along_outline(self) -> Scored | None:
+        task, isolated = self.task, self.task.one_arc_to_joint
+        some, ring = self._scan(_MORE_PLACES if self._dense else _PLACES)
+        if not isolated and not self._dense and len(some) < _FEW:
+            some, ring = self._scan(_MORE_PLACES)
+        self.places = ring.count * len(task.shapes)
+        if not len(some):
+            return None
+        clear = self._depth(some) <= STRICT
+        scored = self._judged(some.take(clear))
+        if not isolated and ring.count == _PLACES:
+            # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
+            some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
+            left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
+            some = some.take(left < _HOPEFUL)
+            if len(some):
+                added, _ = beside(task, ring, some, gaps(some))
+                more = self._judged(added)
+                scored = more if scored is None else scored if more is None else _merged(scored, more)
+        if scored is None:
+            return None
+        best = scored.take(minima(scored.score, along_outline(scored.branch, ring.count)))
+
+        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
+            return beside(task, ring, branch, window[:, None] * _WINDOW)
+
+        return self._refined(best, None if isolated else near, _PLACE_WINDOW)
+
+    def _scan(self, count: int) -> tuple[Branch, Ring]:
+        ring = Ring(self.task, count)
+        found = scanned(self.task, ring)
+        return found.take(self._depth(found) <= LOOSE), ring
+
+    def _of_arcs(self) -> Scored | None:
+        some = scanned_arcs(self.task)
+        self.places = len(some)
+        scored = self._judged(some)
+        if scored is None:
+            return None
+        hopeful = scored.branch.take(scored.left < _HOPEFUL)
+        if len(hopeful):  # on a corner the normal turns within a step
+            more = self._judged(beside_arcs(self.task, hopeful, np.tile(_ARC_STEPS, (len(hopeful), 1)))[0])
+            scored = scored if more is None else _merged(scored, more)
+
+        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
+            return beside_arcs(self.task, branch, window[:, None] * _WINDOW)
+
+        return self._refined(scored.take(minima(scored.score, in_bends(scored.branch))), near, _ARC_WINDOW)
+
+    def _depth(self, branch: Branch) -> Array:
+        """By how much something is in the way of postures (P,) [L]."""
+        joints = branch.joint[:, None] if any(self.task.middles) else np.zeros((len(branch), 0))
+        return obstruction(self.task, branch.knots, branch.ends, all_joints(self.task, joints))
+
+    # -- forces ------------------------------------------------------------------------------------------------
+
+    def _judged(self, branch: Branch, wrong: Array | None = None) -> Scored | None:
+        """The postures that are clear of everything, with their forces; None where there are none."""
+        if wrong is None:
+            wrong = self._depth(branch)
+            clear = wrong <= STRICT
+            branch, wrong = branch.take(clear), wrong[clear]
+        if not len(branch):
+            return None
+        self.postures += len(branch)
+        candidates = self._candidates(branch, wrong)
+        block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
+        return self._weighed(branch, candidates, block, wrong)
+
+    def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
+        left, cost, forces = self._balance(block)
+        if self.loads.lift and self._accuracy is _ROUGH:
+            # Eight edges lose up to 8 % of the friction: where that may be what is missing, more of them.
+            near = np.flatnonzero((left > _ROUGH.balanced) & (left < _NEARLY))
+            if len(near):
+                finer = self._finer_block(candidates.take(near))
+                left[near], cost[near], _ = self._balance(finer, self._fine_supports)
+            forces = forces[:, :0]
+        most = float((block.cost * block.high).sum())
+        above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
+        score = (
+            cost
+            + self._accuracy.per_imbalance * np.maximum(left - self._accuracy.balanced, 0.0)
+            + _PER_DEPTH * np.maximum(wrong - _TOUCHES, 0.0)
+            + _PER_EXCESS * np.maximum(above, 0.0)
+        )
+        return Scored(branch, candidates, forces, left, wrong, score, most * score)
+
+    def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
+        count = len(block.needed)
+        blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
+        return imbalance(self.loads, blocks, index, self._accuracy.price)
+
+    def _finer_block(self, candidates: Candidates) -> Block:
+        return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
+
+    def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
+        task, count = self.task, len(branch)
+        middle, tip = any(task.middles), task.tip
+        joints = branch.joint[:, None] if middle else np.zeros((count, 0))
+        points = np.stack([branch.point] * middle + [branch.tip_point] * tip, axis=1)
+        angles = np.stack([branch.normal] * middle + [branch.tip_normal] * tip, axis=1)
+        every = all_joints(task, joints)
+        return Candidates(
+            bases=np.tile(self.base, (count, 1)),
+            sides=branch.side,
+            knots=branch.knots,
+            curvatures=branch.ends,
+            joints=every,
+            stations=np.concatenate([every[:, self._joints], np.ones((count, int(tip)))], axis=1),
+            parts=np.stack([branch.part] * middle + [branch.tip] * tip, axis=1),
+            points=task.frame.back(points - task.half * np.exp(1j * angles)),
+            angles=task.frame.angle_back(angles),
+            violation=wrong,
+        )
+
+    # -- minima ------------------------------------------------------------------------------------------------
+
+    def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
+        """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
+        and a lower price of the tensions, and the order then.
+        """
+        if near is not None:
+            best = self._moved(best, near, window)
+        best = best.take(np.argsort(best.score, kind="stable"))
+        self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
+        block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
+        best = self._weighed(best.branch, best.candidates, block, best.wrong)
+        if near is not None:
+            some = np.asarray(best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0)
+            moved = self._moved(best.take(some), near, window)
+            best = _merged(moved, best.take(~some)) if not some.all() else moved
+        return best.take(np.argsort(best.score, kind="stable"))
+
+    def _moved(self, best: Scored, near: Near, window: float) -> Scored:
+        """The best neighbors along the curves."""
+        size = np.full(len(best.score), window * self._accuracy.window)
+        for _ in range(self._accuracy.rounds):
+            found, rows = near(best.branch, size)
+            wrong = self._depth(found)
+            clear = wrong <= STRICT
+            judged = self._judged(found.take(clear), wrong[clear])
+            if judged is None:
+                size = _SHRINK * size
+                continue
+            moved = best_of(judged.score, rows[clear], len(size))
+            better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
+            best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
+            size = np.where(better, _KEPT, _SHRINK) * size
+        return best
+
+
+Near = Callable[[Branch, Array], tuple[Branch, Array]]
+
+
+def _merged(one: Scored, two: Scored) -> Scored:
+    candidates = join([one.candidates, two.candidates])
+    assert candidates is not None
+    names = ("forces", "left", "wrong", "score", "estimate")
+    values = (np.concatenate([getattr(one, name), getattr(two, name)]) for name in names)
+    return Scored(together([one.branch, two.branch]), candidates, *values)

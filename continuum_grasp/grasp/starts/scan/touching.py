@@ -1,0 +1,325 @@
+"""All postures of a finger of two curves that touch an object at one middle contact, with its tip, or with both.
+
+Those with a middle contact form curves over the place of that contact on the outline (of arcs, single points), which
+are scanned at even places; those of two arcs that touch with the tip alone are in `two_arcs`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
+from continuum_grasp.grasp.starts.scan.curves import sample
+from continuum_grasp.grasp.starts.scan.task import FingerTask
+
+Array = NDArray[Any]
+
+LOOSE, STRICT = 2e-3, 2e-4
+"""Penetration that a posture may have, per length of the finger: where a branch is scanned, so that its short feasible
+pieces survive, and where postures are judged."""
+_TIPS = 33
+"""End curvatures of the second curve that are tried."""
+_TIP_REACH, _TIP_MOST = 8.0, 25.0
+"""Greatest bend of the second curve [rad] and its greatest end curvature [1/L]."""
+FRONT = 0.01
+"""Cosine between tangent and normal up to which a tip touches with its front: a tip that touches with its side ends a
+branch, and the best grasp often is there."""
+_FIRST = np.linspace(0.0, 1.0, 17)
+_ROOT = 8
+"""Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
+_X, _W = np.polynomial.legendre.leggauss(10)
+_AT, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+
+
+class Ring:
+    """Even places on the outlines of an object's parts, by a number in [0, count) each.
+
+    Parameters
+    ----------
+    task : FingerTask
+    count : int
+        Places per part.
+    """
+
+    def __init__(self, task: FingerTask, count: int) -> None:
+        self.task, self.count = task, count
+        self._walks = []
+        for shape in task.shapes:
+            fine = np.linspace(0.0, shape.period, 4 * count + 1)
+            at = shape.walk(0.5 * (fine[1:] + fine[:-1]))
+            # Even in length and in the turn of the normal.
+            share = np.diff(fine) * (np.abs(at.dpoint) / (shape.extent + task.half) + np.abs(at.dangle))
+            passed = np.concatenate([[0.0], np.cumsum(share)])
+            self._walks.append((passed * (count / passed[-1]), fine))
+
+    def at(self, parts: Array, places: Array) -> tuple[Array, Array]:
+        """Points on the grown outlines and angles of the outward normals (B,)."""
+        point, angle = np.zeros(len(parts), complex), np.zeros(len(parts))
+        for part, (shape, (passed, fine)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
+            mine = parts == part
+            found = shape.walk(np.interp(np.mod(places[mine], self.count), passed, fine))
+            point[mine], angle[mine] = found.point, found.angle
+        return point, angle
+
+
+@dataclass(frozen=True)
+class Branch:
+    """P curves to a middle contact, and, where the tip touches too, on to the tip."""
+
+    part: Array  # of the object that is touched
+    side: Array  # +1: the object on the finger's left
+    place: Array  # on the ring
+    point: Array  # complex, on the grown outline
+    normal: Array  # angle [rad]
+    turn: Array  # of the section [rad]
+    joint: Array  # position of the contact
+    ends: Array  # (P, 4) curvatures at both ends of both curves
+    tip: Array  # part that the tip touches
+    tip_point: Array
+    tip_normal: Array
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+    def take(self, index: Any) -> Self:
+        """Some of them."""
+        return replace(self, **{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+
+    @property
+    def knots(self) -> Array:
+        """(P, 4)"""
+        one = np.ones(len(self))
+        return np.stack([0.0 * one, self.joint, self.joint, one], axis=1)
+
+
+def together(groups: list[Branch]) -> Branch:
+    """All of several groups."""
+    names = Branch.__dataclass_fields__
+    return Branch(**{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
+
+
+def scanned(task: FingerTask, ring: Ring) -> Branch:
+    """All postures with a middle contact at the places of a ring."""
+    count = ring.count
+    parts = np.repeat(np.arange(len(task.shapes)), count)
+    places = np.tile(np.arange(float(count)), len(task.shapes))
+    point, normal = ring.at(parts, places)
+    if task.one_arc_to_joint:
+        first = _arcs(task, ring, parts, places, point, normal)
+    else:
+        first = _clothoids(task, parts, places, point, normal)
+    return _onwards(task, _clear_first(task, first))
+
+
+def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[Branch, Array]:
+    """The postures next to some at places shifted along the ring by shifts (P, S), those that are not NaN, and the row
+    that each is from.
+    """
+    rows, columns = np.nonzero(np.isfinite(shifts))
+    old = some.take(rows)
+    places = old.place + shifts[rows, columns]
+    point, normal = ring.at(old.part, places)
+    turn = _next_to(np.where(old.side > 0, normal, normal + math.pi), old.turn)
+    guess = old.ends[:, 0] * old.joint
+    bend, length, good = exact_bends(point, turn, guess, _STRAY)
+    ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
+    new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
+    new = replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1))
+    good &= _within(task, new)
+    new, rows = new.take(good), rows[good]
+    if not task.tip:
+        return _free(task, new), rows
+    # The tip's root next to the old one.
+    last = new.ends[:, 3]
+    width = _NEARBY * (2.0 * _TIP_REACH / (_TIPS - 1)) / (1.0 - new.joint)
+    found, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
+    # Of several the nearest.
+    away = np.abs(found.ends[:, 3] - last[index])
+    order = np.lexsort((away, index))
+    _, unique = np.unique(index[order], return_index=True)
+    return found.take(order[unique]), rows[index[order[unique]]]
+
+
+_STRAY = 1.5
+"""Greatest change of a first curvature, times the length, from a posture to the next."""
+_NEARBY = 2.5
+"""Greatest change of an end curvature, in spacings of the scan."""
+
+
+def _next_to(angle: Array, old: Array) -> Array:
+    return np.asarray(old + np.remainder(angle - old + math.pi, math.tau) - math.pi)
+
+
+def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
+    high = task.bounds[1]
+    near = np.flatnonzero(np.abs(point) <= high)
+    rows: list[Array] = []
+    sides: list[Array] = []
+    turns: list[Array] = []
+    for which in (1, -1):
+        angle = _wrapped(normal[near] + (0.0 if which > 0 else math.pi))
+        for winding in (-math.tau, 0.0, math.tau):
+            fits = np.flatnonzero(np.abs(angle + winding) < MOST_TURN)
+            rows.append(near[fits])
+            sides.append(np.full(len(fits), which))
+            turns.append(angle[fits] + winding)
+    row, side, turn = (np.concatenate(part) for part in (rows, sides, turns))
+    index, guess = bends_to(point[row], turn)
+    row, side, turn = row[index], side[index], turn[index]
+    limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1]) * 1.05
+    some = (np.abs(guess) < limit) & (np.abs(2.0 * turn - guess) < limit)
+    row, side, turn, guess = row[some], side[some], turn[some], guess[some]
+    bend, length, good = exact_bends(point[row], turn, guess, 0.4)
+    ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
+    found = _started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
+    return found.take(good & _within(task, found))
+
+
+def _started(
+    part: Array, side: Array, place: Array, point: Array, normal: Array, turn: Array, joint: Array, ends: Array
+) -> Branch:
+    none = np.zeros(len(part))
+    ends = np.concatenate([ends, ends[:, 1:], ends[:, 1:]], axis=1)
+    return Branch(part, side, place, point, normal, turn, joint, ends, none.astype(int), none + 0j, none)
+
+
+def _arcs(task: FingerTask, ring: Ring, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
+    """Circular arcs that are tangent at their ends: their turn is twice the angle of the chord."""
+
+    def off(points: Array, normals: Array, side: Array) -> Array:
+        return np.asarray(_wrapped(2.0 * np.angle(-1j * points) - normals - np.where(side > 0, 0.0, math.pi)))
+
+    count = ring.count
+    low, high, part, place, side = [], [], [], [], []
+    for s in (1, -1):
+        here = off(point, normal, np.full(len(point), s)).reshape(-1, count)
+        there = np.roll(here, -1, axis=1)
+        rows, columns = np.nonzero((here * there <= 0.0) & (np.abs(here - there) < 0.5 * math.pi))
+        low.append(here[rows, columns])
+        high.append(there[rows, columns])
+        part.append(rows)
+        place.append(columns.astype(float))
+        side.append(np.full(len(rows), s))
+    parts, sides, start = (np.concatenate(v) for v in (part, side, place))
+
+    def gap(share: Array) -> Array:
+        points, normals = ring.at(parts, start + share)
+        return off(points, normals, sides)
+
+    share = bracketed_root(gap, np.zeros(len(start)), np.ones(len(start)), np.concatenate(low), np.concatenate(high))
+    points, normals = ring.at(parts, start + share)
+    turn = 2.0 * np.angle(-1j * points)
+    half = np.where(np.abs(turn) < 1e-9, 1e-9, 0.5 * turn)
+    length = np.abs(points) * half / np.sin(half)
+    ends = (2.0 * half / length)[:, None] * np.ones(2)
+    found = _started(parts, sides, start + share, points, normals, turn, length, ends)
+    return found.take((np.abs(gap(share)) < 1e-6) & _within(task, found))
+
+
+def _wrapped(angle: Array) -> Array:
+    return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
+
+
+def _within(task: FingerTask, found: Branch) -> Array:
+    """Whether position and greatest curvature are within bounds, but for a little that the solver removes."""
+    low, high = task.bounds
+    most = np.abs(found.ends[:, :2]).max(axis=1)
+    range_ = task.bending_range * sum(task.counts[: task.middles.index(True) + 1])
+    return np.asarray(
+        (found.joint >= low - 1e-9)
+        & (found.joint <= high + 1e-9)
+        & (most * found.joint <= range_ * (1.0 + 1e-6))
+        & (most <= np.max(task.limits) * (1.0 + _ABOVE))
+    )
+
+
+_ABOVE = 0.02
+"""Part by which a curvature may be above its limit."""
+
+
+def _clear_first(task: FingerTask, found: Branch) -> Branch:
+    """Those whose first curve is clear of the object."""
+    if not len(found):
+        return found
+    at = found.joint[:, None] * _FIRST
+    knots = found.knots[:, :2]
+    depth = task.half - task.rough_distance(sample(knots, found.ends[:, :2], at)).min(axis=1)
+    return found.take(depth <= LOOSE)
+
+
+def _free(task: FingerTask, found: Branch) -> Branch:
+    """On to a free tip with constant curvature."""
+    ends = found.ends.copy()
+    ends[:, 2:] = ends[:, 1:2]
+    return replace(found, ends=ends)
+
+
+def _onwards(task: FingerTask, first: Branch) -> Branch:
+    if not len(first) or not task.tip:
+        return _free(task, first)
+    rest = 1.0 - first.joint
+    most = np.minimum(np.minimum(_TIP_REACH, _range_after(task)) / rest, _TIP_MOST)
+    most = np.minimum(most, np.max(task.limits) * (1.0 + _ABOVE))
+    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, _TIPS))[0]
+
+
+def _range_after(task: FingerTask) -> float:
+    """Greatest product of length and curvature of the second curve [rad]."""
+    return task.bending_range * sum(task.counts[task.middles.index(True) + 1 :])
+
+
+def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
+    """Curves on to a tip that touches, with end curvatures between those of a grid (P, G) for each, and the row that
+    each goes on from.
+    """
+    one_arc = task.arcs and task.counts[-1] == 1
+    rest, begin = 1.0 - first.joint, first.ends[:, 1]
+
+    def tips(rows: Array, last: Array) -> tuple[Array, Array]:
+        """Tips (R, G) and angles of the sections there."""
+        ell = rest[rows, None]
+        start = last if one_arc else begin[rows, None]
+        late = 0.5 * _AT**2
+        angle = first.turn[rows, None, None] + ell[..., None] * (
+            start[..., None] * (_AT - late) + last[..., None] * late
+        )
+        move = ell * (-(np.sin(angle) @ _WEIGHTS) + 1j * (np.cos(angle) @ _WEIGHTS))
+        return first.point[rows, None] + move, first.turn[rows, None] + 0.5 * ell * (start + last)
+
+    every = np.arange(len(first))
+    at, _ = tips(every, grid)
+    gap = task.rough_distance(at) - task.half
+    rows, columns = np.nonzero(gap[:, :-1] * gap[:, 1:] <= 0.0)
+
+    def miss(last: Array) -> Array:
+        return np.asarray(task.rough_distance(tips(rows, last[:, None])[0])[:, 0] - task.half)
+
+    low, high = grid[rows, columns], grid[rows, columns + 1]
+    last = bracketed_root(miss, low, high, gap[rows, columns], gap[rows, columns + 1])
+    tip, facing = (v[:, 0] for v in tips(rows, last[:, None]))
+    part, point, normal = task.touched(tip)
+    ahead = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
+    if not one_arc:  # the second curve begins with the curvature that the first one ends with
+        ahead &= np.abs(begin[rows]) * rest[rows] <= _range_after(task) * (1.0 + 1e-6)
+    rows, last, part, point, normal = rows[ahead], last[ahead], part[ahead], point[ahead], normal[ahead]
+    found = first.take(rows)
+    ends = np.stack([found.ends[:, 0], found.ends[:, 1], last if one_arc else found.ends[:, 1], last], axis=1)
+    return replace(found, ends=ends, tip=part, tip_point=point, tip_normal=normal), rows
+
+
+def bracketed_root(gap: Any, low: Array, high: Array, at_low: Array, at_high: Array) -> Array:
+    """Roots in brackets (B,) by the method of false position with Illinois' halving, which never leaves them."""
+    a, b, fa, fb = low, high, at_low, at_high
+    for _ in range(_ROOT):
+        x = b - fb * (b - a) / np.where(fb == fa, 1.0, fb - fa)
+        fx = gap(x)
+        crossed = fb * fx < 0.0
+        # An end that stays counts half.
+        a, fa = np.where(crossed, b, a), np.where(crossed, fb, 0.5 * fa)
+        b, fb = x, fx
+    return b

@@ -1,0 +1,123 @@
+"""Fingers of two arcs that touch with the tip alone: curves in the plane of the two bends."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.curves import table_of
+from continuum_grasp.grasp.starts.scan.task import FingerTask
+from continuum_grasp.grasp.starts.scan.touching import FRONT, Branch, bracketed_root
+
+Array = NDArray[Any]
+
+SHARE = 0.5
+"""Part of the length of each of the two arcs, where no contact is between them."""
+_LINES = 201
+"""Bends of each arc that are tried, over the bending range both ways: 0.063 rad apart for a whole turn."""
+_ACROSS = np.linspace(-1.0, 1.0, 7)
+"""Where next to a posture the curve is looked for, per step along it."""
+
+
+@lru_cache(8)
+def _table(reach: float) -> tuple[Array, Array, Array]:
+    """Bends of the arcs of a finger, tips, and angles there."""
+    bends = np.linspace(-reach, reach, _LINES)
+    tips, turns = table_of(bends / SHARE, bends / SHARE, SHARE)
+    return bends, tips, turns
+
+
+def scanned_arcs(task: FingerTask) -> Branch:
+    """All postures, by crossings of the curves with the lines of a grid of both bends."""
+    bends, tips, turns = _table(task.bending_range)
+    near = np.zeros(tips.shape, bool)
+    cell = 2.0 * (bends[1] - bends[0])
+    for shape in task.shapes:
+        near |= np.abs(tips - shape.center) < shape.extent + task.half + cell
+    most = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
+    near &= (np.abs(bends) < most)[:, None] & (np.abs(bends) < most)
+    gap = np.full(tips.shape, np.nan)
+    gap[near] = task.rough_distance(tips[near]) - task.half
+    found = []
+    for axis in (0, 1):
+        one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
+        two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
+        i, j = np.nonzero(gap[one] * gap[two] <= 0.0)
+        # Roughly ahead, before roots are found.
+        pair = np.stack([bends[i], bends[j]], axis=1)
+        other = np.stack([bends[i + (axis == 0)], bends[j + (axis == 1)]], axis=1)
+        ahead = _ahead(task, tips[one][i, j], turns[one][i, j]) < 0.4
+        found.append((pair[ahead], other[ahead], gap[one][i, j][ahead], gap[two][i, j][ahead]))
+    low, high, at_low, at_high = (np.concatenate(part) for part in zip(*found, strict=True))
+    return _rooted(task, low, high, at_low, at_high)[0]
+
+
+def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, Array]:
+    """The postures next to some, by steps (P, S) of the bends along the curves [rad], and the row that each is from."""
+    bends = some.ends[:, [0, 2]] * SHARE
+    # Along the curve: across the gradient of the gap.
+    gradient = np.stack([_gap(task, bends + d) - _gap(task, bends - d) for d in 1e-4 * np.eye(2)], axis=1)
+    across = gradient / np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)[:, None]
+    along = np.stack([-across[:, 1], across[:, 0]], axis=1)
+    rows = np.repeat(np.arange(len(some)), steps.shape[1])
+    size = steps.reshape(-1, 1)
+    start = bends[rows] + size * along[rows]
+    grid = start[:, None, :] + np.abs(size)[..., None] * _ACROSS[:, None] * across[rows][:, None, :]
+    gap = _gap(task, grid.reshape(-1, 2)).reshape(len(rows), -1)
+    row, column = np.nonzero(gap[:, :-1] * gap[:, 1:] <= 0.0)
+    ends = grid[row, column], grid[row, column + 1], gap[row, column], gap[row, column + 1]
+    found, index = _rooted(task, *ends)
+    return found, rows[row][index]
+
+
+def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
+    """Tips and angles of the section there, by the two bends (B, 2)."""
+    half = 0.5 * bends
+    chord = np.sinc(half / math.pi) * SHARE
+    tip = 1j * (chord[:, 0] * np.exp(1j * half[:, 0]) + chord[:, 1] * np.exp(1j * (bends[:, 0] + half[:, 1])))
+    return tip, bends[:, 0] + bends[:, 1]
+
+
+def _gap(task: FingerTask, bends: Array) -> Array:
+    return task.rough_distance(_tips(task, bends)[0]) - task.half
+
+
+def _ahead(task: FingerTask, tip: Array, facing: Array) -> Array:
+    """Cosine between the tip's tangent and the outward normal."""
+    normal = task.touched(tip)[2]
+    return np.asarray(np.cos(normal - facing - 0.5 * math.pi))
+
+
+def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:
+    """The postures between pairs of bends (B, 2), and their rows."""
+
+    def gap(part: Array) -> Array:
+        return _gap(task, low + part[:, None] * (high - low))
+
+    part = bracketed_root(gap, np.zeros(len(low)), np.ones(len(low)), at_low, at_high)
+    bends = low + part[:, None] * (high - low)
+    tip, facing = _tips(task, bends)
+    parts, point, normal = task.touched(tip)
+    good = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
+    good &= (np.abs(bends).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (np.abs(gap(part)) < 1e-6)
+    bends, parts, point, normal = bends[good], parts[good], point[good], normal[good]
+    none = np.zeros(len(bends))
+    curvatures = bends / SHARE
+    found = Branch(
+        part=parts,
+        side=none.astype(int) + 1,
+        place=none,
+        point=none + 0j,
+        normal=none,
+        turn=bends[:, 0],
+        joint=none + SHARE,
+        ends=np.repeat(curvatures, 2, axis=1),
+        tip=parts,
+        tip_point=point,
+        tip_normal=normal,
+    )
+    return found, np.flatnonzero(good)
