@@ -203,6 +203,9 @@ class GraspResult(Result):
         How the answer changes with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
         What a fine model changes, where that was asked for.
+    lower_bound : float, optional
+        Where the objective is ``least_normal_force``: what the greatest normal force of any grasp is at least [N], by
+        `least_normal_force_bound`.
 
     Examples
     --------
@@ -233,6 +236,7 @@ class GraspResult(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     sensitivity: tuple[Sensitivity, ...] = ()
     fine: Change | None = None
+    lower_bound: float | None = None
 
     @cached_property
     def quality(self) -> Quality:
@@ -248,6 +252,22 @@ class GraspResult(Result):
         if not self.solved:
             raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
         return Quality(self.scene, self.arrays)
+
+    @property
+    def greatest_normal_force(self) -> float:
+        """Of all contacts [N]."""
+        return max((contact.normal_force for contact in self.contacts), default=0.0)
+
+    @property
+    def bound_words(self) -> str:
+        """What the lower bound says, where there is one."""
+        if self.lower_bound is None:
+            return ""
+        share = self.greatest_normal_force / self.lower_bound - 1.0 if self.lower_bound > 0.0 else 0.0
+        return (
+            f"no grasp has a greatest normal force below {self.lower_bound:.4g} N, by the balance of the object alone; "
+            f"this one is {max(share, 0.0):.2%} above"
+        )
 
     @property
     def solved(self) -> bool:
@@ -272,6 +292,8 @@ class GraspResult(Result):
         if self.contacts:
             forces = ", ".join(f"{c.name} {c.normal_force:.2f} N" for c in self.contacts)
             margin = max(min(c.friction_margin for c in self.contacts), 0.0)
+            if self.lower_bound is not None:
+                forces += f" ({self.bound_words})"
             rows |= {"normal forces": forces, "least friction margin": f"{margin:.1%}"}
         if self.certificate is not None:
             checks, failed = len(self.certificate.checks), len(self.certificate.failed)
@@ -362,6 +384,7 @@ class GraspResult(Result):
         return {
             "seed": self.scene.solver.random_seed,
             "message": self.message,
+            "lower_bound": self.lower_bound,
             "certificate": None if self.certificate is None else self.certificate.data(),
             "quality": self.quality.data() if quality and self.solved else None,
             "violated": list(self.violated),

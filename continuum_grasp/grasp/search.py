@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.bound import least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -75,6 +76,9 @@ class Search:
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
+        # Least normal force: what no grasp is below [N], and how many starts were left out or led to no grasp.
+        self.bound = least_normal_force_bound(scene) if scene.objective == "least_normal_force" else None
+        self.open = 0
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
@@ -100,14 +104,33 @@ class Search:
             held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
             for start in self.starts_of(mode):
                 branch = branch_of(start)
+                if self.proven:
+                    return
                 if branch in held or (self.good and not self._promises(start)):
+                    self.open += 1
                     continue
                 if self.tried and self.budget.over:
                     return
                 found = self.attempt(start, iterations=ITERATION_CAP if self.good else None)
                 if found is not None and found in self.good:
                     held.add(branch)
-        self.slide()
+                else:
+                    self.open += 1
+        if not self.proven:
+            self.slide()
+
+    @property
+    def excess(self) -> float:
+        """By what part the best grasp's greatest normal force is above what no grasp is below; zero without a bound."""
+        if self.bound is None or self.best is None or self.bound <= 0.0:
+            return 0.0
+        return float(self.best.arrays["contact_forces"][:, 0].max()) / self.bound - 1.0
+
+    @property
+    def proven(self) -> bool:
+        """Whether no grasp is better than the best found by more than `NEAR`."""
+        best = self.best
+        return bool(self.bound) and best is not None and best.attempt.optimal and self.excess <= NEAR
 
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""
@@ -122,6 +145,8 @@ class Search:
             if self.budget.over:
                 return
             self.attempt(start_from(self.scene, held.arrays))
+            if self.proven:
+                return
 
     def _promises(self, start: Start) -> bool:
         """Whether a start may lead to something better than what there is."""

@@ -21,6 +21,9 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 
+OPEN = 0.02
+"""Part by which a result may be above a lower bound while starts are left open and yet be called optimal."""
+
 
 @interrupt.listening()
 @check_arguments
@@ -152,6 +155,12 @@ class _Verdict:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
         elif not best.attempt.optimal:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
+        elif self.search.excess > OPEN and self.search.open:
+            status = Status.FEASIBLE
+            message += (
+                f"; the greatest normal force is {self.search.excess:.0%} above what no grasp is below, and "
+                f"{self.search.open} starts were left out or led to no grasp"
+            )
         if self.budget.cut:
             status = Status.FEASIBLE
             message += f"; {self._cut()}, not all starts were tried"
@@ -166,6 +175,7 @@ class _Verdict:
             sensitivity=sensitivities(self.scene, best) if best.attempt.optimal else (),
             advice=self._support_note(),
             statistics=self._statistics(best.attempt),
+            lower_bound=self.search.bound,
         )
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
