@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -50,6 +51,8 @@ class Start:
     result's ``contact_forces``; may be empty."""
     tensions: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Of the fingers' tendons that go with them [N]; may be empty."""
+    estimate: float = math.nan
+    """Estimated sum of all tensions of the grasp that it leads to [N]; NaN: none."""
 
 
 def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:

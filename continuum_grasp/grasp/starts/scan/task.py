@@ -191,10 +191,17 @@ def make_task(
     )
 
 
-def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
-    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
+def violation(
+    task: FingerTask, knots: Array, curvatures: Array, joints: Array, start: tuple[Array, Array] | None = None
+) -> Array:
+    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,).
+
+    The curves begin at the base, or at the points and angles ``start`` (B,).
+    """
     at, half = np.broadcast_to(_EVEN, (len(knots), _STATIONS)), task.halves
     points = sample(knots, curvatures, at)
+    if start is not None:
+        points = start[0][:, None] + np.exp(1j * start[1])[:, None] * points
     worst = np.maximum((np.minimum(half, task.half) - task.distance(points)).max(axis=1) - ALLOWED, 0.0)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:
