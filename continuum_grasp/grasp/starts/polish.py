@@ -24,10 +24,10 @@ from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
 Array = NDArray[Any]
 
-_PRICES = (0.0, 0.05, 0.05, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0)
+_PRICES = (0.0, *(0.1,) * 6, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0)
 """Weight of the tensions, or of the normal forces, per those to begin with, in each step: they fall along what is
 nearly in balance, and the last steps balance it."""
-_FREE = 6
+_FREE = 10
 """The first of these last steps."""
 _STEP, _MOST, _DAMPING = 1e-4, 0.8, 1e-4
 """Difference for slopes, whose error is far below the imbalance sought; greatest change of a curvature in one
@@ -227,17 +227,30 @@ class _Finger:
         """What the tip does at unknowns (K, n), and with small changes for its slopes."""
         count, size = x.shape
         every = x[:, None, :] + np.concatenate([np.zeros((1, size)), _STEP * np.eye(size)])
-        found, gap = self._postures(every.reshape(-1, size), np.repeat(np.arange(count), size + 1), touching=False)
+        every, rows = every.reshape(-1, size), np.repeat(np.arange(count), size + 1)
+        found, gap = self._postures(every, rows, touching=False)
+        # Slopes of what is in the way are needed where something is, and cost the most.
+        wrong = self._in_the_way(found.take(slice(None, None, size + 1)))
+        slopes = np.flatnonzero(np.repeat(wrong > 0.0, size + 1))
+        wrong = np.repeat(wrong, size + 1)
+        if len(slopes):
+            wrong[slopes] = self._in_the_way(found.take(slopes))
         block = finger_block(self.scene, self.loads, self.setup, found, self.pose)
         borne = shape_forces(self.loads, self.setup, found, block, complex(*self.scene.object.com))
-        alone = np.column_stack([borne.own, _IN_THE_WAY * found.violation, _GAP * gap])
+        alone = np.column_stack([borne.own, _IN_THE_WAY * wrong, _GAP * gap])
         known, own = (part.reshape(count, size + 1, -1) for part in (borne.known, alone))
         return _Look(known, own)
 
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
         found, gap = self._postures(x, np.arange(len(x)), touching=True)
-        return replace(found, violation=found.violation + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
+        return replace(found, violation=self._in_the_way(found) + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
+
+    def _in_the_way(self, found: Candidates) -> Array:
+        """By how much each posture penetrates, or breaks a limit, from where its base is."""
+        move = found.bases - self._own
+        start = (move[:, 0] + 1j * move[:, 1]) / self._length * cmath.exp(-1j * float(self._own[2]))
+        return violation(self.task, found.knots, found.curvatures, found.joints, (start, move[:, 2]))
 
     def _postures(self, x: Array, rows: Array, touching: bool) -> tuple[Candidates, Array]:
         """Postures at unknowns (P, n), next to some of the first, and the gaps of their tips (P,), which are closed
@@ -267,6 +280,4 @@ class _Finger:
         surface = task.frame.back(points - task.half * np.exp(1j * angles))
         normals = task.frame.angle_back(angles)[:, None]
         bases = self._own + move * self._unit
-        wrong = violation(task, some.knots, bent, some.joints, start)
-        new = replace(some, curvatures=bent, bases=bases, points=surface[:, None], angles=normals, violation=wrong)
-        return new, gap
+        return replace(some, curvatures=bent, bases=bases, points=surface[:, None], angles=normals), gap

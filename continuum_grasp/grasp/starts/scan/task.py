@@ -65,10 +65,13 @@ class FingerTask:
         return self.arcs and sum(self.counts[: self.middles.index(True) + 1]) == 1
 
     def distance(self, points: Array) -> Array:
-        """Signed distance from the object."""
-        out = self.shapes[0].distance(points)
-        for shape in self.shapes[1:]:
-            out = np.minimum(out, shape.distance(points))
+        """Signed distance from the object; where nothing of the finger can touch it, only that it is more than that."""
+        out = np.full(points.shape, np.inf)
+        for shape in self.shapes:
+            away = np.abs(points - shape.center) - shape.extent
+            near = away < self.halves.max()
+            away[near] = shape.distance(points[near])
+            out = np.minimum(out, away)
         return out
 
 
