@@ -129,8 +129,7 @@ class Search:
     @property
     def proven(self) -> bool:
         """Whether no grasp is better than the best found by more than `NEAR`."""
-        best = self.best
-        return bool(self.bound) and best is not None and best.attempt.optimal and self.excess <= NEAR
+        return bool(self.bound) and self.best is not None and self.excess <= NEAR
 
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""

@@ -153,6 +153,8 @@ class _Verdict:
         status, message = Status.OPTIMAL, words
         if self.search.best is None:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
+        elif self.search.proven:
+            message += f"; no grasp has a greatest normal force below {self.search.bound:.4g} N"
         elif not best.attempt.optimal:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
         elif self.search.excess > OPEN and self.search.open:

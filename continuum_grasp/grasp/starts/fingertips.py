@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 _TABLE = {2: 400, 3: 36, 4: 14}
 """Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
-_SETS, _PAIRS = 48, 160
-"""Sets that are chosen, and postures per finger where there are supports, which cost more."""
+_PAIRS = 160
+"""Postures per finger of two that are matched where there are supports, which cost more."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _SWEEPS = 8
@@ -37,9 +37,10 @@ def matched_sets(
     found: list[Candidates],
     pose: Pose,
     supports: tuple[Block, dict[str, ContactStart]],
+    count: int,
 ) -> list[Candidates]:
-    """Of each finger K postures, the k-th of which belong together, the most likely ones that differ first; the object
-    is at a world pose [m, rad].
+    """Of each finger ``count`` postures at most, the k-th of which belong together, the most likely ones that differ
+    first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
     most = _TABLE[len(found)] if len(found) > 2 or not supports[1] else _PAIRS
@@ -82,7 +83,7 @@ def matched_sets(
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
     features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
-    best = spread_order(score[likely], features, _SETS)
+    best = spread_order(score[likely], features, count)
     return [c.take(i[best]) for c, i in zip(found, index, strict=True)]
 
 
