@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from continuum_grasp._lazy import lazy_names
 
 _MODULES = {
+    "continuum_grasp.grasp.bound": ("least_normal_force_bound",),
     "continuum_grasp.grasp.certificate.certificate": ("Certificate", "certify"),
     "continuum_grasp.grasp.certificate.check": ("Check",),
     "continuum_grasp.grasp.closing.path": ("ClosingPath", "ClosingStatus", "closing_path"),
@@ -17,6 +18,7 @@ _MODULES = {
 __all__ = [name for names in _MODULES.values() for name in names]
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.bound import least_normal_force_bound as least_normal_force_bound
     from continuum_grasp.grasp.certificate.certificate import Certificate as Certificate
     from continuum_grasp.grasp.certificate.certificate import certify as certify
     from continuum_grasp.grasp.certificate.check import Check as Check

@@ -208,6 +208,9 @@ class GraspResult(Result):
         What a fine model changes, where that was asked for.
     exploration : Exploration, optional
         What the search looked at.
+    lower_bound : float, optional
+        Where the objective is ``least_normal_force``: what the greatest normal force of any grasp is at least [N], by
+        `least_normal_force_bound`.
 
     Examples
     --------
@@ -242,6 +245,7 @@ class GraspResult(Result):
     sensitivity: tuple[Sensitivity, ...] = ()
     fine: Change | None = None
     exploration: Exploration | None = None
+    lower_bound: float | None = None
 
     @cached_property
     def quality(self) -> Quality:
@@ -269,6 +273,22 @@ class GraspResult(Result):
         return closing_path(self, steps=asked.steps, table_friction=asked.table_friction)
 
     @property
+    def greatest_normal_force(self) -> float:
+        """Of all contacts [N]."""
+        return max((contact.normal_force for contact in self.contacts), default=0.0)
+
+    @property
+    def bound_words(self) -> str:
+        """What the lower bound says, where there is one."""
+        if self.lower_bound is None:
+            return ""
+        share = self.greatest_normal_force / self.lower_bound - 1.0 if self.lower_bound > 0.0 else 0.0
+        return (
+            f"no grasp has a greatest normal force below {self.lower_bound:.4g} N, by the balance of the object alone; "
+            f"this one is {max(share, 0.0):.2%} above"
+        )
+
+    @property
     def solved(self) -> bool:
         """Whether there is a verified grasp."""
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
@@ -291,6 +311,8 @@ class GraspResult(Result):
         if self.contacts:
             forces = ", ".join(f"{c.name} {c.normal_force:.2f} N" for c in self.contacts)
             margin = max(min(c.friction_margin for c in self.contacts), 0.0)
+            if self.lower_bound is not None:
+                forces += f" ({self.bound_words})"
             rows |= {"normal forces": forces, "least friction margin": f"{margin:.1%}"}
         if self.closing is not None:
             rows["closing"] = f"{self.closing.status.value}: {self.closing.message}"
@@ -383,6 +405,7 @@ class GraspResult(Result):
         return {
             "seed": self.scene.solver.random_seed,
             "message": self.message,
+            "lower_bound": self.lower_bound,
             "certificate": None if self.certificate is None else self.certificate.data(),
             "quality": self.quality.data() if quality and self.solved else None,
             "violated": list(self.violated),

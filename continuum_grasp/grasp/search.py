@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.bound import least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -151,6 +152,8 @@ class Search:
         self._modes = self._alike = 0
         self._scans: list[Scan] = []
         self.basins: list[Basin] = []
+        # Least normal force: what no grasp is below [N].
+        self.bound = least_normal_force_bound(scene) if scene.objective == "least_normal_force" else None
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
@@ -175,6 +178,8 @@ class Search:
         # Bolder options, and rough starts, only where something better is to be expected.
         for rung in range(1, self._effort.rungs):
             self._retry(rung)
+        if self.proven:
+            return
         if self._effort.rungs > 1 and (not self.good or self.exploration.open):
             for mode in modes:
                 self._from_basins(mode, dense=True)
@@ -182,8 +187,9 @@ class Search:
             rough = modes
         for mode in rough:
             self._from_rough(mode)
-        self._converge()
-        self.slide()
+        if not self.proven:
+            self._converge()
+            self.slide()
 
     @property
     def exploration(self) -> Exploration:
@@ -282,7 +288,7 @@ class Search:
                 continue
             if self.good and not self._promises(start):
                 continue
-            if self._is_over:
+            if self._is_over or self.proven:
                 return
             found = self.attempt(
                 start,
@@ -293,6 +299,24 @@ class Search:
                 held.add(branch)
             if not math.isnan(start.estimate):
                 self.basins.append(Basin(start, True, branch in held))
+
+    @property
+    def excess(self) -> float:
+        """By what part the best grasp's greatest normal force is above what no grasp is below; zero without a bound."""
+        if self.bound is None or self.best is None or self.bound <= 0.0:
+            return 0.0
+        return float(self.best.arrays["contact_forces"][:, 0].max()) / self.bound - 1.0
+
+    @property
+    def left_out(self) -> int:
+        """Starts that were not tried or led to no grasp."""
+        explored = self.exploration
+        return explored.starts_failed + sum(explored.pruned.values())
+
+    @property
+    def proven(self) -> bool:
+        """Whether no grasp is better than the best found by more than `NEAR`."""
+        return bool(self.bound) and self.best is not None and self.excess <= NEAR
 
     def _from_least_tension(self) -> None:
         """Other aims start from grasps with least tension, which are found more surely."""
@@ -307,6 +331,8 @@ class Search:
             if self.budget.over:
                 return
             self.attempt(start_from(self.scene, held.arrays))
+            if self.proven:
+                return
 
     def _promises(self, start: Start) -> bool:
         """Whether a start may lead to something better than what there is."""

@@ -21,6 +21,9 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 
+OPEN = 0.02
+"""Part by which a result may be above a lower bound while starts are left open and yet be called optimal."""
+
 
 @interrupt.listening()
 @check_arguments
@@ -151,8 +154,16 @@ class _Verdict:
         status, message = Status.OPTIMAL, words
         if self.search.best is None:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
+        elif self.search.proven:
+            message += f"; no grasp has a greatest normal force below {self.search.bound:.4g} N"
         elif not best.attempt.optimal:
             status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
+        elif self.search.excess > OPEN and self.search.left_out:
+            status = Status.FEASIBLE
+            message += (
+                f"; the greatest normal force is {self.search.excess:.0%} above what no grasp is below, and "
+                f"{self.search.left_out} starts were left out or led to no grasp"
+            )
         explored = self.search.exploration
         if explored.open and self.search.best is not None:
             status = Status.FEASIBLE
@@ -176,6 +187,7 @@ class _Verdict:
             advice=self._support_note(),
             statistics=self._statistics(best.attempt),
             exploration=self.search.exploration,
+            lower_bound=self.search.bound,
         )
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:

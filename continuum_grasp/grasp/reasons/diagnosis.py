@@ -22,7 +22,7 @@ from continuum_grasp.grasp.search import Search, branch_of, contact_modes
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.body import greatest_shift
 
 FIRST, MORE = 4, 8
 """Starts per limit, and per limit that gives a grasp, or per limit again if none does."""
@@ -74,15 +74,7 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
             body.position[1] + s * body.com[0] + c * body.com[1],
         )
         away = math.dist((x, y), com) - body.size - math.dist(com, body.position)
-    return away - _shift(body.free, body.position) - _shift(setup.finger.base_free, (x, y))
-
-
-def _shift(free: Freedom | None, at: tuple[float, float]) -> float:
-    """How far a pose may move at most [m]."""
-    if free is None:
-        return 0.0
-    spans = [max(b[1] - v, v - b[0]) if b else 0.0 for b, v in zip((free.x, free.y), at, strict=True)]
-    return math.hypot(*spans)
+    return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
 
 
 def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:

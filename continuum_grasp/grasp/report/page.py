@@ -114,9 +114,11 @@ def _key_numbers(result: GraspResult) -> str:
     pairs = [("sum of tensions", f"{result.tension:.2f} N")]
     if contacts:
         pairs += [
-            ("greatest normal force", f"{max(c.normal_force for c in contacts):.2f} N"),
+            ("greatest normal force", f"{result.greatest_normal_force:.2f} N"),
             ("least friction margin", f"{max(min(c.friction_margin for c in contacts), 0.0):.1%}"),
         ]
+    if result.lower_bound is not None:
+        pairs.append(("least in any grasp", f"{result.lower_bound:.2f} N"))
     if certificate is not None:
         pairs += [
             ("checks passed", f"{len(certificate.checks) - len(certificate.failed)} of {len(certificate.checks)}"),

@@ -34,6 +34,8 @@ def result_text(result: GraspResult) -> str:
     lines = [f"{result.status.value}: {result.message}"]
     if result.solved:
         lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
+        if result.lower_bound is not None:
+            lines += _wrapped(result.bound_words)
         if result.certificate is not None:
             lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
         lines += [f"  {name}: {value}" for name, value in fine_rows(result)]

@@ -6,6 +6,7 @@ how nearly contact forces and tensions within their limits could balance them. M
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.basins import Basins, Scan, is_scanned
 from continuum_grasp.grasp.starts.force import contact_forces
+from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.supports import nearest_contact, object_poses, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
-from continuum_grasp.grasp.starts.weighing import Weighed, Weighing, spread_order
+from continuum_grasp.grasp.starts.weighing import NEARLY_BALANCED, Weighed, Weighing
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 Array = NDArray[Any]
@@ -100,7 +102,9 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
     touched = support_contacts(scene, at.pose, on)
     forces |= contact_forces(scene, loads, list(touched), balanced[place:])
     contacts |= touched
-    return Start("near" if at.wrong[row] > 0.0 else "scan", at.pose, fingers, contacts, forces, tensions)
+    estimate = sum(map(sum, tensions.values())) if at.left[row] < NEARLY_BALANCED else math.nan
+    label = "near" if at.wrong[row] > 0.0 else "scan"
+    return Start(label, at.pose, fingers, contacts, forces, tensions, estimate)
 
 
 def _fallback(scene: GraspScene, on: frozenset[str]) -> Start:

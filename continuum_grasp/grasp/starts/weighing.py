@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, near_candidates
+from continuum_grasp.grasp.starts.fingertips import matched_sets
 from continuum_grasp.grasp.starts.force import Block, Loads, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.polish import polished
+from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.supports import base_poses, support_contacts
+from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
@@ -26,23 +29,21 @@ _BALANCED = 3e-3
 """What is left where a posture is in balance but for the weight of its tension in the least squares."""
 _NEARLY = 0.05
 """Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
-_ENOUGH, _BEST, _POLISHED, _POSES, _FEW = 6, 12, 16, 2, 8
+_ENOUGH, _BEST, _POSES, _FEW = 6, 12, 2, 8
 """Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
 _ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
 """Sizes of the changes with which they are refined, the latter for several fingers that are close to balance."""
 _CLOSE = 0.05
 """Relative imbalance from which on several fingers are refined in one round instead of two."""
 
-_MOST = 160
-"""Pairs of postures that are weighed where shapes fix the forces."""
-_NEAR = 0.02
+NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
+_SETS = (48, 12)
+"""Sets of fingers that touch with their tips alone, at the first pose of the object and at the others."""
 _FIRST, _IMPROVED = 64, 3
 """Combinations that are weighed first, and the best of them of which one finger's posture at a time is exchanged."""
-_RANGE = 0.5
-"""Distance of features within which two starts are alike: about 0.25 L along the finger, or 30 degrees of a normal."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,12 @@ class Weighing:
     def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
         self.scene, self.on = scene, on
         self.setups, self.loads = scene.setups, loads_of(scene)
+        # Arcs have too few curvatures to be bent towards balance.
+        alone = [
+            {*setup.middle_names, setup.tip_name} & on == {setup.tip_name} and family_class(setup.family).degree > 0
+            for setup in self.setups
+        ]
+        self._tips_alone = len(alone) > 1 and all(alone)
 
     def at_pose(self, pose: Pose, number: int) -> Weighed | None:
         """What is found at the ``number``-th pose of the object; None where a finger does not reach it."""
@@ -74,33 +81,29 @@ class Weighing:
             if candidates is None:
                 return None
             found.append(candidates.take(_least_violation(candidates)))
-        return self._weigh(pose, found)
+        if not self._tips_alone:
+            return self._weigh(pose, found)
+        touched = support_contacts(self.scene, pose, self.on)
+        supports = support_block(self.scene, self.loads, touched, pose), touched
+        sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[min(number, 1)])
+        return self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True)
 
     def refined(self, found: list[Weighed]) -> list[Weighed]:
         """What is next to the best that was found, unless enough of it is in balance."""
-        if not found or sum(int(((at.left < _BALANCED) & (at.wrong <= 0.0)).sum()) for at in found) >= _ENOUGH:
+        if (
+            self._tips_alone
+            or not found
+            or sum(int(((at.left < _BALANCED) & (at.wrong <= 0.0)).sum()) for at in found) >= _ENOUGH
+        ):
             return []
         out: list[Weighed] = []
         poses = sorted(found, key=lambda at: float(at.score.min()))[:_POSES]
         for at in poses:
-            better = self._polished(at)
-            if better is not None:
-                out.append(better)
-                continue
             close = len(self.setups) > 1 and at.left.min() < _CLOSE
             for scale in _ONE_ROUND if close else _ROUNDS:
                 at = self._next_to(at, scale)
                 out.append(at)
         return out
-
-    def _polished(self, at: Weighed) -> Weighed | None:
-        """The best sets of several fingers that touch with their tips alone, brought nearer to balance."""
-        if len(self.setups) == 1 or any(body.name in self.on for body in self.scene.places):
-            return None
-        best = spread_order(at.score, at.features, _POLISHED)
-        sets = [c.take(i[best]) for c, i in zip(at.candidates, at.index, strict=True)]
-        better = polished(self.scene, self.loads, self.setups, sets, at.pose)
-        return None if better is None else self._weigh(at.pose, better, paired=True)
 
     def _next_to(self, at: Weighed, scale: float) -> Weighed:
         best = spread_order(at.score, at.features, _BEST)
@@ -142,8 +145,6 @@ def combine(
     if len(blocks) == 1 or paired:
         return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
     alone = [_alone(loads, block) for block in blocks]
-    if len(blocks) == 2 and supports.onto.shape[2] == 0 and all(block.contacts == 1 for block in blocks):
-        return _weigh(loads, blocks, supports, _opposed(loads, alone))
     most = _PER_FINGER[len(blocks)]
     picks = [
         np.array(spread_order(doubt(left) + cost, what, most))
@@ -175,7 +176,7 @@ def doubt(left: Array) -> Array:
     """How unlikely a grasp is where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much
     it is means little.
     """
-    return np.where(left < _NEAR, 10.0 * left, 10.0 * _NEAR + 2.0 * (left - _NEAR))
+    return np.where(left < NEARLY_BALANCED, 10.0 * left, 10.0 * NEARLY_BALANCED + 2.0 * (left - NEARLY_BALANCED))
 
 
 def _weigh(loads: Loads, blocks: list[Block], supports: Block, index: list[Array]) -> Combined:
@@ -190,30 +191,3 @@ def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
     own = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
     left, cost, forces = imbalance(free, [own], [np.arange(len(block.needed))])
     return left, cost, (block.onto[:, :3] @ forces[..., None])[..., 0] / loads.force
-
-
-def _opposed(loads: Loads, alone: list[tuple[Array, Array, Array]]) -> list[Array]:
-    """Pairs whose forces, which their shapes fix, come closest to balancing the object."""
-    (left, _, one), (right, _, two) = alone
-    # Per size of the forces, so that great ones need not cancel better.
-    sums = one[:, None, :] + two[None, :, :] - loads.target[:3]
-    size = 1.0 + np.abs(one).max(axis=1)[:, None] + np.abs(two).max(axis=1)[None, :]
-    misfit = np.sqrt((sums**2).sum(axis=2)) / size + left[:, None] + right[None, :]
-    order = np.argsort(misfit, axis=None, kind="stable")[:_MOST]
-    return list(np.unravel_index(order, misfit.shape))
-
-
-def spread_order(score: Array, features: Array, count: int) -> list[int]:
-    """Indices of ``count`` of P, each the best by score (P,), less being better, under a penalty for being like one
-    before by its features (P, F).
-    """
-    order: list[int] = []
-    near = np.full(len(score), np.inf)
-    taken = np.zeros(len(score), bool)
-    for _ in range(min(count, len(score))):
-        likeness = np.exp(-((near / _RANGE) ** 2))
-        pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
-        order.append(pick)
-        taken[pick] = True
-        near = np.minimum(near, np.sqrt(((features - features[pick]) ** 2).sum(axis=1)))
-    return order

@@ -35,6 +35,14 @@ def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
     return [bound or (own, own) for bound, own in zip(bounds, pose, strict=True)]
 
 
+def greatest_shift(free: Freedom | None, at: tuple[float, float]) -> float:
+    """How far a position may move at most within bounds [m]."""
+    if free is None:
+        return 0.0
+    spans = [max(b[1] - v, v - b[0]) if b else 0.0 for b, v in zip((free.x, free.y), at, strict=True)]
+    return math.hypot(*spans)
+
+
 class ObjectBody(Value):
     """What every object has beside its shape, in whose frame it is given."""
 

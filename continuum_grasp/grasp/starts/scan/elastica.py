@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-_FIRST = np.linspace(-10.0, 10.0, 33)
+_FIRST = np.linspace(-10.0, 10.0, 65)
 """Initial curvatures [1/L]: up to one and a half turns over the length either way."""
-_FORCES = np.array([0.75, 2.0, 4.0, 7.0, 11.0, 16.0, 23.0, 32.0, 44.0])
-"""Forces at the tip [E I / L^2]: from a third of the clamped-free buckling load, pi^2 / 4, to 18 times it."""
-_DIRECTIONS = 24
-"""Directions of the force: 15 degrees apart, well within the friction cones, of 53 degrees at a coefficient of 0.5."""
+_FORCES = np.array(
+    [0.05, 0.2, 0.5, 1.0, 1.8, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 21.0, 27.0, 35.0, 45.0, 60.0, 80.0, 110.0]
+)
+"""Forces at the tip [E I / L^2]: from those that hardly bend a straight finger, to 45 times the clamped-free
+buckling load, pi^2 / 4."""
+_DIRECTIONS = 36
+"""Directions of the force: 10 degrees apart, well within the friction cones, of 53 degrees at a coefficient of 0.5."""
 _STEPS = 32
 """Steps of the midpoint rule: the tip is off by 0.1 % of the length (median; 0.8 % at the 95th percentile), and
 Newton's method makes every start touch exactly afterwards."""

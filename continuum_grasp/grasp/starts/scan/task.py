@@ -65,10 +65,13 @@ class FingerTask:
         return self.arcs and sum(self.counts[: self.middles.index(True) + 1]) == 1
 
     def distance(self, points: Array) -> Array:
-        """Signed distance from the object."""
-        out = self.shapes[0].distance(points)
-        for shape in self.shapes[1:]:
-            out = np.minimum(out, shape.distance(points))
+        """Signed distance from the object; where nothing of the finger can touch it, only that it is more than that."""
+        out = np.full(points.shape, np.inf)
+        for shape in self.shapes:
+            away = np.abs(points - shape.center) - shape.extent
+            near = away < self.halves.max()
+            away[near] = shape.distance(points[near])
+            out = np.minimum(out, away)
         return out
 
     def rough_distance(self, points: Array) -> Array:
@@ -211,9 +214,14 @@ def make_task(
     )
 
 
-def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
-    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
-    worst = np.maximum(obstruction(task, knots, curvatures, joints) - ALLOWED, 0.0)
+def violation(
+    task: FingerTask, knots: Array, curvatures: Array, joints: Array, start: tuple[Array, Array] | None = None
+) -> Array:
+    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,).
+
+    The curves begin at the base, or at the points and angles ``start`` (B,).
+    """
+    worst = np.maximum(obstruction(task, knots, curvatures, joints, start) - ALLOWED, 0.0)
     # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
     if math.isfinite(task.limits[0]):
         over = np.abs(curvatures) - np.interp(knots, _EVEN, task.limits)
@@ -223,10 +231,14 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
     )
 
 
-def obstruction(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
+def obstruction(
+    task: FingerTask, knots: Array, curvatures: Array, joints: Array, start: tuple[Array, Array] | None = None
+) -> Array:
     """Greatest penetration of each curve (B,) into the object and the supports; negative where there is none."""
     at, half = np.broadcast_to(_EVEN, (len(knots), _STATIONS)), task.halves
     points = sample(knots, curvatures, at)
+    if start is not None:
+        points = start[0][:, None] + np.exp(1j * start[1])[:, None] * points
     worst = (np.minimum(half, task.half) - task.rough_distance(points)).max(axis=1)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:

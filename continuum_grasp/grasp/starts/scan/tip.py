@@ -13,6 +13,7 @@ from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, t
 from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
+from continuum_grasp.grasp.starts.scan.two_clothoids import two_clothoids
 from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
@@ -50,7 +51,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     groups = []
     for part, shape in enumerate(task.shapes):
         gap = shape.distance(tips) - task.half
-        row, column, share, walk = _crossings(shape, gap, tips, facing)
+        row, column, share, walk = crossings(shape, gap, tips, facing)
         if not len(row):
             continue
         guess = grid[row, column] + share * (grid[row, column + 1] - grid[row, column])
@@ -70,7 +71,7 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     return None if found is None else unique(found)
 
 
-def _crossings(
+def crossings(
     shape: Outline,
     gap: Array,
     tips: Array,
@@ -148,44 +149,54 @@ def _cuts(
     groups = []
     half = len(knots) // 2
     for axis in (0, 1):
-        i, j, share, walk = _crossings(shape, *table, axis=axis)
+        i, j, share, walk = crossings(shape, *table, axis=axis)
         if len(i):
             curve = np.repeat(np.stack([grids[0][i], grids[1][j]], axis=1), half, axis=1)
             columns = tuple(range(axis * half, axis * half + half))
             curve[:, columns] += (share * (grids[axis][1] - grids[axis][0]))[:, None]
-            groups.append(_touching(knots, curve, columns, part, shape, walk))
+            groups.append(touching(knots, curve, columns, part, shape, walk))
     return groups
 
 
 def bent_by_tip(task: FingerTask) -> Postures | None:
-    """Fingers bent by a force at their tips, which touch with that force in the friction cone."""
-    table = elastica_table()
+    """Fingers bent by a force at their tips, which touch; of more than two elements, with the force in the friction
+    cone.
+    """
     knots = np.array(task.nodes)
-    groups = []
+    groups: list[Postures | None] = []
     clothoids = tip_only(task)
     if clothoids is not None:  # the same curves, whose curvature is linear all along, with more knots
         first, last = clothoids.curvatures[:, :1], clothoids.curvatures[:, 1:]
         bent = first + (last - first) * knots
         groups.append(replace(clothoids, knots=np.broadcast_to(knots, bent.shape), curvatures=bent))
+    groups.append(two_clothoids(task) if len(knots) == 3 else _elastica(task))
+    found = join([group for group in groups if group is not None])
+    return None if found is None else unique(found)
+
+
+def _elastica(task: FingerTask) -> Postures | None:
+    """Shapes that a rod takes under a force at its tip in the friction cone."""
+    table = elastica_table()
+    knots = np.array(task.nodes)
+    groups = []
     cone = math.atan(task.friction) + _BESIDE_CONE
     for part, shape in enumerate(task.shapes):
         # Neighbors in the table are up to 0.7 apart (99 % are closer): farther away no crossing is to be expected.
         near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
         gap = np.full(table.tips.shape, np.nan)
         gap[near] = shape.distance(table.tips[near]) - task.half
-        i, j, share, walk = _crossings(shape, gap, table.tips, table.turns, table.sane, front=0.1)
+        i, j, share, walk = crossings(shape, gap, table.tips, table.turns, table.sane, front=0.1)
         pushed = np.cos(table.directions[i] - shape.walk(walk).angle) > math.cos(cone)
         retained = pushed | (table.forces[i] == 0.0)
         i, j, share, walk = i[retained], j[retained], share[retained], walk[retained]
         if len(i):
             bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
             every = tuple(range(len(knots)))
-            groups.append(_touching(knots, bent @ projection(task.nodes).T, every, part, shape, walk))
-    found = join(groups)
-    return None if found is None else unique(found)
+            groups.append(touching(knots, bent @ projection(task.nodes).T, every, part, shape, walk))
+    return join(groups)
 
 
-def _touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, shape: Outline, walk: Array) -> Postures:
+def touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, shape: Outline, walk: Array) -> Postures:
     """Curves from the base whose tips touch a part with their fronts, from first guesses."""
     start = (np.zeros(len(bent), complex), np.zeros(len(bent)))
     lengths = np.broadcast_to(np.diff(knots), (len(bent), len(knots) - 1))
@@ -217,5 +228,5 @@ def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | Non
         if len(mine):
             _, walk = shape.nearest(mine.points[:, 0])
             bent = (mine.curvatures[:, None, :] + changes).reshape(-1, size)
-            groups.append(_touching(knots, bent, columns, part, shape, np.repeat(walk, len(changes))))
+            groups.append(touching(knots, bent, columns, part, shape, np.repeat(walk, len(changes))))
     return join(groups)

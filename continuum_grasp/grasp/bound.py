@@ -1,0 +1,282 @@
+"""A lower bound on the greatest normal force of any grasp of a scene, from the balance of the object alone.
+
+Let t be the greatest normal force, and S_i the forces and moments that contact i may apply with N = 1 at any place that
+it may have. Balance asks for sum N_i s_i = b with s_i in S_i and 0 <= N_i <= t. For any multipliers y,
+
+    y . b = sum N_i y . s_i <= t sum h_i(y),    h_i(y) = max(0, max over S_i of y . s),
+
+so y . b / sum h_i(y) bounds t from below, whatever y (weak duality: S. Boyd and L. Vandenberghe, "Convex Optimization",
+2004, section 5.1). The best y comes from cutting planes. At a place p with the normal n and t across it,
+
+    y . s = g . n + mu sqrt((g . t)^2 + v^2),   g = y_force + y_moment (-p_y, p_x),   v = y_lift + y_tilt . p,
+
+is the most within the friction cone; over the places of an outline it is found by bisecting intervals, with what the
+function can rise by inside them added, so that the bound holds between samples, too.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.grasp.quality.lp import solve_lp
+from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
+from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.objects.body import greatest_shift
+from continuum_grasp.scene.supports import Wall
+
+Array = NDArray[np.float64]
+
+_PIECES = 96
+"""Intervals of an outline to begin with: the normal turns by about 4 degrees in each."""
+_ROUNDS, _MOST = 40, 4000
+"""Most bisections of the intervals that may hold a maximum, and most intervals: at a flat one the bound is looser."""
+_EXACT = 1e-4
+"""Relative difference between an upper bound of h and its value at a place up to which intervals are bisected."""
+_CUTS, _CLOSE = 24, 1e-3
+"""Most rounds of cutting planes, and the relative gap at which no more are added."""
+_SAMPLES, _EDGES = 24, 8
+"""Places of a contact and edges of its friction cone that are cutting planes from the start."""
+_FAR = 1e3
+"""Greatest multiplier, per that of the weight: with far greater ones the LP would lose digits, and any y is valid."""
+
+
+@check_arguments
+def least_normal_force_bound(scene: GraspScene) -> float:
+    """Compute a lower bound on the greatest normal force of any grasp of a scene.
+
+    It follows from the balance of the object, friction cones, and how far each finger reaches. Shapes of fingers,
+    tendons and clearance are left out, so it depends on no posture and no start. It is rigorous, and exact where the
+    contacts can be where balance wants them: for n equal contacts that only lift it is m g / (n mu).
+
+    Parameters
+    ----------
+    scene : GraspScene
+        The scene; its objective does not matter.
+
+    Returns
+    -------
+    float
+        The bound [N]; zero where nothing weighs.
+
+    Examples
+    --------
+    A box of 0.1 kg between two tips, with a friction coefficient of 0.6, takes m g / (2 mu) at least where the weight
+    acts out of the plane:
+
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.grasp import least_normal_force_bound
+    >>> scene = cg.load("configs/grasp/pinch_above.yaml")
+    >>> bound = least_normal_force_bound(scene)
+    >>> round(bound - scene.weight / (2 * scene.contacts.friction), 6)
+    0.0
+    """
+    if scene.weight == 0.0:
+        return 0.0
+    need, contacts = _need(scene), _contacts(scene)
+    y = need / float(need @ need)
+    least, value = math.inf, 0.0
+    cuts = [contact.samples() for contact in contacts]
+    for _ in range(_CUTS):
+        found = [contact.most(y) for contact in contacts]
+        least = min(least, sum(most for most, _ in found))
+        for mine, (_, effect) in zip(cuts, found, strict=True):
+            mine.append(effect)
+        if least - value <= _CLOSE * least:
+            break
+        y, value = _best_multipliers(need, _in_use(scene), cuts)
+        if not np.isfinite(value):
+            break
+    return scene.weight / least if least > 0.0 else math.inf
+
+
+def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tuple[Array, float]:
+    """Multipliers (6,) with the least sum of h by the cutting planes so far, and this sum; NaN where the LP fails."""
+    count = len(cuts)
+    planes = [np.concatenate([-effect, np.eye(count)[k]]) for k, mine in enumerate(cuts) for effect in mine]
+    rows = np.array([*planes, np.concatenate([need, np.zeros(count)])])
+    low, high = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    low[-1] = high[-1] = 1.0
+    far = _FAR * used / np.linalg.norm(need)
+    cost, most = np.repeat([0.0, 1.0], [6, count]), np.concatenate([far, np.full(count, np.inf)])
+    found = solve_lp(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), most)
+    return found.x[:6], found.objective
+
+
+def _turns(scene: GraspScene) -> bool:
+    """Whether the object's angle may be chosen: places on it have no fixed normals and arms then."""
+    return scene.object.free is not None and scene.object.free.angle is not None
+
+
+def _need(scene: GraspScene) -> Array:
+    """What the contacts must bear, per weight: force x, y and moment, lift, two moments of the lift (6,)."""
+    if isinstance(scene.gravity, PlanarGravity):
+        down = complex(*scene.gravity.vector) / math.hypot(*scene.gravity.vector)
+        down *= 1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle)
+        return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0])
+    return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+
+
+def _in_use(scene: GraspScene) -> Array:
+    """Which of these balances there are (6,)."""
+    arms = not _turns(scene)
+    lifts = isinstance(scene.gravity, OutOfPlaneGravity)
+    tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
+    return np.array([1.0, 1.0, arms, lifts, tilts and arms, tilts and arms], float)
+
+
+def _contacts(scene: GraspScene) -> list[_Places]:
+    """All contacts that there may be: one that is off is as good as one without force."""
+    body, pose, com, size = scene.object, scene.object.pose, complex(*scene.object.com), scene.object.size
+    outlines = object_outlines(scene)
+
+    def anywhere(friction: float, center: complex = 0j, reach: float = math.inf) -> _Places:
+        if _turns(scene):
+            return _Places(friction, (), com, size, center, reach)
+        return _Places(friction, outlines, com, size, center, reach)
+
+    found: list[_Places] = []
+    for setup in scene.setups:
+        x, y = setup.finger.base.position
+        center = (complex(x, y) - complex(*pose[:2])) * cmath.exp(-1j * pose[2])
+        length, thick = setup.finger.rod.length, setup.finger.thickness_radius
+        moves = greatest_shift(setup.finger.base_free, (x, y)) + greatest_shift(body.free, body.position)
+        for switch, reach in (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, length)):
+            if switch != "off":
+                found.append(anywhere(setup.friction, center, reach + thick + moves))
+    wanted = {support.name for support in scene.places if support.touch != "off"}
+    if body.free is None:
+        wanted &= touching_supports(scene, pose)
+    for support in scene.places:
+        if support.name not in wanted:
+            continue
+        friction = scene.friction(support.name)
+        fixed = isinstance(support, Wall) and (body.free is None or math.isinf(support.half_length))
+        if body.free is None or (fixed and not _turns(scene)):
+            touched = support_contacts(scene, pose, (support.name,)).values()
+            spots = [(complex(*at.point), at.normal_angle) for at in touched]
+        elif fixed:
+            # Two where a face may lie on it.
+            ends = 2 if any(outline.face_normals for outline in outlines) else 1
+            spots = [(com, support.normal_angle + math.pi)] * ends  # type: ignore[union-attr]
+        else:
+            found.append(anywhere(friction))
+            continue
+        found += [_Places(friction, (), com, size, spot=spot) for spot in spots]
+    return found
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where a contact may be: on outlines within reach of a point; without outlines, at the center of mass with any
+    normal; or at one place with one normal.
+    """
+
+    friction: float
+    outlines: tuple[Outline, ...]
+    com: complex
+    size: float
+    center: complex = 0j
+    reach: float = math.inf
+    spot: tuple[complex, float] | None = None
+
+    def samples(self) -> list[Array]:
+        """Effects (6,) of some forces with N = 1."""
+        if self.spot is not None:
+            places = [self.spot]
+        elif not self.outlines:
+            places = [(self.com, angle) for angle in np.linspace(0.0, math.tau, _SAMPLES, endpoint=False)]
+        else:
+            walks = [o.walk(np.linspace(0.0, o.period, _SAMPLES, endpoint=False)) for o in self.outlines]
+            every = [place for at in walks for place in zip(at.point.tolist(), at.angle.tolist(), strict=True)]
+            places = [(point, angle) for point, angle in every if abs(point - self.center) <= self.reach]
+        turns = np.linspace(0.0, math.tau, _EDGES, endpoint=False).tolist()
+        return [self._force(*place, math.cos(turn), math.sin(turn)) for place in places for turn in turns]
+
+    def most(self, y: Array) -> tuple[float, Array]:
+        """An upper bound of h at multipliers (6,), and the effect (6,) of a contact that comes closest to it."""
+        if self.spot is not None:
+            work = self._work(y, *(np.array(part) for part in self.spot))
+            return max(float(work), 0.0), self._effect(y, *self.spot)
+        if not self.outlines:
+            return self._any_normal(y)
+        found = [self._along(y, outline) for outline in self.outlines]
+        most, point, angle = max(found, key=lambda one: one[0])
+        return (most, self._effect(y, point, angle)) if most > 0.0 else (0.0, np.zeros(6))
+
+    def _arms(self, y: Array, point: Array) -> tuple[Array, Array]:
+        """Multiplier of a force at points, as a complex number, and that of a lift there."""
+        arm = (point - self.com) / self.size
+        return y[0] + 1j * y[1] + 1j * y[2] * arm, y[3] + y[4] * arm.real + y[5] * arm.imag
+
+    def _work(self, y: Array, point: Array, angle: Array) -> Array:
+        """The most y . s of forces with N = 1 in the friction cones at places with normals."""
+        force, lift = self._arms(y, point)
+        along = force * np.exp(-1j * angle)
+        return np.asarray(along.real + self.friction * np.hypot(along.imag, lift))
+
+    def _effect(self, y: Array, point: complex, angle: float) -> Array:
+        """What the force with this most does to the object."""
+        force, lift = self._arms(y, np.array(point))
+        across, up = float((force * cmath.exp(-1j * angle)).imag), float(lift)
+        size = math.hypot(across, up) or 1.0
+        return self._force(point, angle, across / size, up / size)
+
+    def _force(self, point: complex, angle: float, across: float, up: float) -> Array:
+        """Effect (6,) of the force with N = 1 whose friction has a direction, in the plane and out of it."""
+        push = cmath.exp(1j * angle) * (1.0 + 1j * self.friction * across)
+        arm, raised = (point - self.com) / self.size, self.friction * up
+        moment = (arm.conjugate() * push).imag
+        return np.array([push.real, push.imag, moment, raised, arm.real * raised, arm.imag * raised])
+
+    def _any_normal(self, y: Array) -> tuple[float, Array]:
+        force, lift, mu = complex(y[0], y[1]), abs(float(y[3])), self.friction
+        size = abs(force)
+        # Where g c + mu sqrt(g^2 (1 - c^2) + v^2) has its greatest value, c being the cosine of force and normal.
+        cosine = min(1.0, math.sqrt((size**2 + lift**2) / (1.0 + mu**2)) / size) if size > 0.0 else 1.0
+        angle = cmath.phase(force) - math.acos(cosine)
+        work = self._work(y, np.array([self.com]), np.array([angle]))
+        return float(work[0]), self._effect(y, self.com, angle)
+
+    def _along(self, y: Array, outline: Outline) -> tuple[float, complex, float]:
+        """Upper bound on an outline, and place and normal angle where the most was found."""
+        ends = np.linspace(0.0, outline.period, _PIECES + 1)
+        low, high = ends[:-1], ends[1:]
+        steep = math.hypot(1.0, self.friction)
+        best, most, at = 0.0, 0.0, (0j, 0.0)
+        for _ in range(_ROUNDS):
+            first, last = outline.walk(low), outline.walk(high)
+            turn = np.abs(np.remainder(last.angle - first.angle + math.pi, math.tau) - math.pi)
+            # A convex arc is no longer than its chord over the cosine of half its turn; half of it is near either end.
+            way = 0.5 * np.abs(last.point - first.point) / np.maximum(np.cos(0.5 * turn), 0.1)
+            near = np.minimum(np.abs(first.point - self.center), np.abs(last.point - self.center)) - way <= self.reach
+            if not near.any():
+                return (1.0 + _EXACT) * best, *at
+            low, high, turn, way = low[near], high[near], turn[near], way[near]
+            points = np.stack([first.point[near], last.point[near]])
+            angles = np.stack([first.angle[near], last.angle[near]])
+            works = self._work(y, points, angles)
+            there = np.where(np.abs(points - self.center) <= self.reach, works, 0.0)
+            end, row = np.unravel_index(int(np.argmax(there)), works.shape)
+            if there[end, row] > best:
+                best, at = float(there[end, row]), (complex(points[end, row]), float(angles[end, row]))
+            force, _ = self._arms(y, points)
+            # The work is Lipschitz in force and lift; turning the normal is turning the force.
+            rise = steep * (abs(y[2]) * way / self.size + np.abs(force).max(axis=0) * turn)
+            rise += self.friction * math.hypot(y[4], y[5]) * way / self.size
+            upper = works.max(axis=0) + rise
+            most = max((1.0 + _EXACT) * best, float(upper.max()))
+            wide = upper > (1.0 + _EXACT) * best
+            if not wide.any() or wide.sum() > _MOST:
+                break
+            low, high = low[wide], high[wide]
+            middle = 0.5 * (low + high)
+            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        return most, *at

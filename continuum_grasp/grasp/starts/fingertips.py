@@ -1,0 +1,106 @@
+"""Sets of postures of several fingers that touch with their tips alone: which go together, by the object's balance.
+
+Shapes fix the forces of such fingers, so a table of what each posture does to the object is enough to match them; what
+supports add is the nearest point of their friction cones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.candidates import Candidates
+from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
+from continuum_grasp.grasp.starts.polish import shape_forces
+from continuum_grasp.grasp.starts.spread import spread_order
+from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.objects.body import Pose
+
+Array = NDArray[np.float64]
+
+_TABLE = {2: 400, 3: 36, 4: 14}
+"""Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
+_PAIRS = 160
+"""Postures per finger of two that are matched where there are supports, which cost more."""
+_LIKELY = 600
+"""Sets among which those that differ are chosen."""
+_SWEEPS = 8
+"""Sweeps of coordinate descent to the nearest forces of supports: it ranks sets, it does not balance them."""
+_PRICE = 0.1
+"""What the tensions of a set count, per those of likely sets, beside its relative imbalance."""
+
+
+def matched_sets(
+    scene: GraspScene,
+    loads: Loads,
+    found: list[Candidates],
+    pose: Pose,
+    supports: tuple[Block, dict[str, ContactStart]],
+    count: int,
+) -> list[Candidates]:
+    """Of each finger ``count`` postures at most, the k-th of which belong together, the most likely ones that differ
+    first; the object is at a world pose [m, rad].
+    """
+    com = complex(*scene.object.com)
+    most = _TABLE[len(found)] if len(found) > 2 or not supports[1] else _PAIRS
+    picks, tables = [], []
+    for setup, candidates in zip(scene.setups, found, strict=True):
+        block = finger_block(scene, loads, setup, candidates, pose)
+        borne = shape_forces(loads, setup, candidates, block, com)
+        edges, pull = borne.known[:, 3:5], borne.known[:, 5]
+        high = float(block.high[-2:].max()) / loads.force
+        normal = edges.sum(axis=1)
+        # What is outside of the cone or a limit, per the forces in play.
+        outside = np.maximum(-edges, 0.0).sum(axis=1) + np.maximum(np.abs(pull) - high, 0.0)
+        outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
+        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((borne.own**2).sum(axis=1))
+        alone += np.minimum(10.0 * candidates.violation, 1.0)
+        lift = 2.0 * setup.friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
+        cost = np.abs(pull) / high
+        if len(candidates) > most:
+            pick = np.array(
+                spread_order(alone + _PRICE * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
+            )
+        else:
+            pick = np.arange(len(candidates))
+        picks.append(pick)
+        tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
+    sizes = [len(pick) for pick in picks]
+    total = tables[0]
+    size = 1.0 + np.sqrt((total[:, :3] ** 2).sum(axis=1))
+    for table in tables[1:]:
+        # Sets as rows, the last finger's postures counting fastest.
+        total = (total[:, None, :] + table).reshape(-1, total.shape[1])
+        size = (size[:, None] + np.sqrt((table[:, :3] ** 2).sum(axis=1))).ravel()
+    off = total[:, :3] - loads.target[:3]
+    off, lift = _supported(scene, loads, off, *supports)
+    short = np.maximum(loads.lift / loads.force - total[:, 3] - lift, 0.0)
+    wrong = np.sqrt((off**2).sum(axis=1) + short**2) / size + total[:, 4]
+    cost = total[:, 5]
+    likely = np.argpartition(wrong, min(_LIKELY, len(wrong) - 1))[:_LIKELY]
+    score = wrong + _PRICE * cost / max(float(np.median(cost[likely])), 1e-9)
+    likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
+    index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
+    features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
+    best = spread_order(score[likely], features, count)
+    return [c.take(i[best]) for c, i in zip(found, index, strict=True)]
+
+
+def _supported(
+    scene: GraspScene, loads: Loads, off: Array, block: Block, touched: dict[str, ContactStart]
+) -> tuple[Array, Array]:
+    """What is left of imbalances (S, 3) under the best forces of supports, and how much these may lift (S,)."""
+    if not touched:
+        return off, np.zeros(len(off))
+    friction = np.array([scene.friction(name) for name in touched])
+    columns = [loads.edges * k + edge for k, mu in enumerate(friction) for edge in cone_edges(loads, mu)]
+    effects = block.onto[0][:3, columns].T
+    force = np.zeros((len(off), len(columns)))
+    for _ in range(_SWEEPS):
+        for k, effect in enumerate(effects):
+            new = np.maximum(force[:, k] - off @ effect / (effect @ effect), 0.0)
+            off = off + (new - force[:, k])[:, None] * effect
+            force[:, k] = new
+    pairs = force.reshape(len(off), -1, 2)
+    return off, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)

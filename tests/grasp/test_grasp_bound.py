@@ -1,0 +1,167 @@
+"""The lower bound on the greatest normal force, against lines of algebra and linear programming over sampled places."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from continuum_grasp.grasp import least_normal_force_bound, optimize_grasp
+from continuum_grasp.scene.grasp import GraspScene
+
+G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
+
+
+def tip_at(x, y, towards, **more):
+    """A straight finger whose tip touches with its center at a point, and that points at an angle."""
+    base = (x - LENGTH * math.cos(towards), y - LENGTH * math.sin(towards))
+    return {
+        "rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": 0.4},
+        "half_thickness": HALF,
+        "tendons": {"offset": 0.005, "max_tension": 200.0},
+        "base": {"position": base, "angle": math.remainder(towards - 0.5 * math.pi, math.tau)},
+        **more,
+    }
+
+
+def star(angles, **more):
+    """Fingers that point at the origin and touch a disc around it."""
+    reach = RADIUS + HALF
+    return {
+        f"finger_{k}": tip_at(reach * math.cos(a), reach * math.sin(a), a + math.pi, **more)
+        for k, a in enumerate(angles)
+    }
+
+
+def scene_of(fingers, gravity, body=None, friction=0.5, **more):
+    body = {"shape": "circle", "diameter": 2 * RADIUS} if body is None else body
+    return GraspScene.model_validate(
+        {
+            "fingers": fingers,
+            "object": {"mass": 0.3, "position": (0.0, 0.0), **body},
+            "contacts": {"friction": friction, "normal_force_max": 100.0, "middle": "off", "tip": "on"},
+            "gravity": gravity,
+            "fidelity": {"family": "matched_clothoid", "elements": 2},
+            "objective": "least_normal_force",
+            **more,
+        }
+    )
+
+
+def out(tilt="balance"):
+    return {"mode": "out_of_plane", "magnitude": G, "tilt": tilt}
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_contacts_that_only_lift(count):
+    """Friction of n contacts bears n mu N at most: N >= m g / (n mu)."""
+    scene = scene_of(star([0.3 + math.tau * k / count for k in range(count)]), out())
+    assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (count * 0.5), rel=2e-4)
+
+
+def test_each_contact_has_its_own_friction():
+    """N (mu_1 + mu_2) >= m g."""
+    fingers = star([0.0, math.pi])
+    fingers["finger_0"]["contacts"] = {"friction": 0.9}
+    assert least_normal_force_bound(scene_of(fingers, out("ignore"))) == pytest.approx(0.3 * G / 1.4, rel=2e-4)
+
+
+@pytest.mark.parametrize("opening", [60.0, 140.0])
+def test_a_groove_bears_what_a_finger_above_cannot(opening):
+    """The straight finger just reaches the top of the disc: 2 N (sin b + mu cos b) = m g at the walls."""
+    b = 0.5 * math.radians(opening)
+    groove = {
+        "type": "v_groove",
+        "apex": (0.0, -RADIUS / math.sin(b)),
+        "opening_angle": 2 * b,
+        "axis_angle": 0.5 * math.pi,
+    }
+    gravity = {"mode": "planar", "vector": (0.0, -G)}
+    scene = scene_of(star([0.5 * math.pi]), gravity, supports={"groove": groove}, friction=0.2)
+    expected = 0.3 * G / (2.0 * (math.sin(b) + 0.2 * math.cos(b)))
+    assert least_normal_force_bound(scene) == pytest.approx(expected, rel=2e-4)
+
+
+def test_a_free_angle_leaves_forces_alone():
+    """Any normal: n contacts bear n sqrt(1 + mu^2) N in the plane."""
+    body = {"shape": "box", "width": 0.08, "height": 0.06, "free": {"angle": [-0.5, 0.5]}}
+    scene = scene_of(star([0.0, math.pi]), {"mode": "planar", "vector": (0.0, -G)}, body)
+    assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (2.0 * math.hypot(1.0, 0.5)), rel=2e-4)
+
+
+def test_what_cannot_be_balanced_has_no_bound():
+    """A finger above and nothing below: no normal force is enough."""
+    scene = scene_of(star([0.5 * math.pi]), {"mode": "planar", "vector": (0.0, -G)})
+    assert least_normal_force_bound(scene) == math.inf
+
+
+def box_places(width, height, angle, count):
+    """Points on a turned box's faces and their normals."""
+    u = (np.arange(count) + 0.5) / count * 2.0 - 1.0
+    found = []
+    for n, half, across in ((0.0, width, height), (1.0, height, width), (2.0, width, height), (3.0, height, width)):
+        turn = np.exp(0.5j * math.pi * n)
+        found += [(turn * (0.5 * half + 0.5j * across * v), 0.5 * math.pi * n) for v in (-1.0, *u, 1.0)]
+    points, angles = (np.array(part) for part in zip(*found, strict=True))
+    return points * np.exp(1j * angle), angles + angle
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_linear_programming_over_sampled_places(seed):
+    """Mixtures of forces at places on a box that the fingers reach: any sample is an upper bound of what is bounded."""
+    random = np.random.default_rng(seed)
+    width, height, turn = random.uniform(0.05, 0.09), random.uniform(0.03, 0.08), random.uniform(-1.0, 1.0)
+    down, friction = random.uniform(-math.pi, math.pi), random.uniform(0.2, 0.8)
+    body = {"shape": "box", "width": width, "height": height, "angle": turn, "center_of_mass": (0.01, -0.004)}
+    angles = random.uniform(-1.0, 1.0, 2) + np.array([down, down + 2.0])
+    reach = 0.05
+    fingers = {
+        f"finger_{k}": tip_at(reach * math.cos(a), reach * math.sin(a), a + math.pi) for k, a in enumerate(angles)
+    }
+    gravity = {"mode": "planar", "vector": (G * math.cos(down), G * math.sin(down))}
+    scene = scene_of(fingers, gravity, body, friction)
+    points, normals = box_places(width, height, turn, 2000)
+    # Corners touch with any normal between those of their faces.
+    corners = [0.5 * width + 0.5j * height, -0.5 * width + 0.5j * height]
+    corners += [-z for z in corners]
+    between = np.linspace(0.0, 0.5 * math.pi, 200)
+    for z, first in zip(corners, (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi), strict=True):
+        points = np.append(points, np.full(200, z * np.exp(1j * turn)))
+        normals = np.append(normals, first + turn + between)
+    com = (0.01 - 0.004j) * np.exp(1j * turn)
+    columns, owners = [], []
+    for k, finger in enumerate(fingers.values()):
+        near = np.abs(points - complex(*finger["base"]["position"])) <= LENGTH + HALF
+        for sign in (-1.0, 1.0):
+            force = np.exp(1j * normals[near]) * (1.0 + 1j * sign * friction)
+            moment = (np.conj(points[near] - com) * force).imag / 0.05
+            columns.append(np.stack([force.real, force.imag, moment]))
+            owners += [k] * int(near.sum())
+    effect = np.concatenate(columns, axis=1)
+    budget = np.array([[float(owner == k) for owner in owners] + [-1.0] for k in (0, 1)])
+    found = linprog(
+        np.append(np.zeros(len(owners)), 1.0),
+        A_ub=budget,
+        b_ub=np.zeros(2),
+        A_eq=np.column_stack([effect, np.zeros(3)]),
+        b_eq=[0.3 * G * math.cos(down), 0.3 * G * math.sin(down), 0.0],
+        method="highs",
+    )
+    bound = least_normal_force_bound(scene)
+    if found.status == 2:
+        assert bound > 1e3 * 0.3 * G
+        return
+    assert found.status == 0
+    assert bound <= found.x[-1] * (1.0 + 1e-9)
+    assert bound >= found.x[-1] * (1.0 - 5e-3)
+
+
+@pytest.mark.parametrize("angles", [[0.0, math.pi], [0.3, 0.3 + math.pi]])
+def test_no_grasp_needs_less(angles):
+    """What the search finds is verified by code of its own, and never below the bound."""
+    result = optimize_grasp(scene_of(star(angles), out("ignore"), friction=0.8), raise_on_failure=False)
+    assert result.solved
+    greatest = max(contact.normal_force for contact in result.contacts)
+    assert greatest >= least_normal_force_bound(result.scene) * (1.0 - 1e-6)

@@ -1,0 +1,141 @@
+"""Several fingers that hold with their tips alone: starts in balance, by statics of this file's own, and the grasps
+that they lead to, by closed forms and an oracle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.grasp_oracle.scenes import two_fingers
+from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.scene.grasp import GraspScene
+from tests.marks import few
+
+pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
+G, LENGTH, HALF, OFFSET, RADIUS, MASS, FRICTION = 9.81, 0.2, 0.006, 0.005, 0.04, 0.3, 0.5
+
+
+def finger(place, lean, stiffness=0.4, **more):
+    """A straight finger whose tip touches the disc where its normal has the angle ``place``; at a ``lean`` of zero it
+    points at the disc's center, at a quarter of a turn it lies beside the disc.
+    """
+    tip = (RADIUS + HALF) * np.exp(1j * place)
+    along = np.exp(1j * (place + math.pi - lean))
+    base = tip - LENGTH * along
+    return {
+        "rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": stiffness},
+        "half_thickness": HALF,
+        "tendons": {"offset": OFFSET, "max_tension": 200.0},
+        "base": {"position": (base.real, base.imag), "angle": float(np.angle(along / 1j))},
+        **more,
+    }
+
+
+def scene_of(fingers, gravity, **more):
+    return GraspScene.model_validate(
+        {
+            "fingers": {f"finger_{k}": one for k, one in enumerate(fingers)},
+            "object": {"shape": "circle", "diameter": 2 * RADIUS, "mass": MASS, "position": (0.0, 0.0)},
+            "contacts": {"friction": FRICTION, "normal_force_max": 100.0, "middle": "off", "tip": "on"},
+            "gravity": gravity,
+            "fidelity": {"family": "matched_clothoid", "elements": 2},
+            **more,
+        }
+    )
+
+
+OUT = {"mode": "out_of_plane", "magnitude": G}
+PALM = {"palm": {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}}
+
+
+@pytest.mark.parametrize("degrees", [0.0, *few([-90.0, -45.0, 60.0], 1)])
+def test_soft_fingers_and_a_palm(degrees):
+    """Contacts at 120 degrees bear m g / 3 each by friction alone: N = m g / (3 mu), which no grasp is below. A finger
+    that leans by b bears N sin b across itself; its tip stays where it is, so a constant moment M bends it against the
+    moment that grows from the tip: M L^2 / 2 = N sin b L^3 / 3, T e = 2 N L sin b / 3.
+    """
+    lean = math.radians(degrees)
+    fingers = [finger(math.radians(30.0), lean), finger(math.radians(150.0), -lean)]
+    result = optimize_grasp(scene_of(fingers, OUT, supports=PALM, objective="least_normal_force"))
+    expected = MASS * G / (3.0 * FRICTION)
+    assert result.status is Status.OPTIMAL
+    assert [c.normal_force for c in result.contacts] == pytest.approx([expected] * 3, rel=1e-3)
+    assert result.lower_bound == pytest.approx(expected, rel=2e-4)
+    assert "above" in result.bound_words
+    pull = 2.0 * expected * abs(math.sin(lean)) * LENGTH / (3.0 * OFFSET)
+    for held in result.fingers.values():
+        assert held.tensions.sum() == pytest.approx(pull, rel=3e-3, abs=0.1)
+
+
+def missing(scene, start):
+    """Force and moment that the contacts of a start leave on the object, and the lift, per weight."""
+    turn = start.object_pose[2]
+    com = np.exp(1j * turn) * complex(*scene.object.com)
+    force, moment, lift = 0j, 0.0, 0.0
+    if scene.gravity.mode == "planar":
+        force = scene.object.mass * complex(*scene.gravity.vector)
+    for name, contact in start.contacts.items():
+        normal = np.exp(1j * (contact.normal_angle + turn))
+        n, f, carried = start.forces[name]
+        load = -(n * normal + f * 1j * normal)
+        arm = np.exp(1j * turn) * complex(*contact.point) - com
+        force, lift = force + load, lift + carried
+        moment += (np.conj(arm) * load).imag
+        assert math.hypot(f, carried) <= scene.friction(name) * n * (1.0 + 1e-6)
+    across = scene.weight if scene.gravity.mode == "out_of_plane" else 0.0
+    return max(abs(force), abs(moment) / scene.object.size, abs(lift - across)) / scene.weight
+
+
+@pytest.mark.parametrize(
+    "gravity", [OUT | {"tilt": "ignore"}, {"mode": "planar", "vector": (2.0, -9.0)}], ids=lambda g: g["mode"]
+)
+@pytest.mark.parametrize("count", [2, *few([3, 4], 1)])
+def test_the_first_start_is_in_balance(count, gravity):
+    """Forces on the object, the moment at each tip, and the estimate of what it costs."""
+    places = [0.2 + math.tau * k / count for k in range(count)]
+    fingers = [finger(place, 0.7, stiffness=0.02 * (1 + k)) for k, place in enumerate(places)]
+    scene = scene_of(fingers, gravity)
+    on = frozenset(f"finger_{k}.tip" for k in range(count))
+    starts = make_starts(scene, on, 4, np.random.default_rng(0))
+    start = starts[0]
+    assert start.label == "scan"
+    assert missing(scene, start) < 0.03
+    assert start.estimate == pytest.approx(sum(map(sum, start.tensions.values())))
+    for setup in scene.setups:
+        (left, right), (_, friction, _) = start.tensions[setup.name], start.forces[setup.tip_name]
+        bent = start.fingers[setup.name].curvatures
+        moment, greatest = setup.stiffness * bent[-1], setup.stiffness * max(*map(abs, bent), 0.3 / LENGTH)
+        wanted = (left - right) * OFFSET - HALF * friction
+        assert moment == pytest.approx(wanted, abs=0.02 * greatest)
+
+
+def test_free_bases_are_moved_into_balance():
+    """Straight fingers that end 8 mm short of the disc, and that may come nearer: the first start touches it."""
+    fingers = [finger(place, 0.0) for place in (0.0, math.pi)]
+    for one in fingers:
+        x, y = one["base"]["position"]
+        one["base"]["position"] = (x + math.copysign(0.008, x), y)
+        one["base_free"] = {"x": (x - 0.02, x + 0.02), "y": (y - 0.02, y + 0.02)}
+    scene = scene_of(fingers, OUT)
+    on = frozenset(["finger_0.tip", "finger_1.tip"])
+    start = make_starts(scene, on, 1, np.random.default_rng(0))[0]
+    assert start.label == "scan"
+    assert missing(scene, start) < 0.03
+    for setup in scene.setups:
+        x, y, _ = start.fingers[setup.name].base
+        assert setup.finger.base_free.x[0] <= x <= setup.finger.base_free.x[1]
+        assert setup.finger.base_free.y[0] <= y <= setup.finger.base_free.y[1]
+
+
+@pytest.mark.parametrize(("seed", "tension"), few([(155, 32.06), (495, 27.19), (58, 61.59), (328, 14.49)], 2))
+def test_pinches_that_were_called_infeasible(seed, tension):
+    """Random scenes of the benchmark whose oracle, sequential quadratic programming from tables of its own, has a grasp
+    with so much tension [N].
+    """
+    result = optimize_grasp(two_fingers(seed))
+    assert result.status is Status.OPTIMAL
+    assert result.tension <= 1.005 * tension
