@@ -20,6 +20,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -64,6 +65,11 @@ class Tried:
     arrays: dict[str, Array]
     certificate: Certificate
 
+    @property
+    def acceptable(self) -> bool:
+        """Whether it is verified, and stable where the scene asks for that."""
+        return self.certificate.acceptable
+
 
 class Search:
     """Finds and verifies grasps of a scene within a budget."""
@@ -79,11 +85,13 @@ class Search:
 
     @property
     def best(self) -> Tried | None:
-        """The verified attempt with the least objective; one that converged, where that costs next to nothing."""
-        least = min((t.attempt.objective for t in self.good), default=0.0)
-        near = least + NEAR * max(1.0, abs(least))
-        converged = [t for t in self.good if t.attempt.optimal and t.attempt.objective <= near]
-        return min(converged or self.good, key=lambda t: round(t.attempt.objective, 9), default=None)
+        """The acceptable attempt with the least objective; one that converged, where that costs next to nothing."""
+        return _least([t for t in self.good if t.acceptable])
+
+    @property
+    def unstable(self) -> Tried | None:
+        """The same of the verified ones that are not acceptable."""
+        return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
         """Try the starts of all modes, one of each branch, then let contacts pass on to the next faces and corners.
@@ -96,7 +104,7 @@ class Search:
         for mode in contact_modes(self.scene):
             # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
             # since a contact without force is as good as one that is off.
-            starts = [tried.attempt.start for tried in self.good]
+            starts = [tried.attempt.start for tried in self.good if tried.acceptable]
             held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
             for start in self.starts_of(mode):
                 branch = branch_of(start)
@@ -105,8 +113,9 @@ class Search:
                 if self.tried and self.budget.over:
                     return
                 found = self.attempt(start, iterations=ITERATION_CAP if self.good else None)
-                if found is not None and found in self.good:
+                if found is not None and found.acceptable:
                     held.add(branch)
+        stabilize(self)
         self.slide()
 
     def _from_least_tension(self) -> None:
@@ -141,9 +150,9 @@ class Search:
         self.start_seconds += time.perf_counter() - began
         return starts
 
-    def attempt(self, start: Start, **options: Any) -> Tried | None:
+    def attempt(self, start: Start, solver: GraspSolverRun | None = None, **options: Any) -> Tried | None:
         """Solve from a start and verify; None where there are no numbers to verify."""
-        solver = self.solver(start)
+        solver = solver or self.solver(start)
         attempt = solver.run(self.scene, start, self.budget, **options)
         if not np.isfinite(attempt.x).all():
             return None
@@ -175,6 +184,14 @@ class Search:
                     break
             else:
                 return
+
+
+def _least(tried: list[Tried]) -> Tried | None:
+    """The one with the least objective; one that converged, where that costs next to nothing."""
+    least = min((t.attempt.objective for t in tried), default=0.0)
+    near = least + NEAR * max(1.0, abs(least))
+    converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]
+    return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
 
 
 def branch_of(start: Start) -> tuple[Any, ...]:

@@ -11,7 +11,8 @@ import pytest
 
 import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.scene.objects import Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
+from continuum_grasp.grasp.certificate.check import overlap
+from continuum_grasp.scene.objects import Circle, Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
 from tests import certificate_cases as cases
 
 
@@ -309,12 +310,40 @@ def test_suction_is_seen_whatever_the_limit():
     assert not certify(scene, tampered(arrays, "contact_forces", (1, 0), -0.171))["normal force, groove.left"].passed
 
 
-def test_overlapping_fingers_are_measured_but_pass():
+def test_overlapping_fingers_fail_unless_they_lie_at_different_heights():
     """One of the two is thick enough to reach into the other."""
-    scene, arrays = cases.two_fingers_below(aside=0.0059)
-    certificate = certify(scene, arrays)
+    scene, arrays = cases.two_fingers_below(aside=0.0059, overlap="allow")
+    assert certify(scene, arrays).passed
+    forbids = scene.model_copy(update={"overlap": "forbid"})
+    certificate = certify(forbids, arrays)
     assert certificate.overlap == pytest.approx(0.0002, abs=1e-9)
-    assert certificate.passed
+    assert [check.name for check in certificate.failed] == ["overlap of fingers, left, right"]
+    assert certificate["overlap of fingers, left, right"].value == pytest.approx(0.0002 / 0.2, abs=1e-8)
+
+
+@pytest.mark.parametrize("half", [0.0, 0.006])
+@pytest.mark.parametrize("lean", [0.2, -0.2, 0.02])
+def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
+    """Straight ones, that cross where they turn towards each other: lines in closed form."""
+    aside = 0.03
+    fingers = {
+        "left": cases.make_finger((-aside, 0.0), -lean, half),
+        "right": cases.make_finger((aside, 0.0), lean, half),
+    }
+    scene = cases.make_scene(
+        fingers, Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.0)), {"tip": "auto"}
+    )
+    arrays = cases.stored(
+        scene, {"left": {}, "right": {}}, [("left.tip", (0, 0), cases.UP, (0, 0, 0), cases.LENGTH, 0)]
+    )
+    tip = np.array([-aside + cases.LENGTH * np.sin(lean), cases.LENGTH * np.cos(lean)])
+    along = np.array([-np.sin(lean), np.cos(lean)])  # of the other
+    off = tip - [aside, 0.0]
+    apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
+    crosses = tip[0] > 0.0
+    expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
+    one, other = certify(scene, arrays).grasp.fingers
+    assert overlap(one, other) == pytest.approx(expected, abs=2e-6)
 
 
 # -- use -----------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -87,12 +88,13 @@ class GraspSolverRun:
         relaxed: tuple[Relaxation, float] | None = None,
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
+        numbers: Mapping[str, Any] | None = None,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
         ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
-        the unknowns begin with ``x0``, by default those of the start.
+        the unknowns begin with ``x0``, by default those of the start. Further run-time ``numbers`` go to the problem.
 
         Raises
         ------
@@ -101,7 +103,7 @@ class GraspSolverRun:
         """
         problem, units = self.problem, Units.of(scene)
         features = features or contact_features(scene, start.contacts)
-        values = problem_values(problem, scene, start, features)
+        values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
         x = starting_point(problem, scene, start, features) if x0 is None else x0
         if relaxed is not None:
@@ -117,12 +119,12 @@ class GraspSolverRun:
         began = time.perf_counter()
         known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds())
         with budget.share(iterations) as part:
-            attempts, numbers = self._rounds(scene, known, values, part)
+            attempts, last_numbers = self._rounds(scene, known, values, part)
         last = attempts[-1]
         total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(
-            **{**vars(last), **total}, start=start, features=features, numbers=numbers, violations=violations
+            **{**vars(last), **total}, start=start, features=features, numbers=last_numbers, violations=violations
         )
 
     def _rounds(
