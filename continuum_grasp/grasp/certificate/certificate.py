@@ -250,8 +250,7 @@ def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
 
 
 def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
-    force = float(np.max([0.0, *(np.hypot(*load.force) for load in finger.loads)]))
-    scale = finger.moment_scale(force)
+    scale = finger.load_moment
     reference = f"{scale:.4g} N m"
     imbalance = float(np.max(np.abs(finger.virtual_work())))
     yield Check(f"finger equilibrium, {finger.name}", imbalance / scale, EQUILIBRIUM, "1", reference)
