@@ -128,7 +128,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Reason:
-    """Why there is no grasp: one limit, and what it would have to be.
+    """Why there is no grasp: one limit, or several at once, and what they would have to be.
 
     Attributes
     ----------
@@ -144,6 +144,8 @@ class Reason:
         What to do about it.
     confirmed : float, optional
         What it would have to be at the posture found, by linear programming; None where that gives no answer.
+    also : tuple of Reason
+        Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
     """
 
     name: str
@@ -154,6 +156,12 @@ class Reason:
     text: str
     repair: str
     confirmed: float | None = None
+    also: tuple[Reason, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Names of all limits that must be changed."""
+        return " and ".join(reason.name for reason in (self, *self.also))
 
 
 @dataclass(frozen=True)

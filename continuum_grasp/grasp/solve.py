@@ -14,6 +14,7 @@ from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
+from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
@@ -136,6 +137,8 @@ class _Verdict:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
+        if not reasons and self._best() is None and not self.budget.cut:
+            reasons = find_pairs(self.scene, search)
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
@@ -195,11 +198,10 @@ class _Verdict:
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
             outcomes = ", ".join(sorted({t.attempt.outcome for t in self.search.tried}))
-            message = f"no start led to a grasp ({outcomes}), and no single limit explains it"
+            message = f"no start led to a grasp ({outcomes}), and neither one limit nor two at once explain it"
             advice = (
                 "Likely the geometry: move the base or the object, let the middle contact be elsewhere "
-                "(contacts.middle_range), or raise solver.seeds. A scene that breaks two limits at once ends "
-                "here too."
+                "(contacts.middle_range), or raise solver.seeds."
             )
         return self._failed(Status.NOT_SOLVED, message, advice, closest)
 

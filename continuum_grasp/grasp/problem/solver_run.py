@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -85,15 +85,16 @@ class GraspSolverRun:
         budget: Budget,
         *,
         iterations: int | None = None,
-        relaxed: tuple[Relaxation, float] | None = None,
+        relaxed: Sequence[tuple[Relaxation, float]] = (),
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
         numbers: Mapping[str, Any] | None = None,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
-        Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
-        ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
+        Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
+        ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
+        parts of a usual amount. Contacts sit on ``features`` and
         the unknowns begin with ``x0``, by default those of the start. Further run-time ``numbers`` go to the problem.
 
         Raises
@@ -106,15 +107,15 @@ class GraspSolverRun:
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
         x = starting_point(problem, scene, start, features) if x0 is None else x0
-        if relaxed is not None:
-            relaxation, amount = relaxed
+        for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
             high[at] = relaxation.most / scale
             if relaxation.size > 1:
                 low[at] = -high[at]
             x[at] = amount / scale
             values["effort weight"] = EFFORT_WHEN_RELAXED
-            values["relaxation weights"] = np.array([float(each is relaxation) for each in RELAXATIONS])
+            weight = 1.0 if len(relaxed) == 1 else scale / relaxation.start(scene)
+            values["relaxation weights"][RELAXATIONS.index(relaxation)] = weight
         self.prepare(scene)
         began = time.perf_counter()
         known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds())
