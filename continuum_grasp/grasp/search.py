@@ -104,7 +104,7 @@ class Search:
         for mode in contact_modes(self.scene):
             # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
             # since a contact without force is as good as one that is off.
-            starts = [tried.attempt.start for tried in self.good if tried.acceptable]
+            starts = [tried.attempt.start for tried in self.good]
             held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
             for start in self.starts_of(mode):
                 branch = branch_of(start)
@@ -113,7 +113,7 @@ class Search:
                 if self.tried and self.budget.over:
                     return
                 found = self.attempt(start, iterations=ITERATION_CAP if self.good else None)
-                if found is not None and found.acceptable:
+                if found is not None and found in self.good:
                     held.add(branch)
         stabilize(self)
         self.slide()

@@ -25,11 +25,11 @@ Array = NDArray[Any]
 
 LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
-ROUNDS, CAP = 12, 80
+ROUNDS, CAP = 12, 40
 """Linearizations from one unstable grasp, and iterations of the solver in each."""
 UNSTABLE, ALIKE = 2, 1e-2
 """Unstable grasps from which a stable one is sought, and the relative difference of their objectives."""
-SMALLEST = 0.1
+SMALLEST = 0.3
 """Part of the way to stability of a step that the solver must at least follow."""
 SETTLED = 1e-4
 """Relative change of the objective from one round to the next at which it is taken for converged."""
