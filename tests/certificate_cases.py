@@ -154,7 +154,7 @@ def squeezed_disc(radius=0.04, mass=0.2, press=4.0, family="matched_clothoid", f
     return scene, stored(scene, {"finger": {}}, contacts)
 
 
-def two_fingers_below(mass=0.2, radius=0.05, aside=0.03, half=HALF, family="matched_clothoid"):
+def two_fingers_below(mass=0.2, radius=0.05, aside=0.03, half=HALF, family="matched_clothoid", **more):
     """Two straight, upright fingers carry a disc on their tips, a little tension against the friction's couple."""
     slope = math.asin(aside / (radius + half))
     top = LENGTH + (radius + half) * math.cos(slope)
@@ -164,6 +164,7 @@ def two_fingers_below(mass=0.2, radius=0.05, aside=0.03, half=HALF, family="matc
         {"friction": 1.2},
         PLANAR,
         family,
+        **more,
     )
     push = 0.5 * mass * 9.81
     contacts, fingers = [], {}

@@ -168,6 +168,9 @@ def _scene(
                 "tip": "on",
             },
             "gravity": gravity,
+            # The oracle knows equilibrium and friction alone.
+            "stability": "ignore",
+            "overlap": "allow",
             "fidelity": {"family": family, "elements": 2, "bending_range": 2.0 * math.pi},
         }
     )

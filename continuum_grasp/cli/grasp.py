@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from continuum_grasp.cli.options import Config, Json, Out, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import SolverError
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.result import Reason
 
 
 def grasp(
@@ -59,8 +62,14 @@ def grasp(
         files=[folder / "result.yaml", *files],
         table=result.table(),
         warnings=result.warnings,
-        reasons=[{"name": r.name, "key": r.key, "limit": r.limit, "needed": r.needed} for r in result.reasons],
+        reasons=[_numbers(r) for r in result.reasons],
         statistics=result.statistics,
     )
     if not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)
+
+
+def _numbers(reason: Reason) -> dict[str, Any]:
+    """The numbers of a reason, and of those that go with it."""
+    own = {"name": reason.name, "key": reason.key, "limit": reason.limit, "needed": reason.needed}
+    return own | ({"also": [_numbers(other) for other in reason.also]} if reason.also else {})

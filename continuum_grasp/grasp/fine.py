@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.result import Change, GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.nlp import Budget
+from continuum_grasp.grasp.verdict import REFUTED, flawed
+from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger
@@ -24,6 +25,8 @@ FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
 with four matched clothoids the tip of a cantilever is off by 3e-7 to 9e-5 of its length (tip loads of 1 to
 10 E I / L^2)."""
+NONE = "no grasp next to this one"
+"""What the fine model says where it refutes a grasp."""
 ELEMENTS = (1, 2, 3, 4)
 """Elements per segment among which the cheapest is chosen that satisfies a tolerance."""
 
@@ -48,8 +51,9 @@ def with_elements(scene: GraspScene, per_segment: int, family: str | None = None
 def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
     """The result with what a fine model changes; as it is where that has no grasp next to it."""
     found = _solve_again(_fine(result.scene), result, budget)
-    if found is None:
-        return replace(result, statistics={**result.statistics, "fine_model": _none(budget)})
+    if isinstance(found, str):
+        refuted = flawed(result, REFUTED) if found == NONE else result
+        return replace(refuted, statistics={**result.statistics, "fine_model": found})
     change = _change(result.scene, result.arrays, found.arrays)
     return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
 
@@ -69,13 +73,13 @@ def resolve_elements(
     ``first`` is the grasp of the scene with some elements.
     """
     reference = _solve_again(_fine(scene), first, budget)
-    if reference is None:
-        return first.scene, f"the fine model: {_none(budget)}, so no tolerance can be checked", None
+    if isinstance(reference, str):
+        return first.scene, f"the fine model: {reference}, so no tolerance can be checked", None
     note, change, chosen = "", None, first.scene
     for count in ELEMENTS:
         chosen = with_elements(scene, count)
         found = _solve_again(chosen, first, budget)
-        if found is None:
+        if isinstance(found, str):
             continue
         change = _change(scene, found.arrays, reference.arrays)
         words = ", ".join(f"{setup.name} with {setup.elements} elements ({setup.family})" for setup in chosen.setups)
@@ -91,20 +95,23 @@ def _fine(scene: GraspScene) -> GraspScene:
     return with_elements(scene, FINE, default_family(free_tip=has_friction))
 
 
-def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Tried | None:
-    """The grasp of a scene with other elements next to one that was found; None where there is none."""
+def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Tried | str:
+    """The grasp of a scene with other elements next to one that was found; in words why there is none."""
     search = Search(scene, budget)
-    if budget.over:
-        return None
-    search.attempt(start_from(result.scene, dict(result.arrays)))
-    search.slide()
-    return None if budget.stopped else search.best
-
-
-def _none(budget: Budget) -> str:
-    """Why a grasp was not found again."""
-    cut = {"clock": "stopped by the clock", "iterations": "the iterations were used up"}
-    return cut.get(budget.cut, "no grasp next to this one")
+    if not budget.over:
+        search.attempt(start_from(result.scene, dict(result.arrays)))
+        search.slide()
+    stable = result.certificate is None or result.certificate.stability.stable
+    best = search.best or (None if stable else search.unstable)
+    if best is not None and not budget.stopped:
+        return best
+    if budget.cut:
+        return {"clock": "stopped by the clock", "iterations": "the iterations were used up"}[budget.cut]
+    if search.unstable is not None:
+        return NONE
+    # A solver that fails shows nothing; one that converges to what is no grasp does.
+    ended = {tried.attempt.status for tried in search.tried}
+    return NONE if ended & {Status.SOLVED, Status.ACCEPTABLE, Status.INFEASIBLE} else "no answer, the solver failed"
 
 
 def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Array]) -> Change:

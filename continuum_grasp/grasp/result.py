@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+SLACK = 1e-3
+"""Tension beyond the least one, per greatest normal force, below which tendons count as slack: a tendon's moment arm is
+a hundredth to a tenth of a finger's length, so that pulling fingers have one of about ten."""
+
 
 class Status(StrEnum):
     """How the search ended."""
@@ -44,7 +48,7 @@ class Status(StrEnum):
     """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
     NOT_SOLVED = "not_solved"
     """Neither a grasp nor a proof that there is none."""
-    TIMED_OUT = "timed_out"
+    STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
 
 
@@ -127,7 +131,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Reason:
-    """Why there is no grasp: one limit, and what it would have to be.
+    """Why there is no grasp: one limit, or several at once, and what they would have to be.
 
     Attributes
     ----------
@@ -143,6 +147,8 @@ class Reason:
         What to do about it.
     confirmed : float, optional
         What it would have to be at the posture found, by linear programming; None where that gives no answer.
+    also : tuple of Reason
+        Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
     """
 
     name: str
@@ -153,6 +159,12 @@ class Reason:
     text: str
     repair: str
     confirmed: float | None = None
+    also: tuple[Reason, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Names of all limits that must be changed."""
+        return " and ".join(reason.name for reason in (self, *self.also))
 
 
 @dataclass(frozen=True)
@@ -335,12 +347,25 @@ class GraspResult(Result):
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        if self._slack:
+            found.append(
+                f"the tendons hardly pull ({self.tension:.2g} N in all): the bases press the fingers against the "
+                "object, so that slack tendons do not release it, and its forces depend on where bases and object are"
+            )
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
         for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
             if self.statistics.get(key):
                 found.append(f"the search was {how}: another start may hold the object with less tension")
         return tuple(found)
+
+    @property
+    def _slack(self) -> bool:
+        """Whether the object is pressed although no tendon pulls by more than it must."""
+        pressed = max((contact.normal_force for contact in self.contacts), default=0.0)
+        setups = {setup.name: setup.tendons for setup in self.scene.setups}
+        over = sum(float((f.tensions - setups[name].min_tension).clip(0.0).sum()) for name, f in self.fingers.items())
+        return over < SLACK * pressed
 
     @property
     def fingers(self) -> dict[str, FingerPosture]:

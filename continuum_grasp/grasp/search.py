@@ -23,6 +23,7 @@ from continuum_grasp.grasp.starts.basins import Scan
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -95,6 +96,11 @@ class Tried:
     arrays: dict[str, Array]
     certificate: Certificate
 
+    @property
+    def acceptable(self) -> bool:
+        """Whether it is verified, and stable where the scene asks for that."""
+        return self.certificate.acceptable
+
 
 @dataclass
 class Basin:
@@ -158,11 +164,13 @@ class Search:
 
     @property
     def best(self) -> Tried | None:
-        """The verified attempt with the least objective; one that converged, where that costs next to nothing."""
-        least = min((t.attempt.objective for t in self.good), default=0.0)
-        near = least + NEAR * max(1.0, abs(least))
-        converged = [t for t in self.good if t.attempt.optimal and t.attempt.objective <= near]
-        return min(converged or self.good, key=lambda t: round(t.attempt.objective, 9), default=None)
+        """The acceptable attempt with the least objective; one that converged, where that costs next to nothing."""
+        return _least([t for t in self.good if t.acceptable])
+
+    @property
+    def unstable(self) -> Tried | None:
+        """The same of the verified ones that are not acceptable."""
+        return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
         """Solve from the basins of all modes in order of their estimates, from rough starts where there are none, then
@@ -180,15 +188,16 @@ class Search:
             self._retry(rung)
         if self.proven:
             return
-        if self._effort.rungs > 1 and (not self.good or self.exploration.open):
+        if self._effort.rungs > 1 and (self.best is None or self.exploration.open):
             for mode in modes:
                 self._from_basins(mode, dense=True)
-        if not self.good or self._effort.always_rough or self.exploration.open:
+        if self.best is None or self._effort.always_rough or self.exploration.open:
             rough = modes
         for mode in rough:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
+            stabilize(self)
             self.slide()
 
     @property
@@ -244,12 +253,12 @@ class Search:
     @property
     def _is_over(self) -> bool:
         """Whether no more starts are tried: those of the effort are used up and there is a grasp, or all are."""
-        enough = bool(self.good) and self._first_left - self.budget.left > self._effort.iterations
+        enough = self.best is not None and self._first_left - self.budget.left > self._effort.iterations
         return enough or (bool(self.tried) and self.budget.over)
 
     def is_open(self, basin: Basin) -> bool:
         """Whether a basin may be better than what there is: not solved, and estimated to be."""
-        return not basin.solved and bool(self.good) and self._is_worth(basin.start, OPEN_FACTOR)
+        return not basin.solved and self.best is not None and self._is_worth(basin.start, OPEN_FACTOR)
 
     def _is_worth(self, start: Start, factor: float) -> bool:
         """Whether the estimate of a start is at most a factor times what there is."""
@@ -286,14 +295,14 @@ class Search:
             if branch in held:
                 self._alike += 1
                 continue
-            if self.good and not self._promises(start):
+            if self.best and not self._promises(start):
                 continue
             if self._is_over or self.proven:
                 return
             found = self.attempt(
                 start,
                 rung=len(RUNGS) - 1,
-                iterations=ITERATION_CAP if self.good and not self.exploration.open else None,
+                iterations=ITERATION_CAP if self.best and not self.exploration.open else None,
             )
             if found is not None and found in self.good:
                 held.add(branch)
@@ -374,9 +383,11 @@ class Search:
         self.start_seconds += time.perf_counter() - began
         return starts
 
-    def attempt(self, start: Start, *, rung: int = len(RUNGS) - 1, **options: Any) -> Tried | None:
+    def attempt(
+        self, start: Start, solver: GraspSolverRun | None = None, *, rung: int = len(RUNGS) - 1, **options: Any
+    ) -> Tried | None:
         """Solve from a start and verify; None where there are no numbers to verify."""
-        solver = self.solver(start)
+        solver = solver or self.solver(start)
         attempt = solver.run(self.scene, start, self.budget, rung=rung, **options)
         if not np.isfinite(attempt.x).all():
             return None
@@ -413,6 +424,14 @@ class Search:
 def _same(one: Start, two: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
     return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=SAME_BASIN)
+
+
+def _least(tried: list[Tried]) -> Tried | None:
+    """The one with the least objective; one that converged, where that costs next to nothing."""
+    least = min((t.attempt.objective for t in tried), default=0.0)
+    near = least + NEAR * max(1.0, abs(least))
+    converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]
+    return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
 
 
 def branch_of(start: Start) -> tuple[Any, ...]:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
+from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
+from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
+from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
@@ -100,7 +102,8 @@ def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> Gr
     except KeyboardInterrupt:
         return replace(first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"})
     result = first if resolved == first.scene or budget.over else _Verdict(resolved, budget).result()
-    return replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
+    result = replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
+    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result
 
 
 class _Verdict:
@@ -125,7 +128,7 @@ class _Verdict:
             return self._solved(best)
 
     def _best(self) -> Tried | None:
-        return self.search.best or self.search.fallback
+        return self.search.best or self.search.fallback or self.search.unstable
 
     def _judged(self) -> GraspResult:
         far = out_of_reach(self.scene)
@@ -138,6 +141,8 @@ class _Verdict:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
+        if not reasons and self._best() is None and not self.budget.cut:
+            reasons = find_pairs(self.scene, search)
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
@@ -149,46 +154,54 @@ class _Verdict:
     # -- verdicts --------------------------------------------------------------------------------------------
 
     def _solved(self, best: Tried) -> GraspResult:
-        tensions = [float(t) for name in self.scene.named_fingers for t in best.arrays[f"{name}.tensions"]]
-        words = f"held with {'a tension of' if len(tensions) == 2 else 'tensions of at most'} {max(tensions):.4g} N"
-        status, message = Status.OPTIMAL, words
-        if self.search.best is None:
-            status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"
-        elif self.search.proven:
-            message += f"; no grasp has a greatest normal force below {self.search.bound:.4g} N"
-        elif not best.attempt.optimal:
-            status, message = Status.FEASIBLE, f"{words}; the solver stopped early ({best.attempt.outcome})"
-        elif self.search.excess > OPEN and self.search.left_out:
-            status = Status.FEASIBLE
-            message += (
-                f"; the greatest normal force is {self.search.excess:.0%} above what no grasp is below, and "
-                f"{self.search.left_out} starts were left out or led to no grasp"
-            )
-        explored = self.search.exploration
-        if explored.open and self.search.best is not None:
-            status = Status.FEASIBLE
-            tension = sum(tensions)
-            message += f"; {explored.open} of {explored.basins} basins could not be solved, the best of which is"
-            message += (
-                f" estimated to take {explored.best_open:.4g} N in all ({explored.best_open / tension - 1.0:+.1%})"
-            )
-        if self.budget.cut:
-            status = Status.FEASIBLE
-            message += f"; {self._cut()}, not all starts were tried"
-        if self.interrupted:
-            message += "; the search was interrupted, not all starts were tried"
+        steadied = best.solver.problem.spec.steadied
+        flaws = [] if best.certificate.stability.stable else [UNSTABLE]
+        status, message = verdict(self._forces(best), flaws, list(self._notes(best)))
         return GraspResult(
             self.scene,
             status,
             message,
             best.arrays,
             best.certificate,
-            sensitivity=sensitivities(self.scene, best) if best.attempt.optimal else (),
-            advice=self._support_note(),
+            # The eigenvalue's own dependence on the scene's numbers is not in the problem.
+            sensitivity=sensitivities(self.scene, best) if best.attempt.optimal and not steadied else (),
+            advice=" ".join(part for part in (self._support_note(), "" if best.acceptable else STEADIER) if part),
             statistics=self._statistics(best.attempt),
             exploration=self.search.exploration,
             lower_bound=self.search.bound,
         )
+
+    def _notes(self, best: Tried) -> Iterator[str]:
+        """Why something better may have been missed."""
+        if best is self.search.fallback and self.search.best is None:
+            yield "the least tension there is; nothing was found for the objective"
+        elif not best.attempt.optimal and not self.search.proven:
+            yield f"the solver stopped early ({best.attempt.outcome})"
+        if not best.acceptable:
+            yield "no stable grasp was found"
+        search, explored = self.search, self.search.exploration
+        if search.excess > OPEN and search.left_out:
+            yield (
+                f"the greatest normal force is {search.excess:.0%} above what no grasp is below, and {search.left_out} "
+                "starts were left out or led to no grasp"
+            )
+        if explored.open and search.best is not None:
+            more = explored.best_open / sum(self._tensions(best)) - 1.0
+            yield (
+                f"{explored.open} of {explored.basins} basins could not be solved, the best of which is estimated to "
+                f"take {explored.best_open:.4g} N in all ({more:+.1%})"
+            )
+        if self.budget.cut:
+            yield f"{self._cut()}, not all starts were tried"
+        if self.interrupted:
+            yield "the search was interrupted, not all starts were tried"
+
+    def _tensions(self, tried: Tried) -> list[float]:
+        return [float(t) for name in self.scene.named_fingers for t in tried.arrays[f"{name}.tensions"]]
+
+    def _forces(self, tried: Tried) -> str:
+        tensions = self._tensions(tried)
+        return f"{'a tension of' if len(tensions) == 2 else 'tensions of at most'} {max(tensions):.4g} N"
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."
@@ -197,7 +210,7 @@ class _Verdict:
     def _unsolved(self, closest: Tried | None) -> GraspResult:
         if self.budget.stopped:
             message = f"{self._cut()} before there was a verdict"
-            return self._failed(Status.TIMED_OUT, message, "Raise solver.time_limit, or free the machine.", closest)
+            return self._failed(Status.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
         elif closest is not None and closest.attempt.optimal:
@@ -206,11 +219,10 @@ class _Verdict:
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
             outcomes = ", ".join(sorted({t.attempt.outcome for t in self.search.tried}))
-            message = f"no start led to a grasp ({outcomes}), and no single limit explains it"
+            message = f"no start led to a grasp ({outcomes}), and neither one limit nor two at once explain it"
             advice = (
                 "Likely the geometry: move the base or the object, let the middle contact be elsewhere "
-                "(contacts.middle_range), or raise solver.effort. A scene that breaks two limits at once ends "
-                "here too."
+                "(contacts.middle_range), or raise solver.effort."
             )
         return self._failed(Status.NOT_SOLVED, message, advice, closest)
 

@@ -44,7 +44,7 @@ class PlanStatus(StrEnum):
     """No plan was found that satisfies all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
     """The solver stopped without a plan, and without showing that there is none."""
-    TIMED_OUT = "timed_out"
+    STOPPED = "stopped"
     """The clock stopped the search before there was a plan: an emergency, which another machine may not meet."""
 
 

@@ -188,7 +188,7 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
         advice += (
             "; plan with a softer contact first (contact_law: stiffness, rounding, slip_speed), and start from that"
         )
-    status = PlanStatus.TIMED_OUT if search.budget.stopped else PlanStatus.NOT_SOLVED
+    status = PlanStatus.STOPPED if search.budget.stopped else PlanStatus.NOT_SOLVED
     return status, f"no plan was found: {_stopped(search, last)}", advice, violated
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
@@ -124,6 +124,11 @@ class GraspScene(Value):
     closing: Closing | None = None
     """Whether closing the fingers by their tendons leads to the grasp, where that is asked: then a path is followed
     and drawn."""
+    stability: Literal["require", "ignore"] = "require"
+    """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
+    equilibrium is enough, as where the drives hold their position or something else steadies the object."""
+    overlap: Literal["forbid", "allow"] = "forbid"
+    """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 
@@ -142,6 +147,12 @@ class GraspScene(Value):
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved."""
         return tuple(self._setup(name, finger) for name, finger in self.named_fingers.items())
+
+    @property
+    def pairs(self) -> tuple[tuple[FingerSetup, FingerSetup], ...]:
+        """Fingers that must keep clear of each other and could meet, two at a time."""
+        two = combinations(self.setups, 2) if self.overlap == "forbid" else ()
+        return tuple((one, other) for one, other in two if _can_meet(one.finger, other.finger))
 
     @property
     def walls(self) -> tuple[Wall, ...]:
@@ -258,6 +269,7 @@ class GraspScene(Value):
         for setup in self.setups:
             where = "finger" if self.fingers is None else f"fingers.{setup.name}"
             self._check_finger(setup, where)
+        self._check_bases()
         self._check_supports()
 
     def _check_finger(self, setup: FingerSetup, where: str) -> None:
@@ -320,6 +332,17 @@ class GraspScene(Value):
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
             )
 
+    def _check_bases(self) -> None:
+        for one, other in self.pairs:
+            a, b = one.finger, other.finger
+            half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
+            gap = math.dist(a.base.position, b.base.position) - half
+            if gap < 0.0 and a.base_free is None and b.base_free is None:
+                raise ValueError(
+                    f"fingers.{one.name}.base and fingers.{other.name}.base overlap by {-gap:.4g} m (half thicknesses "
+                    "included): move them apart, or set overlap: allow where the fingers lie at different heights"
+                )
+
     def _check_supports(self) -> None:
         if self.object.free is not None:
             return
@@ -337,6 +360,14 @@ class GraspScene(Value):
                 raise ValueError(f"supports.{peg.name} lies {-gap:.4g} m deep in the object")
             if peg.touch == "on" and gap > TOUCHING * size:
                 raise ValueError(f"supports.{peg.name} should touch the object, which is {gap:.4g} m away and fixed")
+
+
+def _can_meet(one: GraspFinger, other: GraspFinger) -> bool:
+    """Whether two fingers are long enough to touch each other, whatever their shapes."""
+    if one.base_free is not None or other.base_free is not None:
+        return True
+    reach = one.rod.length + other.rod.length + one.thickness_radius + other.thickness_radius
+    return math.dist(one.base.position, other.base.position) < reach
 
 
 def is_graded(finger: GraspFinger) -> bool:

@@ -23,5 +23,5 @@ class SolverOptions(Value):
     """Iterations of the whole search: counted work, so that the result does not depend on how fast or busy
     the machine is."""
     time_limit: Duration = 3600.0
-    """Emergency stop of the whole search by the clock [s]; the status is then ``timed_out``, or ``feasible`` where
+    """Emergency stop of the whole search by the clock [s]; the status is then ``stopped``, or ``feasible`` where
     there was a solution by then."""

@@ -13,7 +13,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -117,7 +117,7 @@ def _run(job: Job, point: Point) -> Outcome:
     # Some numbers are only computed when they are asked for: their time counts.
     numbers = quantities(result, job.record) | {"seconds": seconds()}
     status = str(result.status)
-    reason = result.reasons[0].name if result.reasons else ""
+    reason = result.reasons[0].title if result.reasons else ""
     wanted = job.keep == "all" or (job.keep == "failed" and status not in SOLVED)
     return _outcome(job, point, data, status, result.message, numbers, reason, _files(result) if wanted else {})
 
@@ -195,7 +195,7 @@ def _meta(result: GraspResult) -> dict[str, Any]:
         if certificate is None
         else {"passed": certificate.passed, "checks": [vars(check) for check in certificate.checks]},
         "violated": list(result.violated),
-        "reasons": [vars(reason) for reason in result.reasons],
+        "reasons": [asdict(reason) for reason in result.reasons],
         "advice": result.advice,
         "statistics": dict(result.statistics),
     }

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import continuum_grasp as cg
 import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.scene.objects import Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
+from continuum_grasp.grasp.certificate.check import overlap
+from continuum_grasp.scene.objects import Circle, Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
 from tests import certificate_cases as cases
 
 
@@ -302,6 +304,31 @@ def test_friction_margins():
     assert certify(scene, arrays).friction_margin == 0.0
 
 
+@pytest.mark.parametrize("stiffness", [0.01, 1.0, 100.0])
+def test_balances_are_relative_to_the_forces_on_the_object_however_stiff_fingers_are(monkeypatch, stiffness):
+    """1e-5 of a contact force, or a moment of 1e-4 of what it would have across the finger, is too much."""
+    monkeypatch.setattr(cases, "STIFFNESS", stiffness)
+    scene, arrays = cases.squeezed_disc(press=4.0)
+    assert certify(scene, arrays).passed
+    off = certify(scene, tampered(arrays, "contact_forces", (0, 0), 4e-5))
+    assert [check.name for check in off.failed] == ["object force balance"]
+    off = certify(scene, tampered(arrays, "finger.tensions", 0, 1e-4 * 4.0 * cases.LENGTH / cases.OFFSET))
+    assert {check.name for check in off.failed} == {"finger equilibrium, finger", "tip moment balance, finger"}
+
+
+def test_a_bent_stiff_finger_bears_what_its_contact_gives():
+    """A pinch by fingers of 100 N m2, found by the optimizer; 1e-6 of a tension is 1e-3 of the contact's moment."""
+    scene = cg.load("configs/grasp/pinch.yaml")
+    stiff = {f"fingers.{name}.rod.bending_stiffness": 100.0 for name in ("left", "right")}
+    strong = {f"fingers.{name}.tendons.max_tension": 1e5 for name in ("left", "right")}
+    scene = scene.changed(stiff | strong | {"stability": "ignore"})
+    grasp = cg.optimize_grasp(scene)
+    assert grasp.certificate.passed
+    less = grasp.arrays["left.tensions"] * (1.0 - 1e-6)
+    failed = {check.name for check in certify(scene, {**grasp.arrays, "left.tensions": less}).failed}
+    assert failed == {"finger equilibrium, left", "tip moment balance, left"}
+
+
 def test_suction_is_seen_whatever_the_limit():
     """A pull that is nothing against the greatest normal force, but much against the forces in play."""
     scene, arrays = cases.disc_in_groove(press=0.1, mass=0.0)
@@ -309,12 +336,40 @@ def test_suction_is_seen_whatever_the_limit():
     assert not certify(scene, tampered(arrays, "contact_forces", (1, 0), -0.171))["normal force, groove.left"].passed
 
 
-def test_overlapping_fingers_are_measured_but_pass():
+def test_overlapping_fingers_fail_unless_they_lie_at_different_heights():
     """One of the two is thick enough to reach into the other."""
-    scene, arrays = cases.two_fingers_below(aside=0.0059)
-    certificate = certify(scene, arrays)
+    scene, arrays = cases.two_fingers_below(aside=0.0059, overlap="allow")
+    assert certify(scene, arrays).passed
+    forbids = scene.model_copy(update={"overlap": "forbid"})
+    certificate = certify(forbids, arrays)
     assert certificate.overlap == pytest.approx(0.0002, abs=1e-9)
-    assert certificate.passed
+    assert [check.name for check in certificate.failed] == ["overlap of fingers, left, right"]
+    assert certificate["overlap of fingers, left, right"].value == pytest.approx(0.0002 / 0.2, abs=1e-8)
+
+
+@pytest.mark.parametrize("half", [0.0, 0.006])
+@pytest.mark.parametrize("lean", [0.2, -0.2, 0.02])
+def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
+    """Straight ones, that cross where they turn towards each other: lines in closed form."""
+    aside = 0.03
+    fingers = {
+        "left": cases.make_finger((-aside, 0.0), -lean, half),
+        "right": cases.make_finger((aside, 0.0), lean, half),
+    }
+    scene = cases.make_scene(
+        fingers, Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.0)), {"tip": "auto"}
+    )
+    arrays = cases.stored(
+        scene, {"left": {}, "right": {}}, [("left.tip", (0, 0), cases.UP, (0, 0, 0), cases.LENGTH, 0)]
+    )
+    tip = np.array([-aside + cases.LENGTH * np.sin(lean), cases.LENGTH * np.cos(lean)])
+    along = np.array([-np.sin(lean), np.cos(lean)])  # of the other
+    off = tip - [aside, 0.0]
+    apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
+    crosses = tip[0] > 0.0
+    expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
+    one, other = certify(scene, arrays).grasp.fingers
+    assert overlap(one, other) == pytest.approx(expected, abs=2e-6)
 
 
 # -- use -----------------------------------------------------------------------------------------------------

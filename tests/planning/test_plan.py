@@ -276,7 +276,7 @@ def test_failure_is_reported_by_the_status_if_that_is_wanted():
     [
         ({"max_iterations": 2}, PlanStatus.NOT_SOLVED, "iterations were used up"),
         ({"max_total_iterations": 2}, PlanStatus.NOT_SOLVED, "solver.max_total_iterations"),
-        ({"time_limit": 1e-6}, PlanStatus.TIMED_OUT, "solver.time_limit"),
+        ({"time_limit": 1e-6}, PlanStatus.STOPPED, "solver.time_limit"),
     ],
 )
 def test_solver_that_is_stopped_says_so(solver, status, text):

@@ -3,8 +3,8 @@
 The backbones are integrated anew from their curvature profiles. The fingers' equilibrium is tested by virtual
 work: the potential of bending, weight, tendons and contact forces must be stationary in the bending
 coordinates, its gradient taken by complex steps. Normals, contact points and gaps are recomputed, never taken
-from the result on trust. Whether fingers overlap in the plane is no check, since they may lie at different
-heights; the certificate reports by how much.
+from the result on trust. Whether fingers overlap in the plane is checked unless the scene has them at different
+heights.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,13 @@ class Certificate(Summarized):
         return all(check.passed for check in self.checks)
 
     @property
+    def acceptable(self) -> bool:
+        """Whether it is what the scene asks for: every check passed, and stable where that is required."""
+        if self.grasp is None or not self.passed:
+            return False
+        return self.grasp.scene.stability == "ignore" or self.stability.stable
+
+    @property
     def failed(self) -> tuple[Check, ...]:
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
@@ -113,7 +121,9 @@ class Certificate(Summarized):
     @cached_property
     def overlap(self) -> float:
         """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
-        return float("nan") if self.grasp is None else overlap(self.grasp.fingers)
+        if self.grasp is None:
+            return float("nan")
+        return max(0.0, *(overlap(*pair) for pair in combinations(self.grasp.fingers, 2)), 0.0)
 
     def headline(self) -> str:
         """How many checks passed."""
@@ -240,8 +250,7 @@ def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
 
 
 def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
-    force = float(np.max([0.0, *(np.hypot(*load.force) for load in finger.loads)]))
-    scale = finger.moment_scale(force)
+    scale = finger.load_moment
     reference = f"{scale:.4g} N m"
     imbalance = float(np.max(np.abs(finger.virtual_work())))
     yield Check(f"finger equilibrium, {finger.name}", imbalance / scale, EQUILIBRIUM, "1", reference)

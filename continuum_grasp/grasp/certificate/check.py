@@ -128,7 +128,7 @@ def _amiss(switch: str, present: bool) -> bool:
 
 
 def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
-    """Fingers against object and supports, object against supports."""
+    """Fingers against object, supports and each other, object against supports."""
     for finger in grasp.fingers:
         emerges = int(finger.joint_edges[finger.setup.before[0]])
         depths = [("the object", depth_in_object(finger.points, grasp.object, finger.thickness))]
@@ -146,6 +146,9 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         depths.append((peg.name, peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])))
     for what, depth in depths:
         yield Check(f"penetration of the object into {what}", depth / length, PENETRATION, "1", f"{length:.4g} m")
+    for one, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
+        name, depth = f"overlap of fingers, {one.name}, {other.name}", overlap(one, other)
+        yield Check(name, depth / other.length, PENETRATION, "1", f"{other.length:.4g} m")
 
 
 def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array) -> float:
@@ -225,16 +228,42 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
     return deepest
 
 
-def overlap(fingers: tuple[RecomputedFinger, ...]) -> float:
-    """Greatest overlap of the bodies of two fingers in the plane [m]; zero where none touch."""
-    most = 0.0
-    for one, other in combinations(fingers, 2):
-        # Every second point finds the nearest pair; the distance is then that from the chain's segments beside it.
-        a, b = one.points[::2], other.points[::2]
-        apart = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
-        apart -= one.thickness[::2, None] + other.thickness[None, ::2]
-        i, j = np.unravel_index(int(apart.argmin()), apart.shape)
-        near = b[max(int(j) - 1, 0) : int(j) + 2]
-        closest = float(segment_distance(a[i], near[:-1], near[1:]).min())
-        most = worst(most, one.thickness[::2][i] + other.thickness[::2][j] - closest)
-    return most
+def overlap(one: RecomputedFinger, other: RecomputedFinger) -> float:
+    """How deep two fingers are in each other in the plane [m]; negative: how far they are apart.
+
+    Where their backbones cross, by both half thicknesses and as much as a tip is beyond the other backbone.
+    """
+    a, b = one.points, other.points
+    apart = np.hypot(a[:, None, 0] - b[:, 0], a[:, None, 1] - b[:, 1])
+    gap = apart - one.thickness[:, None] - other.thickness
+    # Panels are straight: what is nearest lies on two that end where the points are nearly nearest.
+    reach = float(np.hypot(*np.diff(a, axis=0).T).max() + np.hypot(*np.diff(b, axis=0).T).max())
+    p, q = _panels(gap <= gap.min() + reach)
+    ends = (a[p], b[q], b[q + 1]), (a[p + 1], b[q], b[q + 1]), (b[q], a[p], a[p + 1]), (b[q + 1], a[p], a[p + 1])
+    closest = np.min([segment_distance(*each) for each in ends], axis=0)
+    deepest = float((_half(one, p) + _half(other, q) - closest).max())
+    p, q = _panels(apart <= reach)
+    crossing = _apart(a[p], a[p + 1], b[q], b[q + 1]) & _apart(b[q], b[q + 1], a[p], a[p + 1])
+    if crossing.any():
+        beyond = (float(segment_distance(tip, line[:-1], line[1:]).min()) for tip, line in ((a[-1], b), (b[-1], a)))
+        deepest = worst(deepest, float((_half(one, p) + _half(other, q))[crossing].max()) + min(beyond))
+    return deepest
+
+
+def _half(finger: RecomputedFinger, panels: Array) -> Array:
+    """Half the thickness of panels, where it is greatest [m]."""
+    return np.asarray(np.maximum(finger.thickness[panels], finger.thickness[panels + 1]))
+
+
+def _panels(near: Array) -> tuple[Array, Array]:
+    """Pairs of panels (m,), (m,) that end at nodes which are near each other (A, B)."""
+    touched = near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:]
+    p, q = np.nonzero(touched)
+    return p, q
+
+
+def _apart(start: Array, end: Array, one: Array, other: Array) -> Array:
+    """Whether points lie on different sides of the lines through two others (m,)."""
+    span = end - start
+    sides = [span[:, 0] * (z - start)[:, 1] - span[:, 1] * (z - start)[:, 0] for z in (one, other)]
+    return np.asarray(sides[0] * sides[1] < 0.0)

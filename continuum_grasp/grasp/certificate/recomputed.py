@@ -19,6 +19,11 @@ from continuum_grasp.scene.supports import Peg, Wall
 
 Array = NDArray[Any]
 
+TRACE = 1e-5
+"""Part of E I / L^2 that a contact force counts as at least: less is what solvers leave of forces that are zero."""
+SHARE = 1e-3
+"""Part of the greatest moment in a finger that a load's moment counts as at least: an elastic moment and that of the
+tendons which balance each other to 1e-9 leave as much."""
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
 _BLUNT = 1e-3
@@ -86,6 +91,31 @@ class RecomputedFinger:
         least = 0.01 * max(force * self.length, self.stiffness / self.length)
         drive = float(np.abs(self.shape.actuation(self.rod.nodes, self.amplitudes)).max())
         return float(np.max([drive, bent, least]))
+
+    @property
+    def load_moment(self) -> float:
+        """What residual moments are compared with [N m]: the greatest moment of contact forces and weight, to which
+        what bends the finger adds little, however stiff it is.
+        """
+        s, moment = self.rod.edges, np.zeros(self.rod.edges.size)
+        greatest = 0.0
+        for load in self.loads:
+            edge = self.joint_edges[load.joint]
+            arm = self.points[edge] - self.points
+            moment += np.where(s <= s[edge], arm[:, 0] * load.force[1] - arm[:, 1] * load.force[0] + load.couple, 0.0)
+            greatest = max(greatest, float(np.hypot(*load.force)))
+        # A force along a straight finger has no moment, but counts by 1 % of what it had across.
+        greatest += self.weight
+        bent = self.moment_scale(0.0)
+        return float(
+            np.max([np.abs(moment).max(), 0.01 * greatest * self.length, 0.1 * self.weight * self.length, SHARE * bent])
+        )
+
+    @property
+    def weight(self) -> float:
+        """Of the finger and the masses on it [N]."""
+        own = float(self.profile.linear_density(self.rod.nodes) @ self.rod.weights)
+        return float(np.hypot(*self.gravity)) * (own + sum(mass.mass for mass in self.finger.masses))
 
     def virtual_work(self) -> Array:
         """Virtual work of all moments and forces in each bending coordinate, per greatest turn of a section (n,) [N m]:
@@ -187,8 +217,9 @@ class RecomputedGrasp:
         self.size = scene.object.size
         self.names = [str(name) for name in np.asarray(arrays["contact_names"]).ravel()]
         self.forces = np.asarray(arrays["contact_forces"], dtype=float).reshape(-1, 3)
-        # What a residual force is compared with [N]; 1 % of what bends a finger where nothing else acts.
-        least = 0.01 * min(f.stiffness / f.length**2 for f in self.fingers)
+        # What a residual force is compared with [N]: the forces on the object, whatever bends the fingers. Where there
+        # are none, as of a touch without weight, a trace of what bends a finger.
+        least = TRACE * min(f.stiffness / f.length**2 for f in self.fingers)
         self.force_scale = float(np.max([np.abs(self.forces).max(initial=0.0), scene.weight, least]))
         self.contacts = self._contacts(arrays)
         for contact in self.contacts:

@@ -19,9 +19,11 @@ dependent."""
 def add_limits(problem: Unknowns) -> None:
     """Add the inequalities to a problem whose unknowns and contacts are there."""
     _bound_contacts(problem)
+    places = [_keep_clear(problem, finger) for finger in problem.fingers]
     for finger in problem.fingers:
-        _keep_clear(problem, finger)
         _keep_limits(problem, finger)
+    for one, other in problem.spec.pairs:
+        _keep_apart(problem, (one, other), (places[one], places[other]))
     if problem.spec.free:
         _keep_object_clear(problem)
 
@@ -50,7 +52,8 @@ def _bound_contacts(problem: Unknowns) -> None:
         require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
 
 
-def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
+def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
+    """A finger keeps clear of object and supports at its guarded places, world positions (2, K)."""
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
     points, _, touches, thick = finger.guarded
     places, tolerance, half = ca.horzsplit(points), number("tolerance"), thick
@@ -80,6 +83,26 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> None:
         # 1e-24 keeps the root differentiable where a place is at the peg's center.
         spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - _each(half, j) + slack for j, z in enumerate(places)]
     require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
+    return points
+
+
+def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, ca.SX]) -> None:
+    """Two fingers keep clear of each other: of each element, the place nearest to the other finger.
+
+    The places are between guarded ones (2, K), with weights that the search renews; the gaps needed make up for the
+    bend between these.
+    """
+    one, other = (problem.fingers[k] for k in pair)
+    name, number = f"{one.spec.name}, {other.spec.name}", problem.numbers
+    count = one.spec.elements + other.spec.elements
+    near = [
+        points @ ca.reshape(number(f"{side} of {name}", count * points.shape[1]), points.shape[1], count)
+        for side, points in zip(("first", "second"), places, strict=True)
+    ]
+    # 1e-24 keeps the root differentiable where the fingers cross.
+    away = ca.sqrt(ca.sum1((near[0] - near[1]) ** 2).T + 1e-24)
+    spare = away - number(f"gap of {name}", count) + problem.slack["overlap"] + number("tolerance")
+    problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
 
 
 def _each(values: ca.SX, k: int) -> ca.SX:

@@ -209,4 +209,15 @@ RELAXATIONS = (
         repair="place base or object so that no finger need pass {needed:.2g} m deep through the object",
         excuses=_into_object,
     ),
+    Relaxation(
+        "overlap",
+        "overlap",
+        "m",
+        "fingers are in each other's way: two would have to overlap by {needed:.2g} m",
+        start=lambda s: 0.25 * s.object.size,
+        repair="move the bases {needed:.2g} m apart, or overlap: allow where the fingers lie at different heights",
+        excuses=lambda check: check.startswith("overlap of fingers, "),
+        without=lambda s: _with(s, overlap="allow"),
+        applies=lambda s: bool(s.pairs),
+    ),
 )

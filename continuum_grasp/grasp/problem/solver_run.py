@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -93,16 +94,18 @@ class GraspSolverRun:
         *,
         rung: int = 0,
         iterations: int | None = None,
-        relaxed: tuple[Relaxation, float] | None = None,
+        relaxed: Sequence[tuple[Relaxation, float]] = (),
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
+        numbers: Mapping[str, Any] | None = None,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
         ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
-        Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
-        ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
-        the unknowns begin with ``x0``, by default those of the start.
+        Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
+        ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
+        parts of a usual amount. Contacts sit on ``features`` and the unknowns begin with ``x0``, by default those of
+        the start. Further run-time ``numbers`` go to the problem.
 
         Raises
         ------
@@ -111,29 +114,29 @@ class GraspSolverRun:
         """
         problem, units = self.problem, Units.of(scene)
         features = features or contact_features(scene, start.contacts)
-        values = problem_values(problem, scene, start, features)
+        values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
         x = starting_point(problem, scene, start, features) if x0 is None else x0
-        if relaxed is not None:
-            relaxation, amount = relaxed
+        for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
             high[at] = relaxation.most / scale
             if relaxation.size > 1:
                 low[at] = -high[at]
             x[at] = amount / scale
             values["effort weight"] = EFFORT_WHEN_RELAXED
-            values["relaxation weights"] = np.array([float(each is relaxation) for each in RELAXATIONS])
+            weight = 1.0 if len(relaxed) == 1 else scale / relaxation.start(scene)
+            values["relaxation weights"][RELAXATIONS.index(relaxation)] = weight
         self.prepare(scene)
         began = time.perf_counter()
         options, most = RUNGS[rung]
         known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds(), option_set=options)
         with budget.share(iterations) as part:
-            attempts, numbers = self._rounds(scene, known, values, part, most)
+            attempts, last_numbers = self._rounds(scene, known, values, part, most)
         last = attempts[-1]
         total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(
-            **{**vars(last), **total}, start=start, features=features, numbers=numbers, violations=violations
+            **{**vars(last), **total}, start=start, features=features, numbers=last_numbers, violations=violations
         )
 
     def _rounds(

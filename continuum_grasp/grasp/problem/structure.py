@@ -92,12 +92,14 @@ class ProblemSpec:
     planes: int  # supports that are half planes
     lines: int  # finite ones
     pegs: int  # round ones
+    pairs: tuple[tuple[int, int], ...]  # indices of fingers that must keep clear of each other
     free: bool  # whether the object's pose is sought
     gravity: str  # "planar", "out_of_plane" or "none"
     tilt: bool  # whether the tilt balance holds
     aims: tuple[str, ...]  # objectives with a weight
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances
+    steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
 
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
@@ -117,6 +119,7 @@ class ProblemSpec:
             place = places.get(name, (-1, -2))
             specs.append(ContactSpec(name, *place, support in pegs, surfaces[start.part], support in bounded))
         disturbed = "greatest_disturbance" in aims
+        index = {setup.name: k for k, setup in enumerate(setups)}
         return ProblemSpec(
             fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
             contacts=tuple(specs),
@@ -124,6 +127,7 @@ class ProblemSpec:
             planes=len(scene.walls) - len(bounded),
             lines=len(bounded),
             pegs=len(pegs),
+            pairs=tuple((index[one.name], index[other.name]) for one, other in scene.pairs),
             free=scene.object.free is not None,
             gravity=gravity.mode,
             tilt=isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance",

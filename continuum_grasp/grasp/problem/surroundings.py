@@ -95,8 +95,13 @@ class Surroundings:
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
-        for k, setup in enumerate(scene.setups):
+        traced = [
             self._along(scene, setup, k, rest[8 * k : 8 * k + 8], pose, units, allowed, sight)
+            for k, setup in enumerate(scene.setups)
+        ]
+        for one, other in self._problem.spec.pairs:
+            deep = _between(traced[one], traced[other], sight.numbers) - float(x[at["relaxed overlap"]][0])
+            sight.deepest = max(sight.deepest, deep)
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, part in enumerate(scene.object.parts):
@@ -113,7 +118,7 @@ class Surroundings:
         units: Units,
         allowed: list[float],
         sight: Sight,
-    ) -> None:
+    ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
         points, half, curvatures, q, lengths, tip, pulls, base = values
@@ -132,9 +137,8 @@ class Surroundings:
             return [obstacle.near(at, owner, thick, setup, base, pose, units) for obstacle in obstacles]
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
-        depth = np.max(
-            [needed - gap - r for (_, gap, needed), r in zip(look(*along(even)), spare, strict=True)], axis=0
-        )
+        dense = along(even)
+        depth = np.max([needed - gap - r for (_, gap, needed), r in zip(look(*dense), spare, strict=True)], axis=0)
         probes = _deepest(depth.reshape(-1, FINE + 1), finger.probes)
         at, owner, thick = along(probes)
         owner = np.concatenate([self._elements[index], owner]).astype(int)
@@ -152,6 +156,53 @@ class Surroundings:
             elif isinstance(obstacle.body, Wall):
                 sight.numbers |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
                 planes += 1
+        return _Traced(name, *dense, np.concatenate([points.T, at]))
+
+
+@dataclass(frozen=True)
+class _Traced:
+    """A finger as a look found it, in units of the problem."""
+
+    name: str
+    points: Array  # (M, 2) densely along it
+    owner: Array  # (M,) their elements
+    half: Array  # (M,) half the thickness there
+    guarded: Array  # (K, 2) the guarded places
+
+    def weights(self, picks: Array) -> Array:
+        """Weights (K, m) of the guarded places that give the points of indices ``picks`` (m,), about."""
+        off = self.points[:, None] - self.guarded
+        at = (off**2).sum(axis=2).argmin(axis=0)
+        order = np.argsort(at, kind="stable")
+        at = at[order]
+        after = np.clip(np.searchsorted(at, picks), 1, at.size - 1)
+        before = after - 1
+        share = np.clip((picks - at[before]) / np.maximum(at[after] - at[before], 1), 0.0, 1.0)
+        found, columns = np.zeros((at.size, picks.size)), np.arange(picks.size)
+        found[order[before], columns] += 1.0 - share
+        found[order[after], columns] += share
+        return found
+
+
+def _between(one: _Traced, other: _Traced, numbers: Values) -> float:
+    """How deep two fingers are in each other; the places where each element is nearest go into the numbers."""
+    away = np.hypot(*(one.points[:, None] - other.points).transpose(2, 0, 1))
+    gap = away - one.half[:, None] - other.half
+    rows = [np.flatnonzero(one.owner == k)[:, None] for k in range(int(one.owner[-1]) + 1)]
+    columns = [np.flatnonzero(other.owner == k) for k in range(int(other.owner[-1]) + 1)]
+    every = np.arange(len(one.points))[:, None], np.arange(len(other.points))
+    picks = []
+    for i, j in (*((row, every[1]) for row in rows), *((every[0], column) for column in columns)):
+        k = int(gap[i, j].argmin())
+        picks.append((int(i.ravel()[k // j.size]), int(j[k % j.size])))
+    first, second = np.array(picks).T
+    weights = one.weights(first), other.weights(second)
+    chords = np.hypot(*(weights[0].T @ one.guarded - weights[1].T @ other.guarded).T)
+    name = f"{one.name}, {other.name}"
+    # Column after column, as CasADi has it; between guarded places a finger bends away from the line through them.
+    numbers |= {f"{side} of {name}": w.ravel(order="F") for side, w in zip(("first", "second"), weights, strict=True)}
+    numbers[f"gap of {name}"] = chords - gap[first, second]
+    return -float(gap.min())
 
 
 def _obstacles(scene: GraspScene) -> list[_Obstacle]:

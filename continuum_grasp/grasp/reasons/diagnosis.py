@@ -83,7 +83,13 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     The starts of a ``search`` without success are used, and grasps that turn up after all are added to it. Reasons that
     the scene has a number for come first, by how small a factor is missing.
     """
-    repairs = _Repairs(scene, search)
+    repairs = repaired(scene, search)
+    return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
+
+
+def repaired(scene: GraspScene, search: Search) -> Repairs:
+    """Relax each limit alone."""
+    repairs = Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
     for relaxation in RELAXATIONS:
         if relaxation.applies(scene):
@@ -98,10 +104,10 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
             # Where the amount is known, the scan finds postures for just this much: closer starts than the first ones.
             repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
         repairs.resume(relaxation)
-    return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=_rank)
+    return repairs
 
 
-def _rank(reason: Reason) -> tuple[bool, float, int]:
+def rank(reason: Reason) -> tuple[bool, float, int]:
     """Limits that the scene has a number for come first, by the factor that they are off, and then in order of trial;
     a friction that few surfaces have comes after them.
     """
@@ -113,7 +119,7 @@ def _rank(reason: Reason) -> tuple[bool, float, int]:
 
 
 @dataclass(frozen=True)
-class _Repair:
+class Repair:
     """A relaxed limit, and the resulting grasp."""
 
     amount: float  # by how much
@@ -121,12 +127,12 @@ class _Repair:
     attempt: Attempt  # that found it
 
 
-class _Repairs:
+class Repairs:
     """Relaxed limits that give a grasp where a search found none; ``found`` has the best so far by the limit's name."""
 
     def __init__(self, scene: GraspScene, search: Search) -> None:
         self.scene, self._search = scene, search
-        self.found: dict[str, _Repair] = {}
+        self.found: dict[str, Repair] = {}
         self._open: dict[str, list[Attempt]] = {}
 
     @property
@@ -143,11 +149,11 @@ class _Repairs:
         eased = relaxation.eased(self.scene, amount)
         known: list[Start] = []
         if relaxation.limit is None:
-            known = _spread([t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)])
+            known = spread([t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)])
         if eased is self.scene:
             return known
         search = Search(eased, self._search.budget)
-        eased_starts = [_spread(search.starts_of(mode)) for mode in contact_modes(eased)]
+        eased_starts = [spread(search.starts_of(mode)) for mode in contact_modes(eased)]
         self._search.start_seconds += search.start_seconds
         return [start for rank in zip_longest(*eased_starts, known) for start in rank if start is not None]
 
@@ -156,7 +162,7 @@ class _Repairs:
         for start in starts:
             if self._search.budget.over:
                 return
-            self._try(relaxation, start, relaxation.start(self.scene), iterations=HASTY)
+            self.attempt(relaxation, start, relaxation.start(self.scene), iterations=HASTY)
 
     def resume(self, relaxation: Relaxation) -> None:
         """Go on with attempts whose iterations were used up, one of each amount."""
@@ -168,12 +174,12 @@ class _Repairs:
             if not any(math.isclose(amount, other, rel_tol=SAME) for other in done):
                 done.append(amount)
                 options = {"features": attempt.features, "x0": attempt.x, "iterations": 2 * HASTY}
-                self._try(relaxation, attempt.start, amount, **options)
+                self.attempt(relaxation, attempt.start, amount, **options)
 
-    def _try(self, relaxation: Relaxation, start: Start, amount: float, **options: Any) -> None:
+    def attempt(self, relaxation: Relaxation, start: Start, amount: float, **options: Any) -> None:
         name, search = relaxation.name, self._search
         solver = search.solver(start)
-        attempt = solver.run(self.scene, start, search.budget, rung=2, relaxed=(relaxation, amount), **options)
+        attempt = solver.run(self.scene, start, search.budget, rung=2, relaxed=[(relaxation, amount)], **options)
         if not np.isfinite(attempt.x).all():
             return
         # Out of its own iterations: most limits are no reason, so the others are tried first.
@@ -186,7 +192,7 @@ class _Repairs:
             arrays = solver.arrays(self.scene, attempt)
             amount = max(amount, self._depth(relaxation, arrays))
             if (best is None or amount < best.amount) and self._holds(relaxation, amount, arrays):
-                self.found[name] = _Repair(amount, arrays, attempt)
+                self.found[name] = Repair(amount, arrays, attempt)
 
     def reason(self, relaxation: Relaxation) -> Reason:
         """The best repair in words, confirmed by linear programming where it applies; whether its posture needs no
@@ -226,7 +232,7 @@ class _Repairs:
         return max((check.value * lengths[check.name.split(", ")[-1]] for check in failed), default=0.0)
 
 
-def _spread(starts: list[Start]) -> list[Start]:
+def spread(starts: list[Start]) -> list[Start]:
     """One start of each branch first, then the second of each, and so on."""
     branches: dict[tuple[Any, ...], list[Start]] = {}
     for start in starts:

@@ -1,0 +1,95 @@
+"""Stable grasps next to unstable ones: the least eigenvalue of the second-order test becomes a constraint.
+
+The eigenvalue is the certificate's own, of rods cut into many cells. It enters the NLP to first order, and the
+point that solves it is where it is taken anew, until the grasp found is stable and hardly changes (successive
+linearization: J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 18).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.certificate.stability import contact_stability
+from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.scene.grasp import GraspScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.search import Search, Tried
+
+Array = NDArray[Any]
+
+LEAST = 1e-2
+"""Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
+ROUNDS, CAP = 12, 40
+"""Linearizations from one unstable grasp, and iterations of the solver in each."""
+UNSTABLE, ALIKE = 2, 1e-2
+"""Unstable grasps from which a stable one is sought, and the relative difference of their objectives."""
+SMALLEST = 0.3
+"""Part of the way to stability of a step that the solver must at least follow."""
+SETTLED = 1e-4
+"""Relative change of the objective from one round to the next at which it is taken for converged."""
+_STEP = 1e-6
+"""Of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
+_CELLS = 40
+"""Rigid pieces per finger for slopes; the value itself is that of the certificate."""
+
+
+def stabilize(search: Search) -> None:
+    """Seek stable grasps next to the unstable ones that are better than the best stable one."""
+    unstable = sorted((t for t in search.good if not t.acceptable), key=lambda t: t.attempt.objective)
+    tried: list[float] = []
+    for at in unstable:
+        best, objective = search.best, at.attempt.objective
+        if search.budget.over or len(tried) == UNSTABLE or (best and best.attempt.objective <= objective):
+            return
+        if not any(abs(objective - other) <= ALIKE * abs(other) for other in tried):
+            tried.append(objective)
+            _stabilize(search, at)
+
+
+def _stabilize(search: Search, at: Tried) -> None:
+    """Raise the least eigenvalue of an unstable grasp, by smaller steps where the solver does not follow."""
+    solver = solver_for(replace(at.solver.problem.spec, steadied=True))
+    share, before = 1.0, np.inf
+    slope = _slope(search.scene, at)
+    for _ in range(ROUNDS):
+        value = at.certificate.stability.eigenvalue
+        if search.budget.over or not np.isfinite(slope).all():
+            return
+        wanted = value + share * (LEAST - value)
+        numbers = {"stability slope": slope, "stability level": wanted - value + float(slope @ at.attempt.x)}
+        start, features = replace(at.attempt.start, label="stable"), at.attempt.features
+        found = search.attempt(start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=CAP)
+        if found is None or not found.attempt.converged or found.certificate.stability.eigenvalue < value:
+            share *= 0.4
+            if share < SMALLEST:
+                return
+            continue
+        at, share, objective = found, min(1.0, 2.0 * share), found.attempt.objective
+        if at.acceptable and abs(objective - before) <= SETTLED * max(1.0, abs(objective)):
+            return
+        before, slope = objective, _slope(search.scene, at)
+
+
+def _slope(scene: GraspScene, at: Tried) -> Array:
+    """Derivative of the eigenvalue by the unknowns, by differences."""
+    solver, attempt = at.solver, at.attempt
+
+    def value(x: Array) -> float:
+        arrays = solver.arrays(scene, replace(attempt, x=x))
+        return contact_stability(RecomputedGrasp(scene, arrays), _CELLS).eigenvalue
+
+    slope, here = np.zeros(attempt.x.size), value(attempt.x)
+    shape = {f"{setup.name}.{key}" for setup in scene.setups for key in ("q", "pulls", "base")}
+    for name, place in solver.problem.x.at.items():
+        moves = name in shape or name == "object pose" or name.startswith(("force, ", "place, ")) or ".joint_" in name
+        for k in range(place.start, place.stop) if moves else ():
+            off = np.zeros(attempt.x.size)
+            off[k] = _STEP
+            slope[k] = (value(attempt.x + off) - here) / _STEP
+    return slope

@@ -1,0 +1,46 @@
+"""The words of a verdict on a grasp that holds: flaws come first, what the search left open comes last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from continuum_grasp.grasp.result import GraspResult, Status
+
+UNSTABLE = "unstable"
+REFUTED = "refuted by the fine model"
+STEADIER = (
+    "For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. stability: "
+    "ignore, where the drives hold their position or something else steadies the object."
+)
+
+
+def verdict(forces: str, flaws: Sequence[str], notes: Sequence[str]) -> tuple[Status, str]:
+    """Status and message of a verified grasp.
+
+    Parameters
+    ----------
+    forces : str
+        With what it is held.
+    flaws : sequence of str
+        What is wrong with it.
+    notes : sequence of str
+        Why something better may have been missed.
+
+    Returns
+    -------
+    Status
+        ``optimal`` where there are neither flaws nor notes.
+    str
+        One sentence.
+    """
+    head = f"held but {' and '.join(flaws)}: {forces}" if flaws else f"held with {forces}"
+    return Status.FEASIBLE if flaws or notes else Status.OPTIMAL, "; ".join([head, *notes])
+
+
+def flawed(result: GraspResult, flaw: str) -> GraspResult:
+    """A verified grasp with a flaw that was found afterwards."""
+    message = result.message.replace("held with ", f"held but {flaw}: ", 1)
+    if message == result.message:  # it has flaws already
+        message = message.replace(": ", f" and {flaw}: ", 1)
+    return replace(result, status=Status.FEASIBLE, message=message)

@@ -1,0 +1,128 @@
+"""What a verdict says of grasps that are unstable, cross, are held by no tendon, or that a fine model refutes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from grasp_scenes import UPRIGHT, make_scene
+
+import continuum_grasp as cg
+from benchmarks.grasp_oracle.numbers import numbers
+from benchmarks.grasp_oracle.scenes import one_finger, two_fingers
+from benchmarks.grasp_oracle.search import Search
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
+from continuum_grasp.grasp.search import Search as GraspSearch
+from continuum_grasp.grasp.steady import _slope
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.finger import Rod
+from tests import certificate_cases as cases
+
+EULER = math.pi**2 * cases.STIFFNESS / (4 * cases.LENGTH**2)
+"""Load at which a column buckles whose end is free [N]."""
+
+
+def solved(scene, **options):
+    return optimize_grasp(scene, raise_on_failure=False, **options)
+
+
+@pytest.mark.parametrize("load", [0.5, 5.0])
+def test_a_disc_on_two_upright_fingers_is_steady_below_their_euler_load(load):
+    """Straight fingers carry it from below: beyond the Euler load no grasp near these is stable."""
+    scene, _ = cases.two_fingers_below(mass=2 * load * EULER / 9.81, half=0.0)
+    result = solved(scene)
+    assert result.solved
+    assert result.certificate.stability.stable is (load < 1.0)
+    assert result.status is (Status.OPTIMAL if load < 1.0 else Status.FEASIBLE)
+    assert result.message.startswith("held with" if load < 1.0 else "held but unstable: ")
+    assert any("unstable" in warning for warning in result.warnings) is (load > 1.0)
+
+
+def test_a_stable_grasp_is_sought_next_to_an_unstable_one():
+    """The least tension of all is that of an unstable grasp, which the oracle of the benchmark confirms."""
+    scene = one_finger(125)
+    loose, steady = solved(scene), solved(scene.changed({"stability": "require"}))
+    assert (loose.status, steady.status) == (Status.FEASIBLE, Status.OPTIMAL)
+    assert loose.message.startswith("held but unstable: ")
+    assert not loose.certificate.stability.stable
+    assert steady.certificate.passed
+    assert steady.certificate.stability.eigenvalue > 0.0
+    assert steady.tension > 1.1 * loose.tension
+
+
+def test_the_slope_of_the_least_eigenvalue_leads_to_stability():
+    """A step along it changes the eigenvalue by as much as the slope says."""
+    scene = one_finger(125).changed({"stability": "require"})
+    search = GraspSearch(scene, Budget())
+    search.run()
+    at = next(t for t in search.good if not t.acceptable)
+    slope = _slope(scene, at)
+    step = 1e-4 * slope / np.linalg.norm(slope)
+    moved = type(at.attempt)(**{**vars(at.attempt), "x": at.attempt.x + step})
+    after = certify(scene, at.solver.arrays(scene, moved)).stability.eigenvalue
+    # The slope is that of fewer cells.
+    assert after - at.certificate.stability.eigenvalue == pytest.approx(slope @ step, rel=0.05)
+
+
+@pytest.mark.slow
+def test_fingers_that_would_cross_are_refused_and_named():
+    """The two reach the object from the wrong sides, past each other, which no posture that keeps clear can."""
+    scene = two_fingers(51)
+    crossing = solved(scene)
+    assert crossing.certificate.overlap > 0.01
+    apart = solved(scene.changed({"overlap": "forbid"}))
+    if apart.solved:
+        assert apart.certificate.overlap == 0.0
+        return
+    assert apart.status is Status.INFEASIBLE
+    reason = next(reason for reason in apart.reasons if reason.name == "overlap")
+    assert reason.needed <= crossing.certificate.overlap * (1.0 + 1e-3)
+    assert "overlap: allow" in apart.advice
+
+
+def test_bases_that_overlap_are_refused():
+    with pytest.raises(InputError, match=r"overlap: allow"):
+        cg.load("configs/grasp/pinch.yaml").changed({"fingers.right.base.position": [-0.055, 0.12]})
+
+
+def test_an_object_that_the_base_presses_alone_is_warned_of():
+    def warnings(scene, arrays):
+        result = GraspResult(scene, Status.OPTIMAL, "held", arrays, certify(scene, arrays))
+        return [text for text in result.warnings if "hardly pull" in text]
+
+    assert warnings(*cases.disc_in_groove())  # a straight finger without tension
+    assert not warnings(*cases.wrapped_disc())
+
+
+def test_what_a_fine_model_refutes_is_not_optimal():
+    """Four elements find 37.6 N, 16 find 2.4 % more (configs/grasp/mug.yaml): a tendon that is just strong enough."""
+    scene = cg.load("configs/grasp/mug.yaml")
+    assert max(solved(scene.changed({"fidelity.elements": 12})).fingers["finger"].tensions) > 37.8
+    weak = scene.changed({"finger.tendons.max_tension": 37.7})
+    assert solved(weak).status is Status.OPTIMAL
+    result = solved(weak, fine=True)
+    assert result.status is Status.FEASIBLE
+    assert result.message.startswith("held but refuted by the fine model: ")
+
+
+def test_two_limits_at_once_are_named_with_their_numbers():
+    """Arcs that touch in the middle and at the tip are isolated: the oracle of the benchmark has their strain from
+    geometry and the tension by linear programming.
+    """
+    rod = Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012)
+    free = make_scene("arc", UPRIGHT, finger={"rod": rod, "strain_limit": 0.06})
+    search = Search(numbers(free))
+    strain = 0.5 * 0.0012 * search.least_measure(lambda p: float(np.abs(p.ends).max()), search.numbers).value
+    tension = search.best("tension").value
+    tight = free.changed({"finger.strain_limit": 0.7 * strain, "finger.tendons.max_tension": 0.7 * tension})
+    result = solved(tight)
+    assert result.status is Status.INFEASIBLE
+    assert result.message.startswith("two limits at once: ")
+    found = {frozenset({r.name, *(other.name for other in r.also)}): r for r in result.reasons}
+    pair = found[frozenset({"tension", "strain"})]
+    needed = {each.name: each.needed for each in (pair, *pair.also)}
+    assert needed["strain"] == pytest.approx(strain, rel=1e-2)
+    assert needed["tension"] == pytest.approx(tension, rel=1e-2)
+    assert "together with" in result.advice
