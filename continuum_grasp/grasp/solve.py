@@ -14,7 +14,7 @@ from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
-from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.nlp import Budget
@@ -145,8 +145,8 @@ class _Verdict:
     # -- verdicts --------------------------------------------------------------------------------------------
 
     def _solved(self, best: Tried) -> GraspResult:
-        tensions = [float(t) for name in self.scene.named_fingers for t in best.arrays[f"{name}.tensions"]]
-        words = f"held with {'a tension of' if len(tensions) == 2 else 'tensions of at most'} {max(tensions):.4g} N"
+        total = sum(float(best.arrays[f"{name}.tensions"].sum()) for name in self.scene.named_fingers)
+        words = f"held with a sum of tensions of {force_text(best.arrays, total)} N"
         status, message = Status.OPTIMAL, words
         if self.search.best is None:
             status, message = Status.FEASIBLE, f"{words}, the least there is; nothing was found for the objective"

@@ -53,8 +53,8 @@ def _finger_lines(result: GraspResult) -> list[str]:
     for setup in result.scene.setups:
         name, finger, posture = setup.name, setup.finger, result.fingers[setup.name]
         most = setup.tendons.max_tension
-        left, right = posture.tensions
-        lines.append(f"  {name:<{width}}  tendons  left {left:.3f} N, right {right:.3f} N of {most:g} N")
+        left, right = (result.force_text(tension) for tension in posture.tensions)
+        lines.append(f"  {name:<{width}}  tendons  left {left} N, right {right} N of {most:g} N")
         pad = " " * (width + 4)
         if finger.base_free is not None:
             x, y, angle = posture.base
@@ -73,11 +73,10 @@ def _contact_lines(result: GraspResult) -> list[str]:
     lift = f"{'lift [N]':>10}" if lifted else ""
     lines = [f"  {'contact':<{width}}    x [mm]    y [mm]  normal [N]  friction [N]{lift}  margin"]
     for c in result.contacts:
-        x, y, friction = (round(v, 3) + 0.0 for v in (*(1e3 * c.position), c.friction_force))  # no -0.0
-        # A contact at its limit has a margin of rounding, which would print as -0.0%.
-        margin = abs(c.friction_margin) if abs(c.friction_margin) < 5e-7 else c.friction_margin
-        lift = f"{c.lift:10.3f}" if lifted else ""
-        lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{c.normal_force:12.3f}{friction:14.3f}{lift}{margin:8.1%}")
+        x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
+        normal, friction, lift = (result.force_text(f) for f in (c.normal_force, c.friction_force, c.lift))
+        words = f"{normal:>12}{friction:>14}{f'{lift:>10}' if lifted else ''}{result.margin_text(c):>8}"
+        lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{words}")
     return lines
 
 
@@ -138,9 +137,9 @@ def _why_lines(result: GraspResult) -> list[str]:
             unit = "" if r.unit in ("", "1") else f" {r.unit}"
             lines += [f"  {r.text}", f"    {r.repair}   ({r.key}, now {r.limit:.4g}{unit})"]
     if result.violated:
-        lines += ["", "Broken constraints at the closest point:", *(f"  {text}" for text in result.violated)]
+        lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
+        lines += ["", "The closest attempt, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
     return lines
 
 
@@ -196,9 +195,9 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     if result.reasons:
         found["reasons"] = [asdict(reason) for reason in result.reasons]
     if result.violated:
-        found["broken_constraints_at_the_closest_point"] = list(result.violated)
+        found["broken_constraints_at_the_closest_attempt"] = list(result.violated)
     if result.arrays:
-        found["grasp" if result.solved else "closest_point"] = {
+        found["grasp" if result.solved else "closest_attempt"] = {
             "tension_N": result.tension,
             "object": _pose(result.object_pose),
             "fingers": {setup.name: _finger(setup, result.fingers[setup.name]) for setup in result.scene.setups},
