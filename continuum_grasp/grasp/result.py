@@ -179,12 +179,12 @@ class Change:
 def force_text(arrays: Mapping[str, Array], force: float) -> str:
     """Write a force [N] of a grasp with so many decimals that its greatest one has four digits, wherever it is written.
 
-    The greatest is that of the sum of tensions and the components of contact forces; at most six decimals.
+    The greatest is that of the sum of tensions and the components of contact forces; two to six decimals.
     """
     total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
     most = max(total, float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0)))
     decimals = 3 - math.floor(math.log10(most)) if math.isfinite(most) and most > 0.0 else 2
-    text = f"{force:.{min(max(decimals, 0), 6)}f}"
+    text = f"{force:.{min(max(decimals, 2), 6)}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
 
 

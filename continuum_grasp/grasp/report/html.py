@@ -21,9 +21,11 @@ p { margin: .4rem 0 .8rem; max-width: 46rem; }
   background: var(--bad); vertical-align: middle; }
 .badge.good { background: var(--good); }
 .why, .warning { border-left: 4px solid var(--bad); padding: .1rem 0 .1rem 1rem; }
+.why h2 { margin-top: 0; border-top: 0; }
 .warning { border-color: var(--note); }
 .cards { display: grid; grid-template-columns: repeat(var(--wide), 1fr); gap: .7rem; margin: 1rem 0; }
-.cards div { border: 1px solid var(--line); border-radius: .5rem; padding: .5rem .8rem; }
+.cards div { border: 1px solid var(--line); border-radius: .5rem; padding: .5rem .8rem; display: flex;
+  flex-direction: column; justify-content: space-between; }
 .cards dd { margin: 0; font-size: 1.2rem; font-variant-numeric: tabular-nums; }
 .cards dt { font-size: .85rem; }
 figure { margin: 1rem 0; }
@@ -86,9 +88,9 @@ def nested(values: Mapping[str, Any]) -> str:
             rows = [[_said(row.get(key)) for key in head] for row in value]
             summary = f"{name.replace('_', ' ')} ({len(value)})"
             tables.append(details(summary, table([key.replace("_", " ") for key in head], rows)))
-        else:
+        elif value not in (None, "", [], ()):
             simple.append((name.replace("_", " "), _said(value)))
-    return "\n".join((table((), simple, (1,)), *tables))
+    return "\n".join((table((), simple), *tables))
 
 
 def _flattened(values: Mapping[str, Any], before: str = "") -> list[tuple[str, Any]]:
@@ -100,7 +102,7 @@ def _flattened(values: Mapping[str, Any], before: str = "") -> list[tuple[str, A
 
 
 def _said(value: Any) -> str:
-    if value is None:
+    if value is None:  # in a row that others fill
         return ""
     if isinstance(value, bool):
         return "yes" if value else "no"

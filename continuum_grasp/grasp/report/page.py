@@ -20,7 +20,14 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
-from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.grasp.report.text import (
+    check_rows,
+    disturbance_rows,
+    failed_checks,
+    fine_rows,
+    further_advice,
+    quality_rows,
+)
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -113,7 +120,7 @@ def _picture(result: GraspResult, drawn: Axes) -> str:
             f"No grasp: {result.message}. The closest attempt is drawn in gray, without the forces that do not hold."
         )
     else:
-        caption = f"No grasp: {result.message}. The scene as it starts; the fingers are drawn unloaded."
+        caption = "No grasp: the scene as it starts; the fingers are drawn unloaded."
     return figure("drawing", _svg(drawn, "drawing", "drawing of object, fingers and forces"), caption)
 
 
@@ -208,26 +215,17 @@ def _disturbances(result: GraspResult) -> str:
 
 
 def _certificate(certificate: Certificate) -> str:
-    rows = [
-        (
-            check.name,
-            "within" if check.value <= 0 else f"{check.value:.2e}",
-            f"{check.limit:.0e}",
-            check.relative_to or check.unit,
-            "ok" if check.passed else "FAILED",
-        )
-        for check in certificate.checks
-    ]
     stability = certificate.stability
     word = "stable" if stability.stable else "unstable"
     lead = (
-        "Recomputed from the stored numbers by code that shares nothing with the search. A value is relative to what "
-        "stands beside it."
+        "Recomputed from the stored numbers by code that shares nothing with the search. Of "
+        "several of a kind the worst is shown."
     )
     return section(
         "Certificate",
         f'<p class="quiet">{escaped(lead)}</p>',
-        table(("Check", "Found", "Limit", "Relative to, or unit", ""), rows, (1, 2)),
+        table(("Check", "Found", "In terms of", "Limit", "Verdict"), check_rows(certificate), (1, 3)),
+        f"<p>Failed:</p>{items(failed_checks(certificate))}" if certificate.failed else "",
         f"<p><b>Stability:</b> {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L "
         f'<span class="quiet">({escaped(stability.assumptions)})</span>.</p>',
         f"<p><b>Model error:</b> {escaped(str(certificate.model_error))}.</p>",

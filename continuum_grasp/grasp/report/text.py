@@ -91,15 +91,12 @@ def _quality_lines(result: GraspResult) -> list[str]:
 
 
 def _certificate_lines(certificate: Certificate) -> list[str]:
-    kinds: dict[str, list[Check]] = {}  # checks of the same kind, whichever finger or contact they are of
-    for check in certificate.checks:
-        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     lines = [f"Verified independently: {verdict}"]
-    rows = [_check_row(name, checks) for name, checks in kinds.items()]
+    rows = [(a, b, c, f"limit {d}", e) for a, b, c, d, e in check_rows(certificate)]
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     lines += [f"  {a:<{widths[0]}}  {b:>{widths[1]}} {c:<{widths[2]}}  {d:<{widths[3]}}  {e}" for a, b, c, d, e in rows]
-    lines += [f"  FAILED: {check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
+    lines += [f"  FAILED: {text}" for text in failed_checks(certificate)]
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
     word = "stable" if stability.stable else "UNSTABLE"
     mark = "ok" if error.small else "WARNING: raise fidelity.elements"
@@ -115,14 +112,25 @@ def _certificate_lines(certificate: Certificate) -> list[str]:
     return lines
 
 
-def _check_row(name: str, checks: list[Check]) -> tuple[str, str, str, str, str]:
-    """The worst of a kind, and how many there are."""
-    bad = [check for check in checks if not check.passed]
-    worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
-    amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
-    of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
-    count = f" ({len(checks)})" if len(checks) > 1 else ""
-    return name + count, amount, of, f"limit {worst.limit:.0e}", "FAILED" if bad else "ok"
+def check_rows(certificate: Certificate) -> list[tuple[str, str, str, str, str]]:
+    """Per kind of check, whichever finger or contact it is of: name and count, worst value, of what, limit, verdict."""
+    kinds: dict[str, list[Check]] = {}
+    for check in certificate.checks:
+        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
+    rows = []
+    for name, checks in kinds.items():
+        bad = [check for check in checks if not check.passed]
+        worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
+        amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
+        count = f" ({len(checks)})" if len(checks) > 1 else ""
+        of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
+        rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
+    return rows
+
+
+def failed_checks(certificate: Certificate) -> list[str]:
+    """The checks that did not pass, by how much."""
+    return [f"{check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
 
 
 def _wrapped(text: str) -> list[str]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-_DRAWING = (4.8, 5.0)
+_DRAWING = (4.8, 5.4)
 """Greatest width and height of the drawing [inch]: on a small screen, where a page shows it alone, labels are read."""
 _LEFT, _BELOW, _ABOVE, _LINE = 0.65, 0.55, 0.22, 0.2
 """Margins for the axes' ticks and labels, above the title, and for each of its lines [inch]."""
@@ -105,7 +105,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | None) -> Axes:
     low, high = view.box
     size = (high - low) * min(np.array(_DRAWING) / (high - low))
     polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
-    discs = _DISCS * friction_rows(view) + 0.25 if rows and view.lifted and view.contacts else 0.0
+    discs = _DISCS * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
     text = _ROW * len(rows)
     beside = _BETWEEN + _PANEL if rows else 0.0
     width = float(_LEFT + size[0] + beside + 0.15)
@@ -121,7 +121,9 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | None) -> Axes:
     if rows:
         _write_panel(_at(figure, right, top - text, _PANEL, text), rows)
     if discs:
-        plot_friction(view.result, ax=_at(figure, right, top - text - discs, _PANEL, discs)).set_label("friction")
+        plot_friction(view.result, ax=_at(figure, right, top - text - discs, _PANEL, discs - 0.15)).set_label(
+            "friction"
+        )
     if polygon and resisted is not None:
         below = top - text - discs - 0.6 - _POLYGON
         forces = quiet(_at(figure, right + 0.55, below, _POLYGON, _POLYGON))
