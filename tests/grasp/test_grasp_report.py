@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
+from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.report.page import result_page
 from continuum_grasp.grasp.report.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.result import GraspResult, Status, force_text
@@ -369,6 +370,16 @@ def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     assert found == {".run.json", "result.npz", "meta.json", "result.yaml", "grasp.png", "report.html"}
     assert read_run(tmp_path).meta["status"] == status
     assert "Why there is no grasp" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_command_begins_with_the_verdict(tmp_path, monkeypatch):
+    result = held()
+    result = replace(result, statistics={"cut_short": "iterations"}, certificate=certify(result.scene, result.arrays))
+    monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
+    config = str(ROOT / "configs" / "grasp" / "mug.yaml")
+    done = CliRunner().invoke(app, ["grasp", config, "--out", str(tmp_path), "--no-pictures"])
+    assert done.output.startswith("optimal: held\n")
+    assert "warning: the search was cut short" in done.output
 
 
 # -- shipped scenes against closed forms -------------------------------------------------------------------------

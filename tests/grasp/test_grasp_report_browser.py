@@ -21,7 +21,9 @@ from tests.made_up_grasps import REASON, failed, held, scene_of
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
-LONG = replace(REASON, name="friction", text="friction is too low: " + "as is said at length, " * 8, repair="roughen it " * 12)
+LONG = replace(
+    REASON, name="friction", text="friction is too low: " + "as is said at length, " * 8, repair="roughen it " * 12
+)
 CIRCLE = np.stack([np.cos(np.arange(24) * np.pi / 12), np.sin(np.arange(24) * np.pi / 12)], axis=1)
 ATTEMPT = {"start": "scan", "contacts": ["finger.middle", "finger.tip", "palm"], "outcome": "Solve_Succeeded"}
 ATTEMPT |= {"iterations": 12, "seconds": 0.0123456, "objective": 1.25, "greatest_violation": None}

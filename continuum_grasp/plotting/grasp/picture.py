@@ -109,7 +109,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | None) -> Axes:
     text = _ROW * len(rows)
     beside = _BETWEEN + _PANEL if rows else 0.0
     width = float(_LEFT + size[0] + beside + 0.15)
-    title = _title(view.result, width - _LEFT)
+    title = _title(view.result, float(size[0]))
     above = _ABOVE + _LINE * len(title.splitlines())
     tall = max(size[1], text + discs + (_POLYGON + 1.0 if polygon else 0.0))
     height = float(_BELOW + tall + above)
@@ -147,7 +147,8 @@ def _title(result: GraspResult, width: float) -> str:
         unstable = certificate is not None and not certificate.stability.stable and "unstable" not in status
         return f"{name}\n{status}, verified{', UNSTABLE' if unstable else ''}"
     what = "the closest attempt" if result.arrays else "the scene as it starts"
-    why = textwrap.wrap(f"{result.message[:1].upper()}{result.message[1:]}.", int(_WIDTHS[0] * width))
+    message = f"{result.message[:1].upper()}{result.message[1:]}."
+    why = textwrap.wrap(message, max(int(_WIDTHS[0] * width), 24), max_lines=5, placeholder=" ...")
     return "\n".join([name, f"no grasp ({status}): {what}", *why])
 
 
