@@ -165,7 +165,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         name = contact.name + (words if forces else "")
         found.append(Label(name, view.color(contact.name), MM * contact.position, contact.normal))
     if isinstance(scene.gravity, PlanarGravity | OutOfPlaneGravity):
-        into = ",\ninto the picture" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
+        into = "\ninto plane" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
         text = f"weight {scene.weight:.2f} N{into}"
         found.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
