@@ -16,9 +16,7 @@ from typing import Any
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.interrupt import ignored_by_children
-
-# One thread of linear algebra per worker: there is a worker per core already.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+from continuum_grasp.threads import VARIABLES
 
 
 @dataclass
@@ -184,7 +182,8 @@ def _confirm_start() -> None:
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Processes started here compute with one thread, unless the environment states another number."""
-    own = [name for name in _THREADS if name not in os.environ]
+    # There is a worker per core already.
+    own = [name for name in VARIABLES if name not in os.environ]
     os.environ.update(dict.fromkeys(own, "1"))
     try:
         yield

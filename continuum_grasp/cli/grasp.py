@@ -50,8 +50,8 @@ def grasp(
         result.save(folder)
         files = result.save_pictures(folder) if pictures else []
 
+    output.say(result.table())  # its first line is the verdict
     output.warn(result.warnings)
-    output.say(result.table())
     if "fidelity" in result.statistics:
         output.say(f"fidelity: {result.statistics['fidelity']}")
     output.statistics(result.statistics)

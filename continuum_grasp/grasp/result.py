@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
@@ -185,9 +186,21 @@ class Change:
     def __str__(self) -> str:
         count = max(self.elements.values())
         return (
-            f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:.4g} N, "
+            f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
             f"contacts by {1e3 * self.displacement:.2g} mm at most"
         )
+
+
+def force_text(arrays: Mapping[str, Array], force: float) -> str:
+    """Write a force [N] of a grasp with so many decimals that its greatest one has four digits, wherever it is written.
+
+    The greatest is that of the sum of tensions and the components of contact forces; two to six decimals.
+    """
+    total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
+    most = max(total, float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0)))
+    decimals = 3 - math.floor(math.log10(most)) if math.isfinite(most) and most > 0.0 else 2
+    text = f"{force:.{min(max(decimals, 2), 6)}f}"
+    return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
 
 
 @dataclass(frozen=True)
@@ -319,13 +332,13 @@ class GraspResult(Result):
         if not self.solved:
             reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
             return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
-        rows = {"sum of tensions": f"{self.tension:.2f} N"}
+        rows = {"sum of tensions": f"{self.force_text(self.tension)} N"}
         if self.contacts:
-            forces = ", ".join(f"{c.name} {c.normal_force:.2f} N" for c in self.contacts)
-            margin = max(min(c.friction_margin for c in self.contacts), 0.0)
+            forces = ", ".join(f"{c.name} {self.force_text(c.normal_force)} N" for c in self.contacts)
             if self.lower_bound is not None:
                 forces += f" ({self.bound_words})"
-            rows |= {"normal forces": forces, "least friction margin": f"{margin:.1%}"}
+            least = min(self.contacts, key=lambda contact: contact.friction_margin)
+            rows |= {"normal forces": forces, "least friction margin": self.margin_text(least)}
         if self.closing is not None:
             rows["closing"] = f"{self.closing.status.value}: {self.closing.message}"
         if self.certificate is not None:
@@ -387,6 +400,17 @@ class GraspResult(Result):
     def tension(self) -> float:
         """Sum of all tensions [N]."""
         return float(sum(finger.tensions.sum() for finger in self.fingers.values()))
+
+    def force_text(self, force: float) -> str:
+        """Write a force [N] with the decimals that all forces of this grasp have (`force_text`)."""
+        return force_text(self.arrays, force)
+
+    def margin_text(self, contact: Contact) -> str:
+        """Write the friction margin of a contact, a dash where nothing presses; the same wherever it is written."""
+        if not float(self.force_text(contact.normal_force)) or contact.friction_margin <= -9.99:
+            return "\N{EN DASH}"
+        # a contact at its limit has a margin of rounding, which would be written as -0.0%
+        return f"{0.0 if abs(contact.friction_margin) < 5e-4 else contact.friction_margin:.1%}"
 
     @property
     def contacts(self) -> tuple[Contact, ...]:

@@ -15,7 +15,7 @@ from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
-from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
@@ -200,8 +200,7 @@ class _Verdict:
         return [float(t) for name in self.scene.named_fingers for t in tried.arrays[f"{name}.tensions"]]
 
     def _forces(self, tried: Tried) -> str:
-        tensions = self._tensions(tried)
-        return f"{'a tension of' if len(tensions) == 2 else 'tensions of at most'} {max(tensions):.4g} N"
+        return f"a sum of tensions of {force_text(tried.arrays, sum(self._tensions(tried)))} N"
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."

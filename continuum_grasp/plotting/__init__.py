@@ -10,31 +10,24 @@ Further pictures are in ``plotting.control`` (closed loops and plans), ``plottin
 
 from __future__ import annotations
 
-from continuum_grasp.plotting.accuracy import plot_accuracy
-from continuum_grasp.plotting.grasp import plot_closing, plot_grasp, plot_resistance
-from continuum_grasp.plotting.motion import (
-    plot_contact_forces,
-    plot_coordinates,
-    plot_energy,
-    plot_modes,
-    plot_shape,
-    plot_snapshots,
-    plot_tip_path,
-)
-from continuum_grasp.plotting.sweep import plot_front, plot_map
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
-__all__ = [
-    "plot_accuracy",
-    "plot_closing",
-    "plot_contact_forces",
-    "plot_coordinates",
-    "plot_energy",
-    "plot_front",
-    "plot_grasp",
-    "plot_map",
-    "plot_modes",
-    "plot_resistance",
-    "plot_shape",
-    "plot_snapshots",
-    "plot_tip_path",
-]
+if TYPE_CHECKING:
+    from continuum_grasp.plotting.accuracy import plot_accuracy as plot_accuracy
+    from continuum_grasp.plotting.grasp.closing import plot_closing as plot_closing
+    from continuum_grasp.plotting.grasp.friction import plot_friction as plot_friction
+    from continuum_grasp.plotting.grasp.picture import plot_grasp as plot_grasp
+    from continuum_grasp.plotting.grasp.resistance import plot_resistance as plot_resistance
+    from continuum_grasp.plotting.motion import plot_contact_forces as plot_contact_forces
+    from continuum_grasp.plotting.motion import plot_coordinates as plot_coordinates
+    from continuum_grasp.plotting.motion import plot_energy as plot_energy
+    from continuum_grasp.plotting.motion import plot_modes as plot_modes
+    from continuum_grasp.plotting.motion import plot_shape as plot_shape
+    from continuum_grasp.plotting.motion import plot_snapshots as plot_snapshots
+    from continuum_grasp.plotting.motion import plot_tip_path as plot_tip_path
+    from continuum_grasp.plotting.sweep import plot_front as plot_front
+    from continuum_grasp.plotting.sweep import plot_map as plot_map
+
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -41,7 +41,8 @@ class Result(Summarized):
     on_request : tuple of Picture
         Drawn by `plot` alone, since they need options.
     pages : tuple of File
-        Texts with pictures in them, written by `save_pictures`.
+        Texts with pictures in them, written by `save_pictures`; their makers are given what was drawn, by picture, as
+        ``pictures``.
 
     Examples
     --------
@@ -236,8 +237,9 @@ class Result(Summarized):
         from continuum_grasp.results.animation import save_picture
 
         target = Path(folder)
-        files = [save_picture(self._drawn(one, {}), target / f"{one.name}.png") for one in self.drawable()]
-        return files + self._write(self.pages, target)
+        drawn = {one.name: self._drawn(one, {}) for one in self.drawable()}
+        files = [save_picture(one, target / f"{name}.png") for name, one in drawn.items()]
+        return files + self._write(self.pages, target, pictures=drawn)
 
     def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:
         return [write_text(maker_of(file.maker)(self, **options), folder / file.name) for file in files]

@@ -9,7 +9,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import CoreSchema
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.units import Unit
@@ -30,9 +40,7 @@ class Value(BaseModel):
     warns by `doubt`.
     """
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     def __init__(self, /, **data: Any) -> None:
         try:
@@ -41,6 +49,19 @@ class Value(BaseModel):
             from continuum_grasp.scene.problems import input_error_of_values
 
             raise input_error_of_values(error, type(self), data) from None
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Describe each field by the docstring below it."""
+        from continuum_grasp.scene.field_docs import field_docs
+
+        found = handler(schema)
+        properties = handler.resolve_ref_schema(found).get("properties", {})
+        for name, text in field_docs(cls).items():
+            key = (cls.model_fields[name].alias or name) if name in cls.model_fields else name
+            if key in properties:
+                properties[key].setdefault("description", text)
+        return found
 
     @model_validator(mode="after")
     def _checked(self) -> Self:

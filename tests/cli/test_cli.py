@@ -48,6 +48,18 @@ def test_help_needs_nothing_heavy():
     assert fresh(code).endswith("loaded:")
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux, which lists the threads of a process")
+def test_linear_algebra_takes_one_thread():
+    code = (
+        "import os, sys\nfor name in [n for n in os.environ if n.endswith('_THREADS')]: del os.environ[name]\n"
+        "from continuum_grasp.__main__ import main\nsys.argv = ['continuum-grasp', '--version']\n"
+        "def count(): return len(os.listdir('/proc/self/task'))\n"
+        "try:\n    main()\nexcept SystemExit:\n    before = count()\n    import numpy as np\n"
+        "    np.ones((400, 400)) @ np.ones((400, 400))\n    print('more threads:', count() - before)"
+    )
+    assert fresh(code).endswith("more threads: 0")
+
+
 def test_public_names_are_all_there():
     for name in continuum_grasp.__all__:
         assert getattr(continuum_grasp, name) is not None

@@ -17,88 +17,23 @@ from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
+from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.report.page import result_page
 from continuum_grasp.grasp.report.text import further_advice, result_text, result_yaml
-from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.grasp.result import GraspResult, Status, force_text
+from continuum_grasp.plotting.grasp.friction import plot_friction
 from continuum_grasp.plotting.grasp.picture import plot_grasp
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.load import load
+from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few
 
 ROOT = Path(__file__).parents[2]
 SCENES = sorted(path.stem for path in (ROOT / "configs" / "grasp").glob("*.yaml"))
 NASTY = "<script>alert('&')</script>: \"quoted\" # not a comment"
-REASON = Reason("mass", "object.mass", "kg", 1.5, 0.46, "the object is too heavy", "lower object.mass to 0.46 kg")
-
-
-def scene_of(name, /, **changes):
-    return load(ROOT / "configs" / "grasp" / f"{name}.yaml").model_copy(update=changes)
-
-
-def bent(base, length, curvature):
-    """A circular arc from its center (points, 4): no integration."""
-    s = np.linspace(0.0, length, 60)
-    angle = base[2] + curvature * s
-    if abs(curvature) < 1e-12:
-        path = s[:, None] * [-math.sin(base[2]), math.cos(base[2])]
-    else:
-        path = np.stack([np.cos(angle) - math.cos(base[2]), np.sin(angle) - math.sin(base[2])], axis=1) / curvature
-    return np.column_stack([s, base[0] + path[:, 0], base[1] + path[:, 1], angle])
-
-
-def made_up(scene, curvature=12.0):
-    """Numbers of the right form: fingers that are arcs, contacts on the object's outline towards their tips."""
-    arrays = {"object.pose": np.array(scene.object.pose)}
-    outline = np.concatenate([np.array(part.outline()) for part in scene.object.parts])
-    c, s = math.cos(scene.object.angle), math.sin(scene.object.angle)
-    outline = outline @ np.array([[c, s], [-s, c]]) + scene.object.position
-    middle = outline.mean(axis=0)
-    places = {}
-    for name, finger in scene.named_fingers.items():
-        base = np.array([*finger.base.position, finger.base.angle])
-        toward = middle - base[:2]
-        left = -math.sin(base[2]) * toward[1] - math.cos(base[2]) * toward[0] > 0
-        line = bent(base, finger.rod.length, curvature if left else -curvature)
-        arrays |= {
-            f"{name}.family": np.array("arc"),
-            f"{name}.q": np.full(2, 0.5 * line[-1, 3]),
-            f"{name}.lengths": np.full(2, 0.5 * finger.rod.length),
-            f"{name}.curvature_shapes": np.diag([2.0 / finger.rod.length] * 2)[:, None],
-            f"{name}.tip_curvature": np.array(curvature),
-            f"{name}.tensions": np.array([12.25, 1.0]),
-            f"{name}.base": base,
-            f"{name}.backbone": line,
-        }
-        places[f"{name}.middle"], places[f"{name}.tip"] = line[30, 1:3], line[-1, 1:3]
-    for wall in scene.walls:
-        places[wall.name] = np.array(wall.point)
-    nearest = [outline[np.argmin(np.hypot(*(outline - p).T))] for p in places.values()]
-    normals = [(p - middle) / math.dist(p, middle) for p in nearest]
-    count = len(places)
-    return arrays | {
-        "contact_names": np.array(list(places)),
-        "contact_positions": np.array(nearest),
-        "contact_normals": np.array(normals),
-        "contact_forces": np.tile([2.5, -0.75, 0.5], (count, 1)),
-        "contact_stations": np.where(["." in name for name in places], 0.05, np.nan),
-        "contact_parts": np.zeros(count, dtype=int),
-    }
-
-
-def held(name="mug", /, **changes):
-    scene = scene_of(name, **changes)
-    statistics = {"solver_seconds": 0.25, "interrupted": False, "attempts": [{"start": "a", "seconds": 0.1}]}
-    return GraspResult(scene, Status.OPTIMAL, "held", made_up(scene), statistics=statistics)
-
-
-def failed(name="heavy_bottle", /, arrays=True, **changes):
-    scene = scene_of(name, **changes)
-    numbers = made_up(scene) if arrays else {}
-    return GraspResult(scene, Status.INFEASIBLE, "too heavy", numbers, None, ("lift: 3.2 N",), (REASON,), "Use two.")
 
 
 # -- YAML ----------------------------------------------------------------------------------------------------
@@ -138,8 +73,8 @@ def test_result_yaml_says_why_there_is_none():
     assert data["reasons"][0]["needed"] == 0.46
     assert data["reasons"][0]["key"] == "object.mass"
     assert "grasp" not in data
-    assert len(data["closest_point"]["contacts"]) == 3
-    assert "closest_point" not in yaml.safe_load(result_yaml(failed(arrays=False)))
+    assert len(data["closest_attempt"]["contacts"]) == 3
+    assert "closest_attempt" not in yaml.safe_load(result_yaml(failed(arrays=False)))
 
 
 # -- text ----------------------------------------------------------------------------------------------------
@@ -156,7 +91,7 @@ def test_what_a_fine_model_changes_is_reported():
 def test_text_tells_the_figures(name):
     result = held(name)
     text = result_text(result)
-    assert "12.250 N" in text
+    assert "left 12.25 N" in text
     assert all(contact.name in text for contact in result.contacts)
     assert ("lift [N]" in text) is (result.scene.gravity.mode == "out_of_plane")
     assert max(map(len, text.splitlines())) < 120
@@ -220,7 +155,7 @@ def test_page_is_whole_and_refers_to_nothing_else(result):
     text = result_page(result, resisted=CIRCLE if result.solved else None)
     page = Page(text)
     assert text.startswith("<!DOCTYPE html>")
-    assert page.tags.count("svg") == (2 if result.solved else 1)
+    assert page.tags.count("svg") == (3 if result.solved else 1)  # the grasp, friction, resisted forces
     assert len(page.ids) == len(set(page.ids))
     assert page.links
     assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
@@ -231,7 +166,7 @@ def test_page_is_whole_and_refers_to_nothing_else(result):
 
 def test_page_tells_the_figures():
     page = Page(result_page(held(), resisted=CIRCLE))
-    assert "12.250" in page.text
+    assert "12.25" in page.text
     assert "finger.tip" in page.text
     assert "Resisted force: 2 N in any direction" in page.text
     assert "mass: 0.3" in page.text  # of the scene
@@ -297,6 +232,76 @@ def test_labels_lie_on_nothing(name, shown):
         under = pixels[height - math.ceil(box.y1) : height - math.floor(box.y0), math.floor(box.x0) : math.ceil(box.x1)]
         assert (under == under[0, 0]).all(), labels_of(ax)[k].get_text()  # one color: paper, or the object's body
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+def test_a_force_is_written_alike_everywhere():
+    scene = scene_of("mug")
+    arrays = {**made_up(scene), "finger.tensions": np.array([37.6123, 0.99])}
+    result = GraspResult(scene, Status.OPTIMAL, "held", arrays)
+    texts = (
+        result_text(result),
+        Page(result_page(result).replace("</td>", " </td>")).text,
+        " ".join(result.pairs().values()),
+        " ".join(text.get_text() for ax in plot_grasp(result).figure.axes for text in ax.texts),
+    )
+    for text in texts:
+        assert re.findall(r"37\.6\d*", text) in ([], ["37.61"])
+        assert set(re.findall(r"38\.6\d*", text)) <= {"38.60"}  # their sum
+        assert "2.50" in text  # normal forces
+    assert sum("38.60" in text for text in texts) == 3
+    assert sum("37.61" in text for text in texts) == 3
+
+
+@pytest.mark.parametrize(
+    ("most", "force", "text"),
+    [
+        (38.604, 38.604, "38.60"),
+        (38.604, -0.004, "0.00"),
+        (9.9996, 1.0, "1.000"),
+        (0.0123, 0.0123, "0.01230"),
+        (12345.0, 2.25, "2.25"),
+        (0.0, 0.0, "0.00"),
+        (2e-9, 2e-9, "0.000000"),
+    ],
+)
+def test_the_greatest_force_has_four_digits(most, force, text):
+    assert force_text({"finger.tensions": np.array([most, 0.0])}, force) == text
+    assert force_text({"contact_forces": np.array([[0.0, -most, 0.0]])}, force) == text
+
+
+def test_lift_is_drawn_beside_friction_in_the_plane():
+    scene = scene_of("mug")  # its friction coefficient is 0.5
+    arrays = made_up(scene)
+    arrays["contact_forces"] = np.array([[2.0, 0.6, 0.8], [2.0, -0.6, 0.0], [2.0, 0.0, 0.5]])  # 0 %, 40 %, 50 % left
+    result = GraspResult(scene, Status.OPTIMAL, "held", arrays)
+    drawn = plot_friction(result)
+    rims = [patch.center for patch in drawn.patches[::2]]
+    dots = [line.get_xydata()[0] for line in drawn.lines if line.get_marker() == "o"]
+    assert [1.0 - math.dist(*pair) for pair in zip(rims, dots, strict=True)] == pytest.approx([0.0, 0.4, 0.5])
+    assert dots[0] - rims[0] == pytest.approx([0.6, 0.8])
+    ax = plot_grasp(result)
+    wedges = [patch.get_xy() for patch in ax.patches if patch.get_zorder() == 1.4]
+    left = []
+    for outer, inner in zip(wedges[::2], wedges[1::2], strict=True):
+        angles = [np.subtract(*np.unwrap([math.atan2(*(w[k] - w[0])[::-1]) for k in (1, -2)])) for w in (outer, inner)]
+        assert math.tan(0.5 * abs(angles[0])) == pytest.approx(0.5)
+        left.append(2.0 * math.tan(0.5 * abs(angles[1])))  # N
+    # at the first contact all that lift leaves is used, as friction in the plane: 0.6 N
+    assert left == pytest.approx([0.6, 1.0, math.sqrt(0.75)])
+
+
+def test_what_does_not_hold_is_not_drawn_as_held():
+    ax = plot_grasp(failed("mug_lying"))
+    arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None)]
+    assert len(arrows) == 2  # the weight, and the scale
+    assert not [patch for patch in ax.patches if patch.get_zorder() == 1.4]  # friction cones
+    assert not any("2.5" in text.get_text() for other in ax.figure.axes for text in other.texts)
+    assert "Too heavy." in ax.get_title("left")
+    assert "closest attempt" in ax.get_title("left")
+    assert any("0.46 kg" in text.get_text() for other in ax.figure.axes for text in other.texts)
+    body = next(patch for patch in ax.patches if patch.get_zorder() == 1.5)
+    red, green, blue, _ = body.get_facecolor()
+    assert red == green == blue
 
 
 def test_forces_are_to_scale():
@@ -365,6 +370,16 @@ def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     assert found == {".run.json", "result.npz", "meta.json", "result.yaml", "grasp.png", "report.html"}
     assert read_run(tmp_path).meta["status"] == status
     assert "Why there is no grasp" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_command_begins_with_the_verdict(tmp_path, monkeypatch):
+    result = held()
+    result = replace(result, statistics={"cut_short": "iterations"}, certificate=certify(result.scene, result.arrays))
+    monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
+    config = str(ROOT / "configs" / "grasp" / "mug.yaml")
+    done = CliRunner().invoke(app, ["grasp", config, "--out", str(tmp_path), "--no-pictures"])
+    assert done.output.startswith("optimal: held\n")
+    assert "warning: the search was cut short" in done.output
 
 
 # -- shipped scenes against closed forms -------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.field_docs import field_docs
 from continuum_grasp.scene.load import KINDS, load, load_placed, model_of
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.schema import json_schema
@@ -361,7 +362,7 @@ def brackets(text: str) -> set[str]:
 
 def test_every_key_is_described():
     assert len(KEYS) > 300
-    assert not [f"{model.__name__}.{key}" for model, key in KEYS if not model.model_fields[key].description]
+    assert not [f"{model.__name__}.{key}" for model, key in KEYS if not field_docs(model).get(key)]
 
 
 def test_every_number_has_a_unit_and_its_description_names_it():
@@ -369,9 +370,10 @@ def test_every_number_has_a_unit_and_its_description_names_it():
     for model, key in KEYS:
         field = model.model_fields[key]
         own = units(field.annotation, field.metadata)
-        named = brackets(field.description or "")
+        described = field_docs(model)[key]
+        named = brackets(described)
         expected = set().union(*({"unit"} if si is None else set(si.split(" or ")) for si in own))
-        in_words = {"unit"} if "unit of" in (field.description or "") and None in own else set()
+        in_words = {"unit"} if "unit of" in described and None in own else set()
         if own and named | in_words != expected:
             wrong.append(f"{model.__name__}.{key}: {sorted(expected)} in the type, {sorted(named)} in the description")
     assert not wrong, "\n".join(wrong)

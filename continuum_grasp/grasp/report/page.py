@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -19,7 +20,14 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
-from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.grasp.report.text import (
+    check_rows,
+    disturbance_rows,
+    failed_checks,
+    fine_rows,
+    further_advice,
+    quality_rows,
+)
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -40,40 +48,48 @@ def picture(
     return plot_grasp(result, ax=ax, tendons=tendons, numbers=numbers, resisted=polygon)
 
 
-def page(result: GraspResult) -> str:
-    """Write the web page of a result."""
-    return result_page(result, resisted=_resisted(result))
-
-
 def _resisted(result: GraspResult) -> ArrayLike | None:
     return result.quality.resistance_polygon if result.solved else None
 
 
-def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> str:
+def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> str:
+    """Write the web page of a result; ``pictures`` has what `picture` drew as ``grasp``."""
+    return result_page(result, drawn=(pictures or {}).get("grasp"), resisted=_resisted(result))
+
+
+def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: ArrayLike | None = None) -> str:
     """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.
 
-    ``resisted`` (D, 2) is the greatest resisted force in each of D directions around the circle [N]. The page, HTML5,
-    has its pictures inside and refers to no other file or site.
+    ``drawn`` is what `plot_grasp` drew in a figure of its own, anew where it is not given; ``resisted`` (D, 2) the
+    greatest resisted force in each of D directions around the circle [N]. The page, HTML5, has its pictures inside and
+    refers to no other file or site.
     """
+    from continuum_grasp.plotting.grasp.picture import plot_grasp
+
+    drawn = drawn or plot_grasp(result, resisted=resisted)
+    beside = {str(one.get_label()): one for one in drawn.figure.axes}
     name = result.scene.name or "grasp"
     scene = result.scene
     # A scene that was made in Python may not have its version set, which a file needs.
     given = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
+    found = "\n".join((section("Fingers", _fingers(result)), section("Contacts", *_contacts(result, beside))))
+    if result.arrays and not result.solved:
+        lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
+        found = details("Numbers of the closest attempt, which is no grasp", f"{lead}\n{found}")
     body = [
         f"<h1>{escaped(name)}</h1>",
-        f"<p>{badge(result.status.value, result.solved)} {escaped(result.message)}</p>",
+        f"<p>{badge(result.status.value.replace('_', ' '), result.solved)} {escaped(result.message)}</p>",
         f'<div class="warning">{items(result.warnings)}</div>' if result.warnings else "",
         _why(result),
-        _picture(result),
+        _picture(result, drawn),
         _key_numbers(result),
-        section("Fingers", _fingers(result)),
-        section("Contacts", *_contacts(result)),
+        found,
         section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
-        section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
+        section("Resisted disturbances", _resistance(resisted, beside), _disturbances(result)),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
-        section("The search", nested(result.statistics)),
+        section("The search", nested({k: v for k, v in result.statistics.items() if not k.startswith("fine")})),
         section(
             "The scene", details("Configuration, as it was read", f"<pre>{escaped(yaml_text(given, exact=True))}</pre>")
         ),
@@ -86,46 +102,59 @@ def _why(result: GraspResult) -> str:
         return f"<p>{escaped(result.advice)}</p>" if result.advice else ""
     rows = [(r.text, r.key, _amount(r.limit, r.unit), _amount(r.needed, r.unit), r.repair) for r in result.reasons]
     head = ("What stands against it", "Key", "As given", "Needed", "Repair")
-    broken = "<p>Broken constraints at the closest point:</p>" + items(result.violated) if result.violated else ""
+    broken = "<p>Broken constraints at the closest attempt:</p>" + items(result.violated) if result.violated else ""
     more = further_advice(result)
     advice = f"<p>{escaped(more)}</p>" if more else ""
-    lead = "<p>Any one of these would make a grasp possible.</p>" if rows else f"<p>{escaped(result.message)}</p>"
+    lead = "<p>Any one of these would make a grasp possible.</p>" if rows else ""
     return section("Why there is no grasp", lead, table(head, rows, (2, 3)), broken, advice, kind="why")
 
 
-def _picture(result: GraspResult) -> str:
-    from continuum_grasp.plotting.drawing.axes import inline_svg
-    from continuum_grasp.plotting.grasp.picture import plot_grasp
+def _picture(result: GraspResult, drawn: Axes) -> str:
+    if result.solved:
+        caption = (
+            "Arrows are the forces that the object bears, to scale; the light wedges are friction cones"
+            f"{', darker where lift leaves them for friction in the plane' if _lifted(result) else ''}; the small "
+            "circles are joints of the finger's elements."
+        )
+    elif result.arrays:
+        caption = (
+            f"No grasp: {result.message}. The closest attempt is drawn in gray, without the forces that do not hold."
+        )
+    else:
+        caption = "No grasp: the scene as it starts; the fingers are drawn unloaded."
+    return figure("drawing", _svg(drawn, "drawing", "drawing of object, fingers and forces"), caption)
 
-    caption = (
-        "Arrows are the forces that the object bears, to scale; the light wedges are friction cones; the small circles "
-        "are joints of the finger's elements."
-        if result.arrays
-        else "The scene as it starts; the fingers are drawn unloaded."
-    )
-    drawing = inline_svg(plot_grasp(result, numbers=False), "drawing", "drawing of object, fingers and forces")
-    return figure("drawing", drawing, caption)
+
+def _svg(drawn: Axes, name: str, described: str) -> str:
+    from continuum_grasp.plotting.drawing.axes import inline_svg
+
+    return inline_svg(drawn, name, described)
+
+
+def _lifted(result: GraspResult) -> bool:
+    return isinstance(result.scene.gravity, OutOfPlaneGravity)
 
 
 def _key_numbers(result: GraspResult) -> str:
     if not result.solved:
         return ""
     contacts, certificate = result.contacts, result.certificate
-    pairs = [("sum of tensions", f"{result.tension:.2f} N")]
+    pairs = [("sum of tensions", f"{result.force_text(result.tension)} N")]
     if contacts:
+        least = min(contacts, key=lambda contact: contact.friction_margin)
         pairs += [
-            ("greatest normal force", f"{result.greatest_normal_force:.2f} N"),
-            ("least friction margin", f"{max(min(c.friction_margin for c in contacts), 0.0):.1%}"),
+            ("greatest normal force", f"{result.force_text(result.greatest_normal_force)} N"),
+            ("least friction margin", result.margin_text(least)),
         ]
     if result.lower_bound is not None:
-        pairs.append(("least in any grasp", f"{result.lower_bound:.2f} N"))
+        pairs.append(("least in any grasp", f"{result.force_text(result.lower_bound)} N"))
     if certificate is not None:
+        error = certificate.model_error.greatest
         pairs += [
             ("checks passed", f"{len(certificate.checks) - len(certificate.failed)} of {len(certificate.checks)}"),
             ("second-order test", "stable" if certificate.stability.stable else "unstable"),
+            ("model error", f"{1e3 * error:.2f} mm" if math.isfinite(error) else "not computed"),
         ]
-        if math.isfinite(certificate.model_error.greatest):
-            pairs.append(("model error", f"{1e3 * certificate.model_error.greatest:.2f} mm"))
     return cards(pairs)
 
 
@@ -137,23 +166,22 @@ def _fingers(result: GraspResult) -> str:
         x, y, angle = posture.base
         middles = ", ".join(f"{1e3 * c.station:.1f}" for c in contacts if c.name in setup.middle_names)
         base = f"{1e3 * x:.1f}, {1e3 * y:.1f}; {math.degrees(angle):.1f}\N{DEGREE SIGN}"
-        left, right = (f"{v:.3f}" for v in posture.tensions)
+        left, right = (result.force_text(tension) for tension in posture.tensions)
         most, length = f"{setup.tendons.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
         rows.append((setup.name, left, right, most, base, middles, length, posture.family))
     head = ("Finger", "Left tendon [N]", "Right tendon [N]", "At most [N]", "Base x, y [mm]; angle")
     return table((*head, "Middle contacts at [mm]", "Length [mm]", "Family"), rows, (1, 2, 3))
 
 
-def _contacts(result: GraspResult) -> tuple[str, str]:
+def _contacts(result: GraspResult, beside: Mapping[str, Axes]) -> tuple[str, str, str]:
     """Where the object is touched, and with what forces."""
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
+    lifted = _lifted(result)
     rows: list[tuple[Any, ...]] = []
     for c in result.contacts:
-        margin = 0.0 if abs(c.friction_margin) < 5e-7 else c.friction_margin  # "-0.0 %" is rounding
-        lift = [f"{c.lift:.3f}"] if lifted else []
-        forces = (f"{c.normal_force:.3f}", f"{c.friction_force:.3f}", *lift, f"{margin:.1%}")
-        place = (f"{1e3 * c.position[0]:.2f}", f"{1e3 * c.position[1]:.2f}")
-        rows.append((c.name, *place, *forces, f"{result.scene.friction(c.name):g}"))
+        forces = (c.normal_force, c.friction_force, *([c.lift] if lifted else []))
+        place = (f"{1e3 * x + 0.0:.2f}" for x in c.position.round(6))  # no -0.00
+        words = (*place, *map(result.force_text, forces), result.margin_text(c))
+        rows.append((c.name, *words, f"{result.scene.friction(c.name):g}"))
     lift = ["Lift [N]"] if lifted else []
     head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
     note = (
@@ -161,22 +189,27 @@ def _contacts(result: GraspResult) -> tuple[str, str]:
         "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is what is "
         "left of the friction cone: 0&nbsp;% is about to slip.</p>"
     )
-    return table(head, rows, range(1, len(head))), note if rows else ""
+    discs = ""
+    if "friction" in beside:
+        caption = (
+            "Friction at each contact: in the plane to the right, lift up. The rim is the friction coefficient times"
+            " the normal force; a dot on it is about to slip."
+        )
+        discs = figure("friction", _svg(beside["friction"], "friction", "friction by contact"), caption)
+    return table(head, rows, range(1, len(head))), note if rows else "", discs
 
 
-def _resistance(resisted: ArrayLike | None) -> str:
-    from continuum_grasp.plotting.drawing.axes import inline_svg
-    from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
+def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
+    from continuum_grasp.plotting.grasp.resistance import resistance_words
 
-    if resisted is None or resistance_extremes(resisted)[1] <= 0:
+    if resisted is None or "resisted" not in beside:
         return ""
     words = resistance_words(resisted)
     caption = (
         "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
-    drawing = inline_svg(plot_resistance(resisted), "resisted", "resisted force by direction")
-    return figure("polygon", drawing, caption)
+    return figure("polygon", _svg(beside["resisted"], "resisted", "resisted force by direction"), caption)
 
 
 def _disturbances(result: GraspResult) -> str:
@@ -202,26 +235,17 @@ def _closing(result: GraspResult) -> str:
 
 
 def _certificate(certificate: Certificate) -> str:
-    rows = [
-        (
-            check.name,
-            "within" if check.value <= 0 else f"{check.value:.2e}",
-            f"{check.limit:.0e}",
-            check.relative_to or check.unit,
-            "ok" if check.passed else "FAILED",
-        )
-        for check in certificate.checks
-    ]
     stability = certificate.stability
     word = "stable" if stability.stable else "unstable"
     lead = (
-        "Recomputed from the stored numbers by code that shares nothing with the search. A value is relative to what "
-        "stands beside it."
+        "Recomputed from the stored numbers by code that shares nothing with the search. Of "
+        "several of a kind the worst is shown."
     )
     return section(
         "Certificate",
         f'<p class="quiet">{escaped(lead)}</p>',
-        table(("Check", "Found", "Limit", "Relative to, or unit", ""), rows, (1, 2)),
+        table(("Check", "Found", "In terms of", "Limit", "Verdict"), check_rows(certificate), (1, 3)),
+        f"<p>Failed:</p>{items(failed_checks(certificate))}" if certificate.failed else "",
         f"<p><b>Stability:</b> {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L "
         f'<span class="quiet">({escaped(stability.assumptions)})</span>.</p>',
         f"<p><b>Model error:</b> {escaped(str(certificate.model_error))}.</p>",

@@ -55,8 +55,8 @@ def _finger_lines(result: GraspResult) -> list[str]:
     for setup in result.scene.setups:
         name, finger, posture = setup.name, setup.finger, result.fingers[setup.name]
         most = setup.tendons.max_tension
-        left, right = posture.tensions
-        lines.append(f"  {name:<{width}}  tendons  left {left:.3f} N, right {right:.3f} N of {most:g} N")
+        left, right = (result.force_text(tension) for tension in posture.tensions)
+        lines.append(f"  {name:<{width}}  tendons  left {left} N, right {right} N of {most:g} N")
         pad = " " * (width + 4)
         if finger.base_free is not None:
             x, y, angle = posture.base
@@ -75,11 +75,10 @@ def _contact_lines(result: GraspResult) -> list[str]:
     lift = f"{'lift [N]':>10}" if lifted else ""
     lines = [f"  {'contact':<{width}}    x [mm]    y [mm]  normal [N]  friction [N]{lift}  margin"]
     for c in result.contacts:
-        x, y, friction = (round(v, 3) + 0.0 for v in (*(1e3 * c.position), c.friction_force))  # no -0.0
-        # A contact at its limit has a margin of rounding, which would print as -0.0%.
-        margin = abs(c.friction_margin) if abs(c.friction_margin) < 5e-7 else c.friction_margin
-        lift = f"{c.lift:10.3f}" if lifted else ""
-        lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{c.normal_force:12.3f}{friction:14.3f}{lift}{margin:8.1%}")
+        x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
+        normal, friction, lift = (result.force_text(f) for f in (c.normal_force, c.friction_force, c.lift))
+        words = f"{normal:>12}{friction:>14}{f'{lift:>10}' if lifted else ''}{result.margin_text(c):>8}"
+        lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{words}")
     return lines
 
 
@@ -94,15 +93,12 @@ def _quality_lines(result: GraspResult) -> list[str]:
 
 
 def _certificate_lines(certificate: Certificate) -> list[str]:
-    kinds: dict[str, list[Check]] = {}  # checks of the same kind, whichever finger or contact they are of
-    for check in certificate.checks:
-        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     lines = [f"Verified independently: {verdict}"]
-    rows = [_check_row(name, checks) for name, checks in kinds.items()]
+    rows = [(a, b, c, f"limit {d}", e) for a, b, c, d, e in check_rows(certificate)]
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     lines += [f"  {a:<{widths[0]}}  {b:>{widths[1]}} {c:<{widths[2]}}  {d:<{widths[3]}}  {e}" for a, b, c, d, e in rows]
-    lines += [f"  FAILED: {check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
+    lines += [f"  FAILED: {text}" for text in failed_checks(certificate)]
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
     word = "stable" if stability.stable else "UNSTABLE"
     mark = "ok" if error.small else "WARNING: raise fidelity.elements"
@@ -118,14 +114,25 @@ def _certificate_lines(certificate: Certificate) -> list[str]:
     return lines
 
 
-def _check_row(name: str, checks: list[Check]) -> tuple[str, str, str, str, str]:
-    """The worst of a kind, and how many there are."""
-    bad = [check for check in checks if not check.passed]
-    worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
-    amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
-    of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
-    count = f" ({len(checks)})" if len(checks) > 1 else ""
-    return name + count, amount, of, f"limit {worst.limit:.0e}", "FAILED" if bad else "ok"
+def check_rows(certificate: Certificate) -> list[tuple[str, str, str, str, str]]:
+    """Per kind of check, whichever finger or contact it is of: name and count, worst value, of what, limit, verdict."""
+    kinds: dict[str, list[Check]] = {}
+    for check in certificate.checks:
+        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
+    rows = []
+    for name, checks in kinds.items():
+        bad = [check for check in checks if not check.passed]
+        worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
+        amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
+        count = f" ({len(checks)})" if len(checks) > 1 else ""
+        of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
+        rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
+    return rows
+
+
+def failed_checks(certificate: Certificate) -> list[str]:
+    """The checks that did not pass, by how much."""
+    return [f"{check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -140,9 +147,9 @@ def _why_lines(result: GraspResult) -> list[str]:
             unit = "" if r.unit in ("", "1") else f" {r.unit}"
             lines += [f"  {r.text}", f"    {r.repair}   ({r.key}, now {r.limit:.4g}{unit})"]
     if result.violated:
-        lines += ["", "Broken constraints at the closest point:", *(f"  {text}" for text in result.violated)]
+        lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
+        lines += ["", "The closest attempt, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
     return lines
 
 
@@ -198,9 +205,9 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     if result.reasons:
         found["reasons"] = [asdict(reason) for reason in result.reasons]
     if result.violated:
-        found["broken_constraints_at_the_closest_point"] = list(result.violated)
+        found["broken_constraints_at_the_closest_attempt"] = list(result.violated)
     if result.arrays:
-        found["grasp" if result.solved else "closest_point"] = {
+        found["grasp" if result.solved else "closest_attempt"] = {
             "tension_N": result.tension,
             "object": _pose(result.object_pose),
             "fingers": {setup.name: _finger(setup, result.fingers[setup.name]) for setup in result.scene.setups},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,17 @@ if TYPE_CHECKING:
     from matplotlib.collections import LineCollection
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 Box = tuple[float, float, float, float]
 """Left, right, bottom, top [m]."""
 
 
-def new_figure(width: float = 6.4, height: float = 4.2) -> Figure:
-    """An empty figure [inch] that a notebook shows."""
+def new_figure(width: float = 6.4, height: float = 4.2, *, layout: str | None = "constrained") -> Figure:
+    """An empty figure [inch] that a notebook shows; its axes are laid out, or where they were put with no layout."""
     from continuum_grasp.plotting.drawing.shown import ShownFigure
 
-    return ShownFigure(figsize=(width, height), dpi=150, layout="constrained", facecolor="white")
+    return ShownFigure(figsize=(width, height), dpi=150, layout=layout, facecolor="white")
 
 
 def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:
@@ -170,17 +171,28 @@ def bend_box(points: Sequence[NDArray[Any]], margin: float, slimmest: float = 0.
 
 
 def inline_svg(ax: Axes, name: str, described: str) -> str:
-    """The figure of some axes as an SVG element that refers to nothing outside itself, as wide as the page lets it be.
+    """Some axes without their title as an SVG element that refers to nothing outside itself, as wide as it may be.
 
     Ids begin with ``name``, letters and digits, so that several elements fit on one page; ``described`` is for those
     who cannot see it, escaped already. The same drawing gives the same text.
     """
     from matplotlib import rc_context
+    from matplotlib.text import Text
 
-    buffer = io.StringIO()
-    # without a salt matplotlib draws ids at random; date and metadata would differ from run to run
-    with rc_context({"svg.hashsalt": name}):
-        ax.figure.savefig(buffer, format="svg", metadata={"Date": None})  # type: ignore[union-attr]
+    buffer, figure = io.StringIO(), cast("Figure", ax.get_figure(root=True))
+    titles = {ax.get_title(loc=where) for where in ("left", "center", "right")} - {""}
+    heads = [one for one in ax.get_children() if isinstance(one, Text) and one.get_text() in titles]
+    hidden = [one for one in (*(other for other in figure.axes if other is not ax), *heads) if one.get_visible()]
+    for one in hidden:
+        one.set_visible(False)
+    try:
+        box = cast("Bbox", ax.get_tightbbox()).padded(2.0).transformed(figure.dpi_scale_trans.inverted())
+        # without a salt matplotlib draws ids at random; date and metadata would differ from run to run
+        with rc_context({"svg.hashsalt": name}):
+            figure.savefig(buffer, format="svg", metadata={"Date": None}, bbox_inches=box)
+    finally:
+        for one in hidden:
+            one.set_visible(True)
     text = re.sub(r"\A.*?(?=<svg)|<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
     opening, rest = text.split(">", 1)
     opening = re.sub(r' (width|height|version|xmlns(:\w+)?)="[^"]*"', "", opening)

@@ -6,8 +6,8 @@ from typing import Any
 
 # Okabe and Ito's palette, which color-blind readers tell apart
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
-INK, GRAY = "#222222", "#8A8A8A"
-"""Text and outlines; what only helps to read: limits, axes, scales. Both have the contrast that WCAG asks for."""
+INK, GRAY, SLATE = "#222222", "#8A8A8A", "#6B6B6B"
+"""Text and outlines; what only helps to read: limits, axes, scales; text of less weight, and what is not real."""
 
 OBJECT, EDGE = "#F3E9D6", "#A58A55"
 """Filling and edge of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -56,7 +55,11 @@ def place_labels(
     The axes have their final limits. ``areas`` and ``bodies`` are filled outlines and ``lines`` lines that are drawn,
     (points, 2) each, in data coordinates; labels may stand on bodies.
     """
-    ax.figure.draw_without_rendering()  # type: ignore[union-attr]  # before which axes have no place in pixels
+    figure = ax.get_figure(root=True)
+    if figure.get_layout_engine() is None:  # type: ignore[union-attr]
+        ax.apply_aspect()
+    else:  # before which axes have no place in pixels
+        figure.draw_without_rendering()  # type: ignore[union-attr]
     sheet = _Sheet(ax, areas, lines, bodies)
     for label in labels:
         sheet.write(label)
@@ -72,14 +75,11 @@ class _Sheet:
         self.points_per_pixel = scale = 72.0 / ax.figure.dpi
         self.points = ax.transData + Affine2D().translate(-ax.bbox.x0, -ax.bbox.y0).scale(scale)
         self.size = np.array([ax.bbox.width, ax.bbox.height]) * scale
-        shape = np.maximum(1, np.ceil(self.size / _CELL).astype(int))
-        self.taken, self.texts, self.bodies = (np.zeros(shape, dtype=bool) for _ in range(3))
-        for body in bodies:
-            self.bodies |= self._inside(self.points.transform(body))
-        for area in areas:
-            self.taken |= self._inside(self.points.transform(area))
-        for line in [*lines, *(np.concatenate([a, a[:1]]) for a in (*areas, *bodies))]:
-            self._trace(self.points.transform(line))
+        self.shape = np.maximum(1, np.ceil(self.size / _CELL).astype(int))
+        closed = [np.concatenate([a, a[:1]]) for a in (*areas, *bodies)]
+        self.bodies = self._painted(bodies, [])
+        self.taken = self._painted(areas, [*lines, *closed])
+        self.texts = np.zeros(self.shape, dtype=bool)
 
     def write(self, label: Label) -> None:
         """Place one label and mark its box as taken."""
@@ -100,72 +100,63 @@ class _Sheet:
         self.texts[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
         end = np.clip(at, center - half, center + half)
         if float(np.hypot(*(end - at))) > 1.6 * _NEAR:  # at all places but the nearest
-            path = np.array([label.at, self.points.inverted().transform(end)]).T
+            path = np.array([label.at, self.points.inverted().transform(end)])
             look = {"color": label.color, "linewidth": 0.7, "alpha": 0.8, "zorder": Z.LEADER}
-            self.ax.plot(*path, scalex=False, scaley=False, **look)
-            self._trace(np.array([at, end]))
+            self.ax.plot(*path.T, scalex=False, scaley=False, **look)
+            self.taken |= self._painted([], [path])
 
     def _best(self, at: Array, half: Array, wanted: float | None, on_body: float) -> Array:
         """Center of the box that costs least [points]; on a body it costs ``on_body`` more."""
-        # summed-area tables: the share of a box costs four look-ups, however large it is
-        full, words, bodies = _sums(self.taken), _sums(self.texts), _sums(self.bodies)
-        best, least = at, math.inf
-        for turn in _TURNS:
-            way = np.array([math.cos(turn), math.sin(turn)])
-            edge = min(half[0] / max(abs(way[0]), 1e-9), half[1] / max(abs(way[1]), 1e-9))
-            aside = 0.0 if wanted is None else 1.0 - math.cos(turn - wanted)
-            for distance in np.arange(_NEAR, _FAR, _STEP):
-                cost = distance + _ASIDE * aside
-                if cost >= least:
-                    break  # farther ones cost more
-                center = at + (distance + edge) * way
-                low, high = center - half, center + half
-                if (low < 0).any() or (high > self.size).any():
-                    break
-                drawn, written = self._share(full, low, high), self._share(words, low, high)
-                cost += _DRAWN * drawn + _WRITTEN * written + (_TOUCHING if drawn + written > 0 else 0.0)
-                cost += on_body if self._share(bodies, low, high) > 0 else 0.0
-                cost += self._crossed(at, np.clip(at, low, high))
-                if cost < least:
-                    best, least = center, cost
-        return best
+        ways = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
+        edges = (half / np.maximum(np.abs(ways), 1e-9)).min(axis=1)
+        aside = 0.0 * _TURNS if wanted is None else 1.0 - np.cos(_TURNS - wanted)
+        distances = np.arange(_NEAR, _FAR, _STEP)
+        centers = at + (distances[None, :, None] + edges[:, None, None]) * ways[:, None, :]
+        costs = (distances[None, :] + _ASIDE * aside[:, None]).ravel()
+        centers = centers.reshape(-1, 2)
+        inside = ((centers >= half) & (centers + half <= self.size)).all(axis=1)
+        if not inside.any():
+            return at
+        centers, costs = centers[inside], costs[inside]
+        low, high = centers - half, centers + half
+        drawn, written, bodies = (self._share(map_, low, high) for map_ in (self.taken, self.texts, self.bodies))
+        costs += _DRAWN * drawn + _WRITTEN * written + np.where(drawn + written > 0, _TOUCHING, 0.0)
+        costs += np.where(bodies > 0, on_body, 0.0) + self._crossed(at, np.clip(at, low, high))
+        return np.asarray(centers[np.argmin(costs)])
 
-    def _crossed(self, start: Array, end: Array) -> float:
-        """Cost of what a line to the label would cross: texts, counted in cells up to a few, and the drawing."""
-        count = max(2, int(np.hypot(*(end - start)) / _CELL))
-        x, y = self._cells(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)).T
-        return float(_CROSSED * min(4, self.texts[x, y].sum()) + _OVER * _CELL * self.taken[x, y].sum())
+    def _crossed(self, start: Array, ends: Array) -> Array:
+        """Cost of what lines to labels (K, 2) would cross: texts, counted in cells up to a few, and the drawing."""
+        along = np.linspace(0.0, 1.0, int(_FAR / _CELL))[:, None, None]
+        x, y = np.moveaxis(self._cells(start + along * (ends - start)), -1, 0)
+        cells = np.hypot(*(ends - start).T) / _CELL
+        return np.asarray(
+            _CROSSED * np.minimum(4.0, self.texts[x, y].mean(axis=0) * cells)
+            + _OVER * _CELL * self.taken[x, y].mean(axis=0) * cells
+        )
 
-    def _share(self, sums: Array, low: Array, high: Array) -> float:
-        a, b = self._cells(low), self._cells(high) + 1
-        inside = sums[b[0], b[1]] - sums[a[0], b[1]] - sums[b[0], a[1]] + sums[a[0], a[1]]
-        return float(inside) / max(1, int(np.prod(b - a)))
+    def _share(self, taken: Array, low: Array, high: Array) -> Array:
+        """Part of boxes (K, 2) that is taken."""
+        # a summed-area table: the share of a box costs four look-ups, however large it is
+        sums = np.zeros(self.shape + 1, dtype=int)
+        sums[1:, 1:] = taken.cumsum(axis=0).cumsum(axis=1)
+        (a, c), (b, d) = self._cells(low).T, self._cells(high).T + 1
+        return np.asarray((sums[b, d] - sums[a, d] - sums[b, c] + sums[a, c]) / ((b - a) * (d - c)))
 
     def _cells(self, points: Array) -> Array:
-        return np.asarray(np.clip((points / _CELL).astype(int), 0, np.array(self.taken.shape) - 1))
+        return np.asarray(np.clip((points / _CELL).astype(int), 0, self.shape - 1))
 
-    def _trace(self, line: Array) -> None:
-        for start, end in pairwise(line):
-            count = max(2, int(np.hypot(*(end - start)) / _CELL * 2))
-            points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
-            inside = ((points >= 0) & (points <= self.size)).all(axis=1)
-            cells = self._cells(points[inside])
-            for shift in product((-1, 0, 1), repeat=2):  # a line is up to a cell wide, on either side of its cell
-                wide = np.clip(cells + shift, 0, np.array(self.taken.shape) - 1)
-                self.taken[wide[:, 0], wide[:, 1]] = True
+    def _painted(self, areas: Sequence[Array], lines: Sequence[Array]) -> Array:
+        """Cells that filled outlines and lines cover, (points, 2) each in data coordinates."""
+        from PIL import Image, ImageDraw
 
-    def _inside(self, outline: Array) -> Array:
-        """Cells whose centers lie inside an outline."""
-        from matplotlib.path import Path
+        sheet = Image.new("L", (int(self.shape[0]), int(self.shape[1])))
+        draw = ImageDraw.Draw(sheet)
+        for area in areas:
+            draw.polygon(self._corners(area), fill=1)
+        for line in lines:  # a line is up to a cell wide, on either side of its cell
+            draw.line(self._corners(line), fill=1, width=3)
+        return np.asarray(sheet).T.astype(bool)
 
-        nx, ny = self.taken.shape
-        x, y = np.meshgrid((np.arange(nx) + 0.5) * _CELL, (np.arange(ny) + 0.5) * _CELL, indexing="ij")
-        centers = np.column_stack([x.ravel(), y.ravel()])
-        return Path(outline).contains_points(centers).reshape(nx, ny)
-
-
-def _sums(taken: Array) -> Array:
-    """Cells taken below and left of each corner."""
-    total = np.zeros(np.array(taken.shape) + 1, dtype=int)
-    total[1:, 1:] = taken.cumsum(axis=0).cumsum(axis=1)
-    return total
+    def _corners(self, points: Array) -> list[tuple[float, float]]:
+        cells = self.points.transform(points) / _CELL - 0.5
+        return [(float(x), float(y)) for x, y in cells]

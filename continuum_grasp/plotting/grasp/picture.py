@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, tendon_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import GRAY, INK, Z
+from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
+from continuum_grasp.plotting.grasp.friction import friction_rows, plot_friction
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
@@ -27,16 +29,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-_DRAWING = (6.2, 5.4)
-"""Greatest width and height of the drawing [inch]."""
-_NARROW = (4.6, 5.0)
-"""The same where it stands alone, as on a small screen."""
-_LEFT, _BELOW, _ABOVE = 0.65, 0.55, 0.62
-"""Margins for the axes' ticks and labels, and for two lines of title [inch]."""
+_DRAWING = (4.8, 5.4)
+"""Greatest width and height of the drawing [inch]: on a small screen, where a page shows it alone, labels are read."""
+_LEFT, _BELOW, _ABOVE, _LINE = 0.65, 0.55, 0.22, 0.2
+"""Margins for the axes' ticks and labels, above the title, and for each of its lines [inch]."""
 _BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
 """Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
+_DISCS = 0.9
+"""Height of a row of discs of friction [inch]."""
 _FAILED = "#A03000"
 """Color of the title where there is no grasp: a red that is read on white."""
+_WIDTHS = 11.5, 15.5
+"""Letters per inch of the title and of what stands beside the drawing: most sentences take a little less."""
 
 
 def plot_grasp(
@@ -49,19 +53,21 @@ def plot_grasp(
 ) -> Axes:
     """Draw a grasp in the plane of the fingers, in millimeters.
 
-    Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones.
+    Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones. Where
+    friction carries weight out of the plane, the darker part of a wedge is what lift leaves for friction in it.
 
     Parameters
     ----------
     result : GraspResult
-        Where there is no verified grasp the closest point is drawn, and where there is none the scene as it starts;
-        the title says so.
+        Where there is no verified grasp the closest attempt is drawn in gray and without forces, and where there is
+        none the scene as it starts; the title reports it, and why.
     ax : matplotlib.axes.Axes, optional
         Where to draw; None: axes in a new figure.
     tendons : bool, optional
         Draw the tendons.
     numbers : bool, optional
-        Write the forces: beside the drawing in a new figure, in the labels in axes that are given.
+        Write the forces: beside the drawing in a new figure, with the friction by contact where it acts out of the
+        plane too; in the labels in axes that are given.
     resisted : array_like, shape (D, 2), optional
         Greatest resisted force in each of D directions around the circle [N], drawn below the numbers.
 
@@ -77,11 +83,12 @@ def plot_grasp(
     view = GraspView(result)
     alone = ax is None
     if ax is None:
-        ax = _sheet(view, _panel_rows(view) if numbers else [], resisted)
+        ax = _sheet(view, numbers, resisted)
+    else:
+        ax.set_title(_title(result, ax.get_window_extent().width / ax.figure.dpi), **_title_style(result))
     (left, bottom), (right, top) = view.box
     show_box(ax, (left, right, bottom, top))
     label(ax, "x [mm]", "y [mm]")
-    ax.set_title(_title(result), fontsize=10, color=INK if result.solved else _FAILED, loc="left")
     draw_object(ax, view.outlines)
     areas = [*draw_supports(ax, result.scene.supports, MM), *_draw_fingers(ax, view, tendons)]
     cones, arrows = _draw_contacts(ax, view)
@@ -92,25 +99,35 @@ def plot_grasp(
     return ax
 
 
-def _sheet(view: GraspView, rows: list[Row], resisted: ArrayLike | None) -> Axes:
+def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | None) -> Axes:
     """Axes in a new figure, which holds what stands beside them too."""
+    rows = _panel_rows(view) if numbers else []
     low, high = view.box
-    size = (high - low) * min(np.array(_DRAWING if rows else _NARROW) / (high - low))
+    size = (high - low) * min(np.array(_DRAWING) / (high - low))
     polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
+    discs = _DISCS * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
     text = _ROW * len(rows)
-    tall = max(size[1], text + (_POLYGON + 1.0 if polygon else 0.0))
     beside = _BETWEEN + _PANEL if rows else 0.0
-    width, height = _LEFT + size[0] + beside + 0.15, _BELOW + tall + _ABOVE
-    figure = new_figure(float(width), float(height))
-    figure.set_layout_engine("none")
-    ax = quiet(_at(figure, _LEFT, height - _ABOVE - size[1], size[0], size[1]))
+    width = float(_LEFT + size[0] + beside + 0.15)
+    title = _title(view.result, float(size[0]))
+    above = _ABOVE + _LINE * len(title.splitlines())
+    tall = max(size[1], text + discs + (_POLYGON + 1.0 if polygon else 0.0))
+    height = float(_BELOW + tall + above)
+    figure = new_figure(width, height, layout=None)
+    ax = quiet(_at(figure, _LEFT, height - above - size[1], size[0], size[1]))
     ax.set_anchor("NW")
-    right = _LEFT + size[0] + _BETWEEN
+    ax.set_title(title, **_title_style(view.result))
+    right, top = _LEFT + size[0] + _BETWEEN, height - above
     if rows:
-        _write_panel(_at(figure, right, height - _ABOVE - text, _PANEL, text), rows)
+        _write_panel(_at(figure, right, top - text, _PANEL, text), rows)
+    if discs:
+        plot_friction(view.result, ax=_at(figure, right, top - text - discs, _PANEL, discs - 0.15)).set_label(
+            "friction"
+        )
     if polygon and resisted is not None:
-        forces = quiet(_at(figure, right + 0.55, height - _ABOVE - text - 0.6 - _POLYGON, _POLYGON, _POLYGON))
-        plot_resistance(resisted, ax=forces)
+        below = top - text - discs - 0.6 - _POLYGON
+        forces = quiet(_at(figure, right + 0.55, below, _POLYGON, _POLYGON))
+        plot_resistance(resisted, ax=forces).set_label("resisted")
         # the title begins above the labels of the y axis
         forces.set_title(resistance_words(resisted), fontsize=8, color=INK, loc="left", x=-0.26)
     return ax
@@ -122,25 +139,36 @@ def _at(figure: Figure, left: float, bottom: float, width: float, height: float)
     return figure.add_axes((left / wide, bottom / high, width / wide, height / high))
 
 
-def _title(result: GraspResult) -> str:
-    name = result.scene.name or "grasp"
+def _title(result: GraspResult, width: float) -> str:
+    """Name, verdict, and why there is no grasp, in lines that are no wider [inch]."""
+    name, status = result.scene.name or "grasp", result.status.value.replace("_", " ")
     if result.solved:
-        return f"{name}\n{result.status.value}, verified"
-    what = "the closest point found" if result.arrays else "the scene as it starts"
-    return f"{name}\nno grasp ({result.status.value}): {what}"
+        certificate = result.certificate
+        unstable = certificate is not None and not certificate.stability.stable and "unstable" not in status
+        return f"{name}\n{status}, verified{', UNSTABLE' if unstable else ''}"
+    what = "the closest attempt" if result.arrays else "the scene as it starts"
+    message = f"{result.message[:1].upper()}{result.message[1:]}."
+    why = textwrap.wrap(message, max(int(_WIDTHS[0] * width), 24), max_lines=5, placeholder=" ...")
+    return "\n".join([name, f"no grasp ({status}): {what}", *why])
+
+
+def _title_style(result: GraspResult) -> dict[str, Any]:
+    return {"fontsize": 10, "color": INK if result.solved else _FAILED, "loc": "left"}
 
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Of contacts and weight; with the forces where they do not stand beside the picture."""
     found, nowhere, scene = [], np.zeros(2), view.result.scene
-    for contact in view.result.contacts:
-        numbers = f"\n{contact.normal_force:.2f} N, friction {abs(contact.friction_force):.2f} N" if forces else ""
-        found.append(Label(contact.name + numbers, view.color(contact.name), MM * contact.position, contact.normal))
+    written = view.result.force_text
+    for contact in view.contacts:
+        words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
+        name = contact.name + (words if forces else "")
+        found.append(Label(name, view.color(contact.name), MM * contact.position, contact.normal))
     if isinstance(scene.gravity, PlanarGravity | OutOfPlaneGravity):
-        into = ",\ninto the picture" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
+        into = "\ninto plane" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
         text = f"weight {scene.weight:.2f} N{into}"
         found.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
-    if not view.found:
+    if not view.contacts:
         found += [Label(name, view.color(name), view.backbones[name][0, 1:3], nowhere) for name in view.fingers]
     return found
 
@@ -159,7 +187,7 @@ def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
         line = backbone[:, 1:3]
         drawn += [body, draw_clamp(ax, line, finger, MM)]
-        edge, style = lighter(color, 0.25), "solid" if view.found else "dashed"
+        edge, style = lighter(color, 0.25), "solid" if view.result.solved else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
         for tendon in _tendons_inside(finger) if tendons else ():
@@ -186,15 +214,15 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     cones: list[Array] = []
     arrows: list[Array] = []
     reach = _CONE * view.extent
-    for contact in view.result.contacts:
+    for contact in view.contacts:
         color, at = view.color(contact.name), MM * contact.position
-        half = math.atan(view.result.scene.friction(contact.name))
-        spread = np.linspace(-half, half, 21)
-        wedge = np.array([at, *(at + reach * turned(-contact.normal, turn) for turn in spread)])
-        cones.append(wedge)
-        ax.add_patch(Polygon(wedge, facecolor=color, alpha=0.14, linewidth=0.0, zorder=Z.CONE))
-        for edge in (wedge[1], wedge[-1]):
-            ax.plot(*np.transpose([at, edge]), color=color, alpha=0.45, linewidth=0.7, zorder=Z.CONE)
+        for half, alpha in _cone_angles(view, contact):
+            spread = np.linspace(-half, half, 21)
+            wedge = np.array([at, *(at + reach * turned(-contact.normal, turn) for turn in spread)])
+            ax.add_patch(Polygon(wedge, facecolor=color, alpha=alpha, linewidth=0.0, zorder=Z.CONE))
+            for edge in (wedge[1], wedge[-1]):
+                ax.plot(*np.transpose([at, edge]), color=color, alpha=3.0 * alpha, linewidth=0.7, zorder=Z.CONE)
+            cones.append(wedge)
         end = at - view.force_scale * contact.force  # force acts on what touches; the object bears the opposite
         draw_arrow(ax, at, end, color)
         arrows.append(np.array([at, end]))
@@ -202,10 +230,22 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     return cones, arrows
 
 
+def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]:
+    """Half angles of what is drawn of a friction cone [rad], and how opaque.
+
+    Of the cone of those scenes where friction acts out of the plane too, the second is what the lift leaves in it.
+    """
+    friction = view.result.scene.friction(contact.name)
+    if not view.lifted or contact.normal_force <= 0.0:
+        return [(math.atan(friction), 0.14)]
+    left = math.sqrt(max(friction**2 - (contact.lift / contact.normal_force) ** 2, 0.0))
+    return [(math.atan(friction), 0.08), (math.atan(left), 0.16)]
+
+
 def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
     """Draw the center of mass and the weight; returns the arrow as a line [mm]."""
     at = view.center_of_mass
-    if isinstance(view.result.scene.gravity, OutOfPlaneGravity):  # the tail of an arrow that flies away
+    if view.lifted:  # the tail of an arrow that flies away
         ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=Z.FORCE)
         ax.plot(*at, "x", markersize=5.5, color=INK, zorder=Z.FORCE + 0.1)
         return []
@@ -226,12 +266,14 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     low, high = view.box
     unit = 0.01 * float((high - low).max())
     right, bottom, length = high[0] - 2.5 * unit, low[1] + 2.5 * unit, size * view.force_scale
-    draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), GRAY)
-    ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=GRAY, ha="right", va="bottom", zorder=Z.SCALE)
+    draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), SLATE)
+    ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=SLATE, ha="right", va="bottom", zorder=Z.SCALE)
     left, top = right - max(length, 9 * unit) - unit, bottom + 6 * unit
     return [np.array([[left, low[1]], [high[0], low[1]], [high[0], top], [left, top]])]
 
 
+_REASONS = 6
+"""How many repairs are written beside the drawing; the report has all."""
 _ROW = 0.17
 """Height of a row [inch]."""
 _SIZE = 8.0
@@ -240,20 +282,28 @@ Row = tuple[tuple[str, str], ...]
 
 
 def _panel_rows(view: GraspView) -> list[Row]:
-    """Rows of (text, color); the first of a row stands on the left, the others to the right; none without numbers."""
-    if not view.found:
-        return []
-    lifted = isinstance(view.result.scene.gravity, OutOfPlaneGravity)
-    heads = ["normal", "friction", *(["lift"] if lifted else []), "margin"]
-    rows: list[Row] = [(("contact [N]", GRAY), *((word, GRAY) for word in heads))]
-    for c in view.result.contacts:
-        words = [f"{c.normal_force:.2f}", f"{abs(c.friction_force):.2f}", *([f"{c.lift:.2f}"] if lifted else [])]
-        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in (*words, _margin(c)))))
-    rows += [(("", INK),), (("tendons [N]", GRAY), ("left", GRAY), ("right", GRAY), ("of", GRAY))]
-    for name, finger in view.result.fingers.items():
+    """Rows of (text, color); the first of a row stands on the left, the others to the right.
+
+    Where there is no grasp they say what would repair it.
+    """
+    result = view.result
+    if not result.solved:
+        repairs = [textwrap.wrap(reason.repair, int(_WIDTHS[1] * _PANEL)) for reason in result.reasons[:_REASONS]]
+        head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []
+        return [*head, *(((line, INK),) for lines in repairs for line in ("", *lines))]
+    written = result.force_text
+    heads = ["normal", "friction", *(["lift"] if view.lifted else []), "margin"]
+    rows: list[Row] = [(("contact [N]", SLATE), *((word, SLATE) for word in heads))]
+    for c in view.contacts:
+        forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.lifted else ()))
+        words = (*map(written, forces), result.margin_text(c))
+        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in words)))
+    rows += [(("", INK),), (("tendons [N]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
+    for name, finger in result.fingers.items():
         most = " / ".join(dict.fromkeys(f"{tendon:g}" for tendon in view.fingers[name].tension_limits[1]))
-        left, right = finger.tensions
-        rows.append(((name, view.color(name)), (f"{left:.2f}", INK), (f"{right:.2f}", INK), (most, INK)))
+        left, right = map(written, finger.tensions)
+        rows.append(((name, view.color(name)), (left, INK), (right, INK), (most, INK)))
+    rows.append((("sum", SLATE), (written(result.tension), INK), ("", INK), ("", INK)))
     return rows
 
 
@@ -268,12 +318,3 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
         for j, (text, color) in enumerate(row[1:]):
             right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
             ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
-
-
-def _margin(contact: Contact) -> str:
-    """Share of the friction cone that is left; nothing where nothing presses."""
-    # forces are written with two digits: what reads 0.00 has no margin
-    if contact.normal_force < 5e-3 or contact.friction_margin <= -9.99:
-        return "\N{EN DASH}"
-    # rounding to the percent must not give "-0%"
-    return f"{contact.friction_margin if contact.friction_margin < -5e-4 else max(contact.friction_margin, 0.0):.0%}"

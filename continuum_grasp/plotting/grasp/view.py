@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.bodies import CIRCLE, finger_outline, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE
-from continuum_grasp.scene.grasp_options import GraspFinger, PlanarGravity
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE, SLATE
+from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.result import Contact, GraspResult
 
 Array = NDArray[Any]
 
@@ -35,8 +35,8 @@ _LEAST_MARGIN_MM, _MARGIN = 14.0, 0.13
 
 @dataclass(frozen=True)
 class GraspView:
-    """A result turned into shapes: a grasp, the closest point to one, or a scene without any numbers, whose fingers are
-    drawn unloaded and whose object is where it starts.
+    """A result turned into shapes: a grasp, the closest attempt at one, or a scene without any numbers, whose fingers
+    are drawn unloaded and whose object is where it starts.
     """
 
     result: GraspResult
@@ -45,6 +45,16 @@ class GraspView:
     def found(self) -> bool:
         """Whether there are numbers to draw."""
         return "object.pose" in self.result.arrays
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Contacts that hold the object; none where there is no grasp: the forces of an attempt are not in balance."""
+        return self.result.contacts if self.result.solved else ()
+
+    @property
+    def lifted(self) -> bool:
+        """Whether friction carries the weight out of the plane."""
+        return isinstance(self.result.scene.gravity, OutOfPlaneGravity)
 
     @property
     def fingers(self) -> Mapping[str, GraspFinger]:
@@ -115,7 +125,7 @@ class GraspView:
     @cached_property
     def greatest_force(self) -> float:
         """Of all contacts, and the weight in the plane [N]."""
-        forces = [float(np.hypot(*contact.force)) for contact in self.result.contacts]
+        forces = [float(np.hypot(*contact.force)) for contact in self.contacts]
         return max([float(np.hypot(*self.weight)), *forces])
 
     @cached_property
@@ -124,7 +134,9 @@ class GraspView:
         return _LONGEST_FORCE * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
 
     def color(self, name: str) -> str:
-        """Color of a finger, a support, or what a contact's name begins with."""
+        """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""
+        if not self.result.solved:
+            return SLATE
         names = list(self.fingers)
         owner = name.split(".")[0]
         return _FINGERS[names.index(owner)] if owner in names else _SUPPORT
