@@ -25,6 +25,7 @@ from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.quality.quality import Quality
+    from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
 Array = NDArray[Any]
@@ -203,6 +204,8 @@ class GraspResult(Result):
         How the answer changes with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
         What a fine model changes, where that was asked for.
+    robustness : Robustness, optional
+        How the grasp fares with errors of the object, where the scene has ``robust``.
 
     Examples
     --------
@@ -233,6 +236,7 @@ class GraspResult(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     sensitivity: tuple[Sensitivity, ...] = ()
     fine: Change | None = None
+    robustness: Robustness | None = None
 
     @cached_property
     def quality(self) -> Quality:

@@ -22,6 +22,7 @@ from continuum_grasp.scene.grasp_options import (
     ObjectiveWeights,
     OutOfPlaneGravity,
     PlanarGravity,
+    Robust,
 )
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity
@@ -120,6 +121,8 @@ class GraspScene(Value):
     contacts are as far from slipping as can be; or weights of these."""
     disturbances: Disturbances = Disturbances()
     """Wrenches that the grasp should resist."""
+    robust: Robust | None = None
+    """Errors with which the grasp must hold; None: the object is as the scene says."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 

@@ -28,6 +28,9 @@ from continuum_grasp.grasp.problem.unknowns import Touch, Unknowns
 _REGULARIZATION = 1e-8
 """Weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more than three
 contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate resolves."""
+_CHANGE = 1e-2
+"""Weight of squared changes of tension, per greatest tension, beside the reserve of the cones: far below the reserve,
+per weight, that they bring."""
 _TINY = 1e-6
 """Rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at zero."""
 
@@ -45,6 +48,7 @@ class GraspProblem(Unknowns):
         for k, finger in enumerate(self.fingers):
             self._balance_finger(finger, [c for c in self.contacts if c.spec.finger == k])
         self._balance_object()
+        self._land()
         add_limits(self)
         self.objective = self._objective()
 
@@ -76,6 +80,14 @@ class GraspProblem(Unknowns):
             off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")
             within = ca.vertcat(half - off, half + off)
             require(f"contact within its support, {name}", within, "m", key, upper=ca.inf)
+
+    def _land(self) -> None:
+        """A tip that landed stays there: on the place of the surface next to where it met the object."""
+        for contact in self.contacts:
+            if self.spec.lands(contact.spec):
+                normal, at = contact.local.normal, self.x(f"landing, {contact.spec.name}", 2)
+                off = ca.dot(ca.vertcat(-normal[1], normal[0]), contact.local.point - at)
+                self.rows.require(f"landing, {contact.spec.name}", off, "m", "robust")
 
     def _balance_finger(self, finger: UnitFinger, contacts: list[Touch]) -> None:
         share = finger.number("force share")
@@ -124,6 +136,11 @@ class GraspProblem(Unknowns):
             total += number("normal weight") * greatest
         if "greatest_friction_margin" in aims:
             total -= number("margin weight") * self.x("friction margin")
+        if self.reserve is not None:
+            total -= self.reserve
+            # Tensions that are chosen anew change as little as they can.
+            changes = ((f.pulls - f.number("pull_held", 2)) / f.number("pull_max") for f in self.fingers)
+            total += _CHANGE * sum(ca.sumsqr(change) for change in changes)
         if "greatest_disturbance" in aims:
             total -= number("disturbance weight") * add_disturbances(self)
         forces = ca.vertcat(*(c.force for c in self.contacts)) / number("force reference")

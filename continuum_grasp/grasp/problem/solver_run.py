@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.points import point_reader, starting_point, stored_arrays
@@ -87,12 +88,15 @@ class GraspSolverRun:
         relaxed: tuple[Relaxation, float] | None = None,
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
+        pinned: Mapping[str, ArrayLike] | None = None,
+        most: Mapping[str, float] | None = None,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
         ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
-        the unknowns begin with ``x0``, by default those of the start.
+        the unknowns begin with ``x0``, by default those of the start. Those ``pinned`` stay at their values, but for NaN,
+        and others are bounded by ``most`` (units of the problem).
 
         Raises
         ------
@@ -113,6 +117,13 @@ class GraspSolverRun:
             x[at] = amount / scale
             values["effort weight"] = EFFORT_WHEN_RELAXED
             values["relaxation weights"] = np.array([float(each is relaxation) for each in RELAXATIONS])
+        for name, value in (pinned or {}).items():
+            at = problem.x.at[name]
+            held = np.where(np.isnan(value), x[at], value)
+            x[at] = held
+            low[at], high[at] = (np.where(np.isnan(value), side[at], held) for side in (low, high))
+        for name, bound in (most or {}).items():
+            high[problem.x.at[name]] = bound
         self.prepare(scene)
         began = time.perf_counter()
         known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds())
@@ -168,7 +179,11 @@ class GraspSolverRun:
 
     def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
         """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
-        return stored_arrays(self.problem, scene, attempt.start, self._read.call([attempt.x, attempt.numbers]))
+        return self.arrays_at(scene, attempt.start, attempt.x, attempt.numbers)
+
+    def arrays_at(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
+        """The physical numbers of a point, given by unknowns and run-time numbers."""
+        return stored_arrays(self.problem, scene, start, self._read.call([x, numbers]))
 
     @cached_property
     def slope(self) -> ca.Function:
