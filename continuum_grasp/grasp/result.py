@@ -222,7 +222,10 @@ class GraspResult(Result):
     stored: ClassVar[tuple[Stored, ...]] = STORED
     dimensions: ClassVar[tuple[Dimension, ...]] = DIMENSIONS
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
-    pictures: ClassVar[tuple[Picture, ...]] = (Picture("grasp", "grasp.report.page:picture"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("grasp", "grasp.report.page:picture"),
+        Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
+    )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.report.page:page"),)
 
     scene: GraspScene
@@ -296,6 +299,8 @@ class GraspResult(Result):
             found.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
             found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        if self.robustness is not None:
+            found += self.robustness.warnings()
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
         for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
@@ -359,7 +364,10 @@ class GraspResult(Result):
 
     def stored_arrays(self) -> dict[str, Array]:
         """The numbers: which there are depends on the fingers."""
-        return dict(self.arrays)
+        found = dict(self.arrays)
+        if self.robustness is not None:
+            found |= self.robustness.arrays()
+        return found
 
     def details(self, *, quality: bool = True) -> dict[str, Any]:
         """Verification, indices of quality, and why there is no grasp."""
@@ -371,6 +379,7 @@ class GraspResult(Result):
             "violated": list(self.violated),
             "reasons": [asdict(reason) for reason in self.reasons],
             "advice": self.advice,
+            "robustness": None if self.robustness is None else self.robustness.data(),
         }
 
     @check_arguments

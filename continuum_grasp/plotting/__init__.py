@@ -11,7 +11,7 @@ Further pictures are in ``plotting.control`` (closed loops and plans), ``plottin
 from __future__ import annotations
 
 from continuum_grasp.plotting.accuracy import plot_accuracy
-from continuum_grasp.plotting.grasp import plot_grasp, plot_resistance
+from continuum_grasp.plotting.grasp import plot_grasp, plot_resistance, plot_robustness
 from continuum_grasp.plotting.motion import (
     plot_contact_forces,
     plot_coordinates,
@@ -33,6 +33,7 @@ __all__ = [
     "plot_map",
     "plot_modes",
     "plot_resistance",
+    "plot_robustness",
     "plot_shape",
     "plot_snapshots",
     "plot_tip_path",

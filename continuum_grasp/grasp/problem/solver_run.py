@@ -95,8 +95,8 @@ class GraspSolverRun:
 
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. A limit may be
         ``relaxed``; its amount is minimized then, beginning with the one given (SI). Contacts sit on ``features`` and
-        the unknowns begin with ``x0``, by default those of the start. Those ``pinned`` stay at their values, but for NaN,
-        and others are bounded by ``most`` (units of the problem).
+        the unknowns begin with ``x0``, by default those of the start. Those ``pinned`` stay at their values, but for
+        NaN, and others are bounded by ``most`` (units of the problem).
 
         Raises
         ------

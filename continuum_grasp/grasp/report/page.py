@@ -19,7 +19,14 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
-from continuum_grasp.grasp.report.text import disturbance_rows, fine_rows, further_advice, quality_rows
+from continuum_grasp.grasp.report.text import (
+    ROBUST_HEAD,
+    disturbance_rows,
+    fine_rows,
+    further_advice,
+    quality_rows,
+    robust_rows,
+)
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -70,6 +77,7 @@ def result_page(result: GraspResult, *, resisted: ArrayLike | None = None) -> st
         section("Contacts", *_contacts(result)),
         section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
         section("Resisted disturbances", _resistance(resisted), _disturbances(result)),
+        section("Errors of the object", table(ROBUST_HEAD, robust_rows(result))),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         section("The same grasp in a fine model", table((), fine_rows(result))),
         section("The search", nested(result.statistics)),

@@ -39,6 +39,7 @@ def result_text(result: GraspResult) -> str:
         lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
     else:
         lines += _why_lines(result)
+    lines += _robust_lines(result)
     advice = further_advice(result)
     if advice:
         lines += ["", *textwrap.wrap(advice, 112)]
@@ -116,6 +117,15 @@ def _certificate_lines(certificate: Certificate) -> list[str]:
     return lines
 
 
+def _robust_lines(result: GraspResult) -> list[str]:
+    rows = robust_rows(result)
+    if not rows:
+        return []
+    rows = [ROBUST_HEAD, *rows]
+    first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
+    return ["", "Errors of the object", *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
+
+
 def _check_row(name: str, checks: list[Check]) -> tuple[str, str, str, str, str]:
     """The worst of a kind, and how many there are."""
     bad = [check for check in checks if not check.passed]
@@ -167,6 +177,14 @@ def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
     return rows
 
 
+ROBUST_HEAD = ("", "best without errors", "for all errors")
+
+
+def robust_rows(result: GraspResult) -> list[tuple[str, str, str]]:
+    """The nominal grasp and that for all errors side by side, as (name, nominal, robust)."""
+    return [] if result.robustness is None else result.robustness.rows()
+
+
 def fine_rows(result: GraspResult) -> list[tuple[str, str]]:
     """What the statistics say about the grasp in a fine model, as (name, value)."""
     found = []
@@ -206,6 +224,8 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         }
     if quality and result.solved:
         found["quality"] = result.quality.data()
+    if result.robustness is not None:
+        found["robustness"] = result.robustness.data()
     found |= {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}
     certificate = result.certificate
     if result.solved and certificate is not None:

@@ -104,6 +104,21 @@ class Robustness(Summarized):
     active: Array
     nominal_arrays: Mapping[str, Array] = field(repr=False)
 
+    def arrays(self) -> dict[str, Array]:
+        """What is stored of the draws."""
+        found = {"robust.errors": self.errors, "robust.nominal_margins": self.nominal.margins}
+        return found if self.robust is None else {**found, "robust.margins": self.robust.margins}
+
+    def warnings(self) -> list[str]:
+        """What to know before this grasp is relied on."""
+        one = self.robust
+        if one is None or one.holds:
+            return []
+        unknown = int(np.isnan(one.margins).sum())
+        failed = one.margins.size - one.held - unknown
+        answers = f", and {unknown} have no answer" if unknown else ""
+        return [f"of {one.margins.size} draws within robust {failed} do not hold with these tensions{answers}"]
+
     def headline(self) -> str:
         """Draws that hold."""
         if self.robust is None:

@@ -113,7 +113,7 @@ def _trials(
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
     failed = [response for response in responses if not response.holds]
-    again = [responder.to(response.error, retensioned=True) for response in failed[:RETRIED]]
+    again = [responder.to(response.error, retensioned=response) for response in failed[:RETRIED]]
     weakest: dict[str, int] = {}
     for response in failed:
         name = response.weakest or "balance"
