@@ -262,8 +262,9 @@ class GraspResult(Result):
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
 
     def words(self) -> dict[str, list[str]]:
-        """Names of the fingers."""
-        return {"finger": list(self.scene.named_fingers)}
+        """Names of the fingers, and of the trials with errors where there are some."""
+        trials = [] if self.robustness is None or self.robustness.robust is None else ["robust"]
+        return {"finger": list(self.scene.named_fingers), "trials": trials}
 
     @property
     def contact_names(self) -> list[str]:

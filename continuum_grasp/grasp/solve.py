@@ -89,10 +89,11 @@ def optimize_grasp(
 
 def _for_errors(result: GraspResult, budget: Budget) -> GraspResult:
     """The grasp that holds for the errors of a scene that names some."""
-    if result.scene.robust is None or not result.solved or result.statistics["interrupted"]:
+    bounds = result.scene.robust
+    if bounds is None or not result.solved or result.statistics["interrupted"]:
         return result
     try:
-        return with_robust(result, budget)
+        return with_robust(result, bounds, budget)
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors within robust was found"
         return replace(result, status=Status.FEASIBLE, message=message)

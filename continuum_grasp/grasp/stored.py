@@ -35,9 +35,9 @@ STORED = (
     Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
     Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
-    Stored("robust.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
-    Stored("robust.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
-    Stored("robust.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
+    Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
+    Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
+    Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
 )
 """Where there is no grasp: of the point that comes closest, or none of them."""
 DIMENSIONS = (

@@ -150,7 +150,8 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.violated:
         lines += ["", "Broken constraints at the closest point:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        lines += ["", "The closest point, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
+        what = "The closest point, which is no grasp:" if result.robustness is None else "The grasp without errors:"
+        lines += ["", what, *_finger_lines(result), "", *_contact_lines(result)]
     return lines
 
 

@@ -105,9 +105,11 @@ class Robustness(Summarized):
     nominal_arrays: Mapping[str, Array] = field(repr=False)
 
     def arrays(self) -> dict[str, Array]:
-        """What is stored of the draws."""
-        found = {"robust.errors": self.errors, "robust.nominal_margins": self.nominal.margins}
-        return found if self.robust is None else {**found, "robust.margins": self.robust.margins}
+        """What is stored of the draws, where there is a grasp for all errors."""
+        if self.robust is None:
+            return {}
+        margins = {"robust.margins": self.robust.margins, "robust.nominal_margins": self.nominal.margins}
+        return {"robust.errors": self.errors, **margins}
 
     def warnings(self) -> list[str]:
         """What to know before this grasp is relied on."""

@@ -28,6 +28,7 @@ from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import Robust
 
 Array = NDArray[Any]
 
@@ -72,10 +73,9 @@ class Found:
         return self.certificate.passed and all(response.holds for response in self.responses)
 
 
-def find_robust(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> Found:
-    """The best grasp next to that of ``arrays`` that holds for all corners of the scene's bounds."""
-    assert scene.robust is not None
-    every = corners(scene.robust)
+def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
+    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
+    every = corners(bounds)
     chosen: list[int] = []
     iterations, optimal = 0, True
     while True:

@@ -28,18 +28,17 @@ HALVINGS = 4
 """How often the interval of the bounds that can be borne is halved: to a sixteenth."""
 
 
-def with_robust(result: GraspResult, budget: Budget) -> GraspResult:
+def with_robust(result: GraspResult, bounds: Robust, budget: Budget) -> GraspResult:
     """The grasp that holds for all errors, in place of a nominal one; why there is none, where none was found."""
     scene = result.scene
-    assert scene.robust is not None
-    found = find_robust(scene, result.arrays, budget)
+    found = find_robust(scene, bounds, result.arrays, budget)
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
-    errors = drawn(scene.robust, scene.solver.random_seed)
-    nominal = _trials(scene, result.arrays, errors[:COMPARED], trials)
+    errors = drawn(bounds, scene.solver.random_seed)
+    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials)
     if not found.holds:
-        return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, budget)
-    robust = _trials(scene, found.arrays, errors, trials, found.responses)
+        return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
+    robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
     held = f"held with {robust.tension:.4g} N of tension in all whatever the errors within robust"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
     changed = GraspResult(
@@ -59,17 +58,14 @@ def with_robust(result: GraspResult, budget: Budget) -> GraspResult:
     return replace(changed, status=Status.FEASIBLE, message=message)
 
 
-def _none(result: GraspResult, robustness: Robustness, found: Found, budget: Budget) -> GraspResult:
+def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
     """No robust grasp: with which part of the bounds there is one."""
-    scene = result.scene
-    assert scene.robust is not None
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        smaller = scene.model_copy(update={"robust": _times(scene.robust, middle)})
         if budget.over:
             break
-        if find_robust(smaller, result.arrays, budget).holds:
+        if find_robust(result.scene, _times(bounds, middle), result.arrays, budget).holds:
             low = middle
         else:
             high = middle
@@ -103,13 +99,13 @@ def _written(response: Response) -> str:
 
 def _trials(
     scene: GraspScene,
+    bounds: Robust,
     arrays: Mapping[str, Array],
     errors: Array,
     budget: Budget,
     corners: Sequence[Response] = (),
 ) -> Trials:
     """Try a grasp with draws, at corners (given, or none) and with each bound alone."""
-    assert scene.robust is not None
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
     failed = [response for response in responses if not response.holds]
@@ -118,7 +114,7 @@ def _trials(
     for response in failed:
         name = response.weakest or "balance"
         weakest[name] = weakest.get(name, 0) + 1
-    single = {name: min(responder.to(error).margin for error in ends) for name, ends in alone(scene.robust).items()}
+    single = {name: min(responder.to(error).margin for error in ends) for name, ends in alone(bounds).items()}
     tension = float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
     return Trials(
         tension,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.robust.result import Robustness
 
 Array = NDArray[Any]
 
@@ -49,12 +50,10 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
     if result.robustness is None:
         raise InputError("this result has no trials with errors: expected one of a scene with robust", key="robust")
     left, right = new_figure(9.0, 4.2).subplots(1, 2)
-    return [_shapes(quiet(left), result), _margins(quiet(right), result)]
+    return [_shapes(quiet(left), result, result.robustness), _margins(quiet(right), result.robustness)]
 
 
-def _shapes(ax: Axes, result: GraspResult) -> Axes:
-    found = result.robustness
-    assert found is not None
+def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
     scene, drawn = result.scene, []
     both = [(found.nominal_arrays, GRAY, "without errors", 0.35)]
     if found.robust is not None:
@@ -78,9 +77,7 @@ def _shapes(ax: Axes, result: GraspResult) -> Axes:
     return ax
 
 
-def _margins(ax: Axes, result: GraspResult) -> Axes:
-    found = result.robustness
-    assert found is not None
+def _margins(ax: Axes, found: Robustness) -> Axes:
     edges = np.linspace(_LOWEST, 1.0, _BARS + 1)
     trials = [(found.nominal, GRAY, "without errors")]
     if found.robust is not None:
@@ -91,7 +88,6 @@ def _margins(ax: Axes, result: GraspResult) -> Axes:
         text = f"{name}: {one.held} of {margins.size} draws hold, {one.tension:.4g} N"
         ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
     ax.axvline(0.0, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
-    ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
     label(ax, "least friction margin of a draw [1]", "draws [%]")
-    ax.legend(frameon=False, fontsize=8, loc="upper right")
+    head(ax, None, columns=1)
     return ax
