@@ -79,6 +79,16 @@ def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
     assert found.robustness.nominal.retensioned == 1.0
 
 
+def test_a_grasp_whose_draws_fail_is_not_called_robust(monkeypatch: pytest.MonkeyPatch) -> None:
+    beyond = np.array([[0.0, 0.0, 0.0, 0.0, -0.3, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.drawn", lambda bounds, seed: beyond)
+    found = optimize_grasp(make_scene("arc", robust=Robust(friction=0.05)))
+    assert found.status is Status.FEASIBLE
+    assert "NOT robust: 1 of 2 draws do not hold" in found.message
+    assert any("do not hold" in warning for warning in found.warnings)
+    assert found.robustness.robust.margins[0] < 0.0 < found.robustness.robust.margins[1]
+
+
 def test_a_tip_lands_beside_its_place_on_an_object_that_lies_elsewhere() -> None:
     scene = load(CONFIGS / "pinch.yaml")
     nominal = optimize_grasp(scene)

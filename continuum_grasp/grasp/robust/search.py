@@ -58,6 +58,8 @@ class Found:
         The corners that are part of its problem.
     responses : sequence of Response
         Of that grasp to all corners.
+    first : sequence of Response
+        Of the grasp that the search began with.
     """
 
     arrays: Mapping[str, Array]
@@ -66,6 +68,7 @@ class Found:
     iterations: int
     errors: Array
     responses: Sequence[Response]
+    first: Sequence[Response]
 
     @property
     def holds(self) -> bool:
@@ -78,9 +81,11 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
     every = corners(bounds)
     chosen: list[int] = []
     iterations, optimal = 0, True
+    first: Sequence[Response] = ()
     while True:
         responder = Responder(scene, arrays, budget)
         responses = [responder.to(error) for error in every]
+        first = first or responses
         order = np.argsort([response.reserve for response in responses], kind="stable")
         worse = [int(k) for k in order if not responses[k].holds and k not in chosen]
         if not worse or len(chosen) >= EXCHANGES * MOST or budget.over:
@@ -91,7 +96,7 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
         if new is None:
             break
         arrays, optimal = new, attempt.status is nlp.Status.SOLVED
-    return Found(arrays, certify(scene, arrays), optimal, iterations, every[chosen], responses)
+    return Found(arrays, certify(scene, arrays), optimal, iterations, every[chosen], responses, first)
 
 
 @dataclass

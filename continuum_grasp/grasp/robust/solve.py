@@ -35,7 +35,7 @@ def with_robust(result: GraspResult, bounds: Robust, budget: Budget) -> GraspRes
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
     errors = drawn(bounds, scene.solver.random_seed)
-    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials)
+    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, found.first)
     if not found.holds:
         return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
     robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
@@ -103,9 +103,9 @@ def _trials(
     arrays: Mapping[str, Array],
     errors: Array,
     budget: Budget,
-    corners: Sequence[Response] = (),
+    corners: Sequence[Response],
 ) -> Trials:
-    """Try a grasp with draws, at corners (given, or none) and with each bound alone."""
+    """Try a grasp with draws, at corners, whose responses are known, and with each bound alone."""
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
     failed = [response for response in responses if not response.holds]
