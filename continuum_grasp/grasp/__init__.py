@@ -13,6 +13,7 @@ _MODULES = {
     "continuum_grasp.grasp.closing.path": ("ClosingPath", "ClosingStatus", "closing_path"),
     "continuum_grasp.grasp.quality.quality": ("Quality",),
     "continuum_grasp.grasp.result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
+    "continuum_grasp.grasp.robust.result": ("Robustness", "Trials"),
     "continuum_grasp.grasp.solve": ("optimize_grasp",),
 }
 __all__ = [name for names in _MODULES.values() for name in names]
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult as GraspResult
     from continuum_grasp.grasp.result import Reason as Reason
     from continuum_grasp.grasp.result import Status as Status
+    from continuum_grasp.grasp.robust.result import Robustness as Robustness
+    from continuum_grasp.grasp.robust.result import Trials as Trials
     from continuum_grasp.grasp.solve import optimize_grasp as optimize_grasp
 
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

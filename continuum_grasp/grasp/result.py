@@ -27,6 +27,7 @@ from continuum_grasp.scene.grasp import GraspScene
 if TYPE_CHECKING:
     from continuum_grasp.grasp.closing.path import ClosingPath
     from continuum_grasp.grasp.quality.quality import Quality
+    from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.search import Exploration
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
@@ -236,6 +237,8 @@ class GraspResult(Result):
     lower_bound : float, optional
         Where the objective is ``least_normal_force``: what the greatest normal force of any grasp is at least [N], by
         `least_normal_force_bound`.
+    robustness : Robustness, optional
+        How the grasp fares with errors of the object, where the scene has ``robust``.
 
     Examples
     --------
@@ -255,6 +258,7 @@ class GraspResult(Result):
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("grasp", "grasp.report.page:picture"),
         Picture("closing", "plotting.grasp.closing:plot_closing", needs="closing"),
+        Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
     )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.report.page:page"),)
 
@@ -271,6 +275,7 @@ class GraspResult(Result):
     fine: Change | None = None
     exploration: Exploration | None = None
     lower_bound: float | None = None
+    robustness: Robustness | None = None
 
     @cached_property
     def quality(self) -> Quality:
@@ -319,8 +324,9 @@ class GraspResult(Result):
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
 
     def words(self) -> dict[str, list[str]]:
-        """Names of the fingers."""
-        return {"finger": list(self.scene.named_fingers)}
+        """Names of the fingers, and of the trials with errors where there are some."""
+        trials = [] if self.robustness is None or self.robustness.robust is None else ["robust"]
+        return {"finger": list(self.scene.named_fingers), "trials": trials}
 
     @property
     def contact_names(self) -> list[str]:
@@ -365,6 +371,8 @@ class GraspResult(Result):
                 f"the tendons hardly pull ({self.tension:.2g} N in all): the bases press the fingers against the "
                 "object, so that slack tendons do not release it, and its forces depend on where bases and object are"
             )
+        if self.robustness is not None:
+            found += self.robustness.warnings()
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
             found.append(str(self.statistics["fidelity"]))
         for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
@@ -447,7 +455,10 @@ class GraspResult(Result):
 
     def stored_arrays(self) -> dict[str, Array]:
         """The numbers: which there are depends on the fingers."""
-        return dict(self.arrays)
+        found = dict(self.arrays)
+        if self.robustness is not None:
+            found |= self.robustness.arrays()
+        return found
 
     def details(self, *, quality: bool = True) -> dict[str, Any]:
         """Verification, indices of quality, and why there is no grasp."""
@@ -461,6 +472,7 @@ class GraspResult(Result):
             "reasons": [asdict(reason) for reason in self.reasons],
             "advice": self.advice,
             "exploration": None if self.exploration is None else asdict(self.exploration),
+            "robustness": None if self.robustness is None else self.robustness.data(),
         }
 
     @check_arguments

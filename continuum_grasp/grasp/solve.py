@@ -16,6 +16,7 @@ from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
+from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
@@ -73,14 +74,14 @@ def optimize_grasp(
     budget = Budget.of(scene.solver)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
-        result = _Verdict(scene, budget).result()
-        if fine and result.solved and not result.statistics["interrupted"]:
+        result = _for_errors(_Verdict(scene, budget).result(), budget)
+        if fine and not scene.robust and result.solved and not result.statistics["interrupted"]:
             try:
                 result = with_fine(result, budget)
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
-        result = _within_tolerance(scene, tolerance, budget)
+        result = _for_errors(_within_tolerance(scene, tolerance, budget), budget)
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -90,6 +91,18 @@ def optimize_grasp(
             result=result,
         )
     return result
+
+
+def _for_errors(result: GraspResult, budget: Budget) -> GraspResult:
+    """The grasp that holds for the errors of a scene that names some."""
+    bounds = result.scene.robust
+    if bounds is None or not result.solved or result.statistics["interrupted"]:
+        return result
+    try:
+        return with_robust(result, bounds, budget)
+    except KeyboardInterrupt:
+        message = f"{result.message}; the search was interrupted before a grasp for all errors within robust was found"
+        return replace(result, status=Status.FEASIBLE, message=message)
 
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:

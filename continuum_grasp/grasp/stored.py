@@ -35,6 +35,9 @@ STORED = (
     Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
     Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
+    Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
+    Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
+    Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
 )
 """Where there is no grasp: of the point that comes closest, or none of them."""
 DIMENSIONS = (
@@ -45,6 +48,9 @@ DIMENSIONS = (
     Dimension("tendon", "tendons: on the finger's left (-X side), on its right", ("left", "right")),
     Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
     Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
+    Dimension("draw", "random errors of the object"),
+    Dimension("nominal draw", "the first of these"),
+    Dimension("error", "errors of an object", ("x [m]", "y [m]", "angle [rad]", "radius", "friction", "mass")),
     Dimension("{finger} coordinate", "bending coordinates"),
     Dimension("{finger} shape", "the same, and the tip's curvature where the balance of moments sets it"),
     Dimension("{finger} element", "elements, from the base"),

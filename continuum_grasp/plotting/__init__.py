@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from continuum_grasp.plotting.grasp.friction import plot_friction as plot_friction
     from continuum_grasp.plotting.grasp.picture import plot_grasp as plot_grasp
     from continuum_grasp.plotting.grasp.resistance import plot_resistance as plot_resistance
+    from continuum_grasp.plotting.grasp.robustness import plot_robustness as plot_robustness
     from continuum_grasp.plotting.motion import plot_contact_forces as plot_contact_forces
     from continuum_grasp.plotting.motion import plot_coordinates as plot_coordinates
     from continuum_grasp.plotting.motion import plot_energy as plot_energy

@@ -23,6 +23,7 @@ from continuum_grasp.scene.grasp_options import (
     ObjectiveWeights,
     OutOfPlaneGravity,
     PlanarGravity,
+    Robust,
 )
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity
@@ -129,6 +130,8 @@ class GraspScene(Value):
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
+    robust: Robust | None = None
+    """Errors with which the grasp must hold; None: the object is as the scene says."""
     solver: GraspSolver = GraspSolver()
     """Options of the search."""
 

@@ -12,7 +12,18 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Acceleration, Extent, Friction, Increasing, Length, Positive, Ratio, Real, Value
+from continuum_grasp.scene.value import (
+    Acceleration,
+    Distance,
+    Extent,
+    Friction,
+    Increasing,
+    Length,
+    Positive,
+    Ratio,
+    Real,
+    Value,
+)
 
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
 Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
@@ -171,6 +182,35 @@ class Closing(Value):
 
 Effort = Literal["quick", "normal", "thorough"]
 """How much a search tries."""
+
+
+_Share = Annotated[float, Field(ge=0.0, le=0.9, examples=[0.05, "5 %"]), Unit("1")]
+
+
+class Robust(Value):
+    """Errors of what is known about the object, each up to a bound to both sides, with which the grasp must hold."""
+
+    position: Annotated[Distance, Field(examples=[0.002, "2 mm"])] = 0.0
+    """Of the object's position, along x and along y [m], as far as the supports that it touches leave it."""
+    angle: Annotated[float, Field(ge=0.0, le=0.5, examples=[0.05, "3 deg"]), Unit("rad")] = 0.0
+    """Of the object's angle [rad], unless a face lies on a support."""
+    radius: _Share = 0.0
+    """Of the object's size, all lengths of its shape being too large or too small by the same share [1]."""
+    friction: _Share = 0.0
+    """Of all friction coefficients, by the same share [1]."""
+    mass: _Share = 0.0
+    """Of the object's mass, as a share [1]."""
+    draws: Annotated[int, Field(ge=1, le=100_000)] = 1000
+    """Errors drawn at random within the bounds, evenly, with which the grasp that is found is tried."""
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float, float, float]:
+        """Of x, y [m], angle [rad], size, friction and mass [1]."""
+        return self.position, self.position, self.angle, self.radius, self.friction, self.mass
+
+    def _check(self) -> None:
+        if not any(self.bounds):
+            raise ValueError("at least one of position, angle, radius, friction and mass must be positive")
 
 
 class GraspSolver(SolverOptions):

@@ -47,6 +47,11 @@ def _bound_contacts(problem: Unknowns) -> None:
         if "greatest_friction_margin" in problem.spec.aims:
             friction *= 1.0 - problem.x("friction margin")
         cone = friction_cone(problem, friction, n, f, lift)
+        if problem.reserve is not None:
+            cone -= problem.reserve * number("force reference")
+            # Also without friction a contact presses.
+            pressed = n - problem.reserve * number("force reference")
+            require(f"pressed, {name}", pressed, "N", "contacts", upper=ca.inf)
         require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
         most = number(f"{name}.normal_force_max") + problem.slack["normal force"]
         require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)

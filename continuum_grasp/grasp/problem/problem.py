@@ -30,6 +30,9 @@ _REGULARIZATION = 1e-8
 contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate resolves."""
 _ANY = 1e3
 """Angle of the tip that clearance relaxed by one unit of length allows [rad]: any, from a thousandth on."""
+_CHANGE = 1e-2
+"""Weight of squared changes of tension, per greatest tension, beside the reserve of the cones: far below the reserve,
+per weight, that they bring."""
 _TINY = 1e-6
 """Rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at zero."""
 
@@ -47,6 +50,7 @@ class GraspProblem(Unknowns):
         for k, finger in enumerate(self.fingers):
             self._balance_finger(finger, [c for c in self.contacts if c.spec.finger == k])
         self._balance_object()
+        self._land()
         add_limits(self)
         self.objective = self._objective()
         if spec.steadied:
@@ -90,6 +94,14 @@ class GraspProblem(Unknowns):
             off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")
             within = ca.vertcat(half - off, half + off)
             require(f"contact within its support, {name}", within, "m", key, upper=ca.inf)
+
+    def _land(self) -> None:
+        """A tip that landed stays there: on the place of the surface next to where it met the object."""
+        for contact in self.contacts:
+            if self.spec.lands(contact.spec):
+                normal, at = contact.local.normal, self.x(f"landing, {contact.spec.name}", 2)
+                off = ca.dot(ca.vertcat(-normal[1], normal[0]), contact.local.point - at)
+                self.rows.require(f"landing, {contact.spec.name}", off, "m", "robust")
 
     def _balance_finger(self, finger: UnitFinger, contacts: list[Touch]) -> None:
         share = finger.number("force share")
@@ -144,6 +156,11 @@ class GraspProblem(Unknowns):
             total += number("normal weight") * greatest
         if "greatest_friction_margin" in aims:
             total -= number("margin weight") * self.x("friction margin")
+        if self.reserve is not None:
+            total -= self.reserve
+            # Tensions that are chosen anew change as little as they can.
+            changes = ((f.pulls - f.number("pull_held", 2)) / f.number("pull_max") for f in self.fingers)
+            total += _CHANGE * sum(ca.sumsqr(change) for change in changes)
         if "greatest_disturbance" in aims:
             total -= number("disturbance weight") * add_disturbances(self)
         forces = ca.vertcat(*(c.force for c in self.contacts)) / number("force reference")

@@ -10,7 +10,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.points import point_reader, starting_point, stored_arrays
@@ -98,6 +98,8 @@ class GraspSolverRun:
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
         numbers: Mapping[str, Any] | None = None,
+        pinned: Mapping[str, ArrayLike] | None = None,
+        most: Mapping[str, float] | None = None,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
@@ -105,7 +107,8 @@ class GraspSolverRun:
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount. Contacts sit on ``features`` and the unknowns begin with ``x0``, by default those of
-        the start. Further run-time ``numbers`` go to the problem.
+        the start. Further run-time ``numbers`` go to the problem. Unknowns ``pinned``
+        stay at their values, but for NaN, and others are bounded by ``most`` (units of the problem).
 
         Raises
         ------
@@ -126,12 +129,19 @@ class GraspSolverRun:
             values["effort weight"] = EFFORT_WHEN_RELAXED
             weight = 1.0 if len(relaxed) == 1 else scale / relaxation.start(scene)
             values["relaxation weights"][RELAXATIONS.index(relaxation)] = weight
+        for name, value in (pinned or {}).items():
+            at = problem.x.at[name]
+            held = np.where(np.isnan(value), x[at], value)
+            x[at] = held
+            low[at], high[at] = (np.where(np.isnan(value), side[at], held) for side in (low, high))
+        for name, bound in (most or {}).items():
+            high[problem.x.at[name]] = bound
         self.prepare(scene)
         began = time.perf_counter()
-        options, most = RUNGS[rung]
+        options, cap = RUNGS[rung]
         known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds(), option_set=options)
         with budget.share(iterations) as part:
-            attempts, last_numbers = self._rounds(scene, known, values, part, most)
+            attempts, last_numbers = self._rounds(scene, known, values, part, cap)
         last = attempts[-1]
         total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
@@ -194,7 +204,11 @@ class GraspSolverRun:
 
     def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
         """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
-        return stored_arrays(self.problem, scene, attempt.start, self._read.call([attempt.x, attempt.numbers]))
+        return self.arrays_at(scene, attempt.start, attempt.x, attempt.numbers)
+
+    def arrays_at(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
+        """The physical numbers of a point, given by unknowns and run-time numbers."""
+        return stored_arrays(self.problem, scene, start, self._read.call([x, numbers]))
 
     @cached_property
     def slope(self) -> ca.Function:

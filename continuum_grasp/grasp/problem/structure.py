@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from continuum_grasp.grasp.problem.graded_curves import GradedSpec
@@ -100,6 +100,7 @@ class ProblemSpec:
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
+    landed: bool = False  # whether the object yields to tips that stay where they landed on it
 
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
@@ -135,6 +136,18 @@ class ProblemSpec:
             wrenches=len(scene.wrenches) if disturbed else 0,
             locked=disturbed and scene.disturbances.tendons == "locked",
         )
+
+    def in_error(self, *, landed: bool) -> ProblemSpec:
+        """The same contacts of an object that is not as it should be: the greatest reserve of their cones is sought.
+
+        A ``landed`` object yields to the fingers, tips stay where they landed on it.
+        """
+        free, aims = self.free or landed, ("greatest_reserve",)
+        return replace(self, free=free, landed=landed, aims=aims, wrenches=0, locked=False)
+
+    def lands(self, contact: ContactSpec) -> bool:
+        """Whether a contact stays where it landed on the object: of a finger that slides along it, none does."""
+        return self.landed and contact.finger >= 0 and not any(self.fingers[contact.finger].touching)
 
 
 def support_of(contact: str, scene: GraspScene) -> str:

@@ -44,6 +44,8 @@ class Unknowns:
         self.rows = Rows()  # constraints
         # By how much each limit that can be relaxed is relaxed.
         self.slack = {r.name: self.x(f"relaxed {r.name}", r.size) for r in RELAXATIONS}
+        # By how much all cones could be narrower, per force reference; negative where contacts would slip or part.
+        self.reserve = self.x("reserve") if "greatest_reserve" in spec.aims else None
         self.pose = self.x("object pose", 3) if spec.free else self.numbers("object pose", 3)
         if "greatest_friction_margin" in spec.aims:
             self.x("friction margin")

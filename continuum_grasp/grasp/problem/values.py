@@ -91,7 +91,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
         **_objective_values(scene, units),
     }
     for setup in scene.setups:
-        values |= _finger_values(scene, setup, start.fingers[setup.name], units)
+        values |= _finger_values(scene, setup, start, units)
     for contact in problem.spec.contacts:
         values |= _contact_values(scene, contact.name, start.contacts[contact.name], features[contact.name], units)
     return values
@@ -118,6 +118,8 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units)
     steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
     least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
+    if problem.reserve is not None:  # which says whether contacts press
+        least = -np.inf
     sideways = [-np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [-np.inf]
     for contact in problem.spec.contacts:
         name, feature = contact.name, features[contact.name]
@@ -172,8 +174,9 @@ def _counts(setup: FingerSetup) -> list[int]:
     return [b - a for a, b in pairwise((0, *setup.before, setup.elements))]
 
 
-def _finger_values(scene: GraspScene, setup: FingerSetup, start: FingerStart, units: Units) -> Values:
-    finger, rod, tendons = setup.finger, setup.finger.rod, setup.tendons
+def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: Units) -> Values:
+    finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
+    tensions = whole.tensions.get(setup.name, (0.0, 0.0))
     length, offset, most, used = rod.length, tendons.offset, tendons.max_tension, finger.tendons_used
     moment = setup.stiffness / length
     own = rod.mass_per_length * length
@@ -195,6 +198,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, start: FingerStart, un
         "pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
         "pull_per_force": units.force * offset / moment,
         "tension weight": tension_weight(scene) * moment / offset,
+        "pull_held": [t * offset / moment for t in tensions],
     }
     if GradedSpec.of(setup, weighs) is None:
         values |= {

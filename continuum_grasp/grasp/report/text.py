@@ -41,6 +41,7 @@ def result_text(result: GraspResult) -> str:
         lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
     else:
         lines += _why_lines(result)
+    lines += _robust_lines(result)
     advice = further_advice(result)
     if advice:
         lines += ["", *textwrap.wrap(advice, 112)]
@@ -135,6 +136,15 @@ def failed_checks(certificate: Certificate) -> list[str]:
     return [f"{check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
 
 
+def _robust_lines(result: GraspResult) -> list[str]:
+    rows = robust_rows(result)
+    if not rows:
+        return []
+    rows = [ROBUST_HEAD, *rows]
+    first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
+    return ["", "Errors of the object", *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
+
+
 def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, 108, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
 
@@ -149,7 +159,8 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        lines += ["", "The closest attempt, which is no grasp:", *_finger_lines(result), "", *_contact_lines(result)]
+        what = "The closest attempt, which is no grasp:" if result.robustness is None else "The grasp without errors:"
+        lines += ["", what, *_finger_lines(result), "", *_contact_lines(result)]
     return lines
 
 
@@ -174,6 +185,14 @@ def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
         what = f"{x:.3g} N, {y:.3g} N, {moment:.3g} N m"
         rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
     return rows
+
+
+ROBUST_HEAD = ("", "best without errors", "for all errors")
+
+
+def robust_rows(result: GraspResult) -> list[tuple[str, str, str]]:
+    """The nominal grasp and that for all errors side by side, as (name, nominal, robust)."""
+    return [] if result.robustness is None else result.robustness.rows()
 
 
 def fine_rows(result: GraspResult) -> list[tuple[str, str]]:
@@ -215,6 +234,8 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         }
     if quality and result.solved:
         found["quality"] = result.quality.data()
+    if result.robustness is not None:
+        found["robustness"] = result.robustness.data()
     found |= {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}
     certificate = result.certificate
     if result.solved and certificate is not None:

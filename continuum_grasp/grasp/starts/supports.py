@@ -204,6 +204,23 @@ def _gaps(
     return np.array(gaps), np.array(slopes).reshape(-1, 3)
 
 
+def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) -> tuple[int, ...]:
+    """Coordinates of a pose (0: x, 1: y, 2: angle) that follow from the others where the object touches the supports
+    that are ``on``, its angle too where a face of it lies ``flat``.
+    """
+    size = scene.object.size
+    slopes = _gaps(scene, object_outlines(scene), on, pose)[1] / [1.0, 1.0, size]
+    rows = np.concatenate([slopes, np.eye(3)[2:]]) if flat else slopes
+    found: list[int] = []
+    for _ in range(np.linalg.matrix_rank(rows, tol=1e-6) if len(rows) else 0):
+        # The steepest coordinate; what is left of the rows is perpendicular to it.
+        k = int(np.abs(rows).max(axis=0).argmax())
+        row = rows[np.abs(rows[:, k]).argmax()]
+        rows = rows - np.outer(rows[:, k] / row[k], row)
+        found.append(k)
+    return tuple(sorted(found))
+
+
 def _gap(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
     """Gap between object and support [m], normal along which it grows, and world arm of the object's nearest point."""
     turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])

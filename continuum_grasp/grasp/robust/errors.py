@@ -1,0 +1,139 @@
+"""A scene whose object is not quite where and what it should be.
+
+Errors are rows (x [m], y [m], angle [rad], size, friction, mass [1]): offsets of the pose, and parts of the lengths of
+the shape, of the friction coefficients and of the mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.robust.result import ERRORS
+from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspFinger, Robust
+from continuum_grasp.scene.objects.body import Freedom, Pose
+from continuum_grasp.scene.shape import Shape
+
+Array = NDArray[Any]
+
+YIELD = 0.1
+"""How far an object yields to the fingers: part of its size, and rad; the limit of the first order elsewhere."""
+_SHAPE = Shape(GraspScene)
+
+
+def corners(bounds: Robust) -> Array:
+    """All corners (K, 6) of the bounds, with the least friction: more only widens the cones."""
+    sides = [(-b, b) if b else (0.0,) for b in bounds.bounds]
+    sides[4] = (-bounds.friction,)
+    return np.array(list(product(*sides)))
+
+
+def alone(bounds: Robust) -> dict[str, Array]:
+    """Per bound, its two ends (or four, of the position) with no other error (K, 6)."""
+    found = {}
+    for name in ("position", "angle", "radius", "friction", "mass"):
+        bound = getattr(bounds, name)
+        if bound:
+            columns = (0, 1) if name == "position" else (ERRORS.index(name),)
+            found[name] = np.array([sign * bound * np.eye(6)[k] for k in columns for sign in (1.0, -1.0)])
+    return found
+
+
+def drawn(bounds: Robust, seed: int) -> Array:
+    """Errors drawn evenly within the bounds (draws, 6)."""
+    return np.random.default_rng(seed).uniform(-1.0, 1.0, (bounds.draws, 6)) * bounds.bounds
+
+
+class InError:
+    """Scenes of a grasp with errors.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        Of the grasp, as a result holds them.
+    """
+
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
+        names = [str(name) for name in arrays["contact_names"]]
+        self.scene = scene.model_copy(update={"robust": None, "objective": "greatest_friction_margin"})
+        x, y, angle = (float(value) for value in arrays["object.pose"])
+        self.pose: Pose = (x, y, angle)
+        ends = {name: (name, f"{name}.1", f"{name}.2") for name in (body.name for body in scene.places)}
+        # Supports that the object touches; two contacts with one: a face lies on it and has no error of its angle.
+        self.on = frozenset(name for name, contacts in ends.items() if set(contacts) & set(names))
+        self.flat = any(set(contacts[1:]) <= set(names) for contacts in ends.values())
+
+        # Coordinates of its pose that the supports leave.
+        self.left = tuple({0, 1, 2} - set(pinned_by(self.scene, self.on, self.pose, flat=self.flat)))
+
+    def pose_in_error(self, error: Array) -> Pose:
+        """Where the object lies [m, rad]: moved back to the supports that it touches."""
+        x, y, angle = (p + float(e) for p, e in zip(self.pose, error[:3], strict=True))
+        if not self.on:
+            return x, y, angle
+        angle = self.pose[2] if self.flat else angle
+        scene, size = self._sized(error), self.scene.object.size
+        within = [(x - size, x + size), (y - size, y + size), (angle, angle)]
+        pose = settle(scene, object_outlines(scene), self.on, (x, y, angle), within)
+        if pose is None:
+            raise InputError(
+                "robust: an object of another size or angle cannot touch all of "
+                f"{', '.join(sorted(self.on))} at once; expected bounds that leave these contacts, so leave out "
+                "radius or angle",
+                key="robust",
+            )
+        return pose
+
+    def scene_with(self, error: Array, *, yields: bool) -> GraspScene:
+        """The scene with an error; its object ``yields`` to the fingers, or stays where it lies."""
+        friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])
+        x, y, angle = self.pose_in_error(error)
+        scene, reach = self._sized(error), YIELD * self.scene.object.size
+        ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELD, angle + YIELD)}
+        # Where it does not yield, the response pins its pose.
+        free = Freedom(**ranges) if yields or self.scene.object.free is not None else None
+        pose = {"position": (x, y), "angle": angle, "free": free}
+        body = scene.object.model_copy(update={**pose, "mass": mass * scene.object.mass})
+
+        def slippery(value: Any) -> Any:
+            return value if value.friction is None else value.model_copy(update={"friction": friction * value.friction})
+
+        def with_finger(finger: GraspFinger) -> GraspFinger:
+            return finger.model_copy(update={"contacts": slippery(finger.contacts)})
+
+        supports = {name: slippery(support) for name, support in scene.supports.items()}
+        changed = {"object": body, "contacts": slippery(scene.contacts), "supports": supports}
+        fingers = {name: with_finger(finger) for name, finger in scene.named_fingers.items()}
+        return scene.model_copy(update=changed).with_fingers(fingers)
+
+    def _sized(self, error: Array) -> GraspScene:
+        """The scene with an object of another size."""
+        if not error[3]:
+            return self.scene
+        body = scaled(self.scene.object, 1.0 + float(error[3]))
+        return self.scene.model_copy(update={"object": body})
+
+
+def scaled(body: Any, factor: float) -> Any:
+    """An object all lengths of whose shape are a factor longer; its pose stays."""
+    data = {"object": body.model_dump()}
+
+    def grown(path: tuple[str | int, ...], value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: grown((*path, key), one) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return tuple(grown((*path, k), one) for k, one in enumerate(value))
+        is_length = isinstance(value, float) and _SHAPE.unit(path, data) == "m"
+        return factor * value if is_length else value
+
+    placed = ("position", "free")
+    new = {key: value if key in placed else grown(("object", key), value) for key, value in data["object"].items()}
+    return type(body)(**new)

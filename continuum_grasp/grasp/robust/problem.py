@@ -1,0 +1,159 @@
+"""One grasp for several errors at once: the nominal problem and, beside it, one problem for each error.
+
+Every error has unknowns of its own, posture, places and forces, and all limits of a grasp; its friction cones are those
+of its scene, without reserve. Shared are the tensions, the bases and, where it is sought, the object's pose. With
+x the unknowns of the nominal grasp and x_k, e_k those of error k and the error itself:
+
+    minimize  objective(x)   subject to   limits(x),  limits(x_k),  link(x, x_k, e_k) = 0 for all k
+
+``link`` is linear in x_k, so that the Hessian of the Lagrangian has one block for x and one for each x_k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp import nlp
+from continuum_grasp.grasp.problem.blocks import rotation
+from continuum_grasp.grasp.problem.problem import GraspProblem
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A problem, its named functions of (x, p), and its sizes."""
+
+    problem: GraspProblem
+    functions: dict[str, ca.Function]
+    oracle: ca.Function
+
+    @staticmethod
+    @lru_cache(maxsize=8)
+    def of(problem: GraspProblem) -> _Part:
+        """The functions of a problem; built once in a process."""
+        x, p = problem.x.symbol, problem.numbers.symbol
+        whole = nlp.NLP("grasp", x, problem.objective, problem.rows.g, p)
+        return _Part(problem, whole.functions, ca.Function("part", [x, p], [problem.objective, problem.rows.g]))
+
+    @property
+    def size(self) -> int:
+        return self.problem.x.size
+
+    @property
+    def rows(self) -> int:
+        return self.problem.rows.count
+
+    @property
+    def numbers(self) -> int:
+        return self.problem.numbers.size
+
+
+def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[int, ...]) -> ca.SX:
+    """What an error's problem shares with the nominal one; ``error`` (3,) is by how much its object's pose is off where
+    it lies, in units of the problem, and ``left`` are the coordinates that the supports leave.
+    """
+    rows = []
+    for mine, its in zip(nominal.fingers, other.fingers, strict=True):
+        rows.append(its.pulls - mine.pulls)
+        if mine.spec.free:
+            rows.append(its.base - mine.base)
+    if nominal.spec.free and not other.spec.landed:
+        rows += [other.pose[k] - nominal.pose[k] - error[k] for k in left]
+    for contact in nominal.contacts:
+        if other.spec.lands(contact.spec):
+            shifted = contact.local.point - rotation(-nominal.pose[2]) @ error[:2]
+            rows.append(other.x(f"landing, {contact.spec.name}", 2) - rotation(-error[2]) @ shifted)
+    return ca.vertcat(*rows)
+
+
+class RobustProblem:
+    """The problem of a grasp and ``count`` errors.
+
+    Attributes
+    ----------
+    nlp : continuum_grasp.nlp.NLP
+        Its unknowns are those of the nominal problem and of each error, one below the other; its parameters their
+        numbers likewise, and the errors (3,) of the pose.
+    """
+
+    def __init__(self, nominal: GraspProblem, other: GraspProblem, count: int, left: tuple[int, ...]) -> None:
+        self.nominal, self.other, self.count = nominal, other, count
+        first, second = _Part.of(nominal), _Part.of(other)
+        self.sizes = [first.size] + [second.size] * count
+        x = ca.MX.sym("x", sum(self.sizes))
+        numbers = [first.numbers] + [second.numbers] * count
+        p = ca.MX.sym("p", sum(numbers) + 3 * count)
+        xs = ca.vertsplit(x, _starts(self.sizes))
+        ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
+        ps, errors = ps[: count + 1], ps[count + 1 :]
+        parts = [first] + [second] * count
+
+        error = ca.SX.sym("error", 3)
+        args = [nominal.x.symbol, nominal.numbers.symbol, other.x.symbol, error]
+        rows = link(nominal, other, error, left)
+        force = ca.SX.sym("force", rows.numel())
+        links = ca.Function("link", args, [rows])
+        slopes = ca.Function("slopes", args, [ca.jacobian(rows, args[0]), ca.jacobian(rows, args[2])])
+        bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
+        bends = ca.Function("bends", [*args[:2], error, force], [bend])
+        self.links = int(rows.numel())
+
+        values = [part.oracle(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
+        linked = [links(xs[0], ps[0], a, e) for a, e in zip(xs[1:], errors, strict=True)]
+        f = sum(value[0] for value in values)
+        g = ca.vertcat(*(value[1] for value in values), *linked)
+
+        gradient = ca.vertcat(*(part.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)))
+        jacobians = [part.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+        pairs = [slopes(xs[0], ps[0], a, e) for a, e in zip(xs[1:], errors, strict=True)]
+        below = ca.horzcat(ca.vertcat(*(a for a, _ in pairs)), ca.diagcat(*(b for _, b in pairs)))
+        jacobian = ca.vertcat(ca.diagcat(*jacobians), below)
+
+        weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
+        shares = ca.vertsplit(forces, _starts([part.rows for part in parts] + [self.links] * count))
+        blocks = [
+            part.functions["hess_lag"](a, b, weight, own)
+            for part, a, b, own in zip(parts, xs, ps, shares, strict=False)
+        ]
+        blocks[0] += sum(bends(xs[0], ps[0], e, own) for e, own in zip(errors, shares[count + 1 :], strict=True))
+        derivatives = {
+            "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+            "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+            "hess_lag": ca.Function(
+                "nlp_hess_l",
+                [x, p, weight, forces],
+                [ca.triu(ca.diagcat(*blocks))],
+                ["x", "p", "lam_f", "lam_g"],
+                ["triu_hess_gamma_x_x"],
+            ),
+        }
+        self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Bounds of all rows."""
+        sets = [self.nominal.rows.bounds()] + [self.other.rows.bounds()] * self.count
+        sets.append((np.zeros(self.links * self.count), np.zeros(self.links * self.count)))
+        lower, upper = (np.concatenate(side) for side in zip(*sets, strict=True))
+        return lower, upper
+
+    def split(self, x: Array) -> list[Array]:
+        """The unknowns of the nominal problem, and of each error."""
+        return np.split(x, np.cumsum(self.sizes)[:-1])
+
+
+def _starts(sizes: Sequence[int]) -> list[int]:
+    return [0, *np.cumsum(sizes).tolist()]
+
+
+@lru_cache(maxsize=8)
+def robust_problem(nominal: GraspProblem, other: GraspProblem, count: int, left: tuple[int, ...]) -> RobustProblem:
+    """The problem of a grasp and a number of errors; built once in a process."""
+    return RobustProblem(nominal, other, count, left)

@@ -1,0 +1,187 @@
+"""How a grasp fares when its object is not as it should be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.summary import Summarized
+
+Array = NDArray[Any]
+
+ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
+"""What is not as it should be, in the order of the columns of errors."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """One grasp, tried with errors of its object.
+
+    Attributes
+    ----------
+    tension : float
+        Sum of its tensions as the scene is [N].
+    margins : ndarray, shape (draws,)
+        Least friction margin of each draw with these tensions, negative where a contact slips [1]; minus infinity where
+        one parts or no posture balances, NaN where the solver has no answer.
+    retried : int
+        Draws that do not hold with these tensions and were tried with others.
+    recovered : int
+        Draws of these that hold with tensions chosen anew, within their limits.
+    corner_margins : ndarray, shape (corners,)
+        As ``margins``, at all corners of the bounds with the least friction.
+    alone : dict of str to float
+        Least margin with each bound's error alone, at its ends.
+    weakest : dict of str to int
+        Of the draws that do not hold, how many fail first at each contact; with the name "balance", for want of any
+        posture that balances.
+    """
+
+    tension: float
+    margins: Array = field(repr=False)
+    retried: int
+    recovered: int
+    corner_margins: Array = field(repr=False)
+    alone: Mapping[str, float]
+    weakest: Mapping[str, int]
+
+    @property
+    def held(self) -> int:
+        """Draws that hold with the tensions fixed."""
+        return int((self.margins >= 0.0).sum())
+
+    @property
+    def holds(self) -> bool:
+        """Whether all draws and all corners hold with the tensions fixed."""
+        return self.held == self.margins.size and bool((self.corner_margins >= 0.0).all())
+
+    @property
+    def least(self) -> float:
+        """Least margin of all draws and corners [1]."""
+        return float(np.nanmin(np.concatenate([self.margins, self.corner_margins])))
+
+    @property
+    def retensioned(self) -> float:
+        """Estimated share of the draws that hold with tensions chosen anew where needed [1]."""
+        failed = self.margins.size - self.held
+        again = self.recovered / self.retried if self.retried else 0.0
+        return (self.held + failed * again) / self.margins.size
+
+
+@dataclass(frozen=True)
+class Robustness(Summarized):
+    """What a grasp bears that was sought for errors of its object, and what the best one without errors bears.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (draws, 6)
+        The draws: x, y [m], angle [rad], and shares of size, friction and mass [1].
+    nominal : Trials
+        Of the grasp that is best as the scene is, with the first draws.
+    robust : Trials or None
+        Of the grasp that holds at all corners; None where none was found.
+    active : ndarray, shape (K, 6)
+        Corners that are part of its problem.
+    nominal_arrays : mapping
+        Of the nominal grasp, as `GraspResult.arrays`.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> scene = cg.load("configs/grasp/mug_arcs.yaml").changed({"robust": {"friction": 0.1, "draws": 10}})
+    >>> found = cg.optimize_grasp(scene).robustness
+    >>> found.robust.held, found.nominal.held < 10, found.robust.tension > found.nominal.tension
+    (10, True, True)
+    """
+
+    errors: Array
+    nominal: Trials
+    robust: Trials | None
+    active: Array
+    nominal_arrays: Mapping[str, Array] = field(repr=False)
+
+    def arrays(self) -> dict[str, Array]:
+        """What is stored of the draws, where there is a grasp for all errors."""
+        if self.robust is None:
+            return {}
+        margins = {"robust.margins": self.robust.margins, "robust.nominal_margins": self.nominal.margins}
+        return {"robust.errors": self.errors, **margins}
+
+    def warnings(self) -> list[str]:
+        """What to know before this grasp is relied on."""
+        one = self.robust
+        if one is None or one.holds:
+            return []
+        unknown = int(np.isnan(one.margins).sum())
+        failed = one.margins.size - one.held - unknown
+        answers = f", and {unknown} have no answer" if unknown else ""
+        return [f"of {one.margins.size} draws within robust {failed} do not hold with these tensions{answers}"]
+
+    def headline(self) -> str:
+        """Draws that hold."""
+        if self.robust is None:
+            return "no grasp holds at all corners"
+        return f"{self.robust.held} of {self.robust.margins.size} draws hold"
+
+    def pairs(self) -> dict[str, str]:
+        """Nominal and robust grasp side by side."""
+        return {name: f"{nominal} nominal, {robust} robust" for name, nominal, robust in self.rows()}
+
+    def rows(self) -> list[tuple[str, str, str]]:
+        """What there is to compare: its name, and values of the nominal and of the robust grasp."""
+        both = (self.nominal, self.robust)
+
+        def row(name: str, text: Any) -> tuple[str, str, str]:
+            nominal, robust = ("" if one is None else str(text(one)) for one in both)
+            return name, nominal, robust
+
+        return [
+            row("sum of tensions", lambda one: f"{one.tension:.2f} N"),
+            row("draws held, tensions fixed", lambda one: f"{one.held} of {one.margins.size}"),
+            row("of the others, held with new tensions", _recovered),
+            row("least margin, draws and corners", lambda one: _margin(one.least)),
+            *(
+                row(f"least margin, {name} alone", lambda one, name=name: _margin(one.alone[name]))
+                for name in self.nominal.alone
+            ),
+            row("fails first", _weakest),
+        ]
+
+    def data(self) -> dict[str, Any]:
+        """The same as plain data."""
+
+        def of(one: Trials) -> dict[str, Any]:
+            return {
+                "tension_N": one.tension,
+                "draws": int(one.margins.size),
+                "held": one.held,
+                "retried_with_new_tensions": one.retried,
+                "recovered_by_new_tensions": one.recovered,
+                "least_margin": one.least,
+                "corners": int(one.corner_margins.size),
+                "corners_held": int((one.corner_margins >= 0.0).sum()),
+                "least_margin_alone": dict(one.alone),
+                "fails_first": dict(one.weakest),
+            }
+
+        found = {"nominal": of(self.nominal)}
+        return found if self.robust is None else {**found, "robust": of(self.robust)}
+
+
+def _recovered(one: Trials) -> str:
+    return f"{one.recovered} of {one.retried} tried" if one.retried else "-"
+
+
+def _weakest(one: Trials) -> str:
+    ranked = sorted(one.weakest.items(), key=lambda pair: -pair[1])
+    return ", ".join(f"{name} ({count})" for name, count in ranked[:3]) or "-"
+
+
+def _margin(value: float) -> str:
+    if value == -np.inf:
+        return "no posture, or a contact parts"
+    return "no answer" if np.isnan(value) else f"{value:.1%}"

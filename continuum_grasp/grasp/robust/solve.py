@@ -1,0 +1,127 @@
+"""From a grasp of a scene to one that holds for all errors that the scene names, tried with draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.grasp.robust.errors import alone, drawn
+from continuum_grasp.grasp.robust.response import Responder, Response
+from continuum_grasp.grasp.robust.result import Robustness, Trials
+from continuum_grasp.grasp.robust.search import Found, find_robust
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import Robust
+
+Array = NDArray[Any]
+
+COMPARED = 200
+"""Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
+RETRIED = 50
+"""Draws, of those that do not hold, that are tried with other tensions."""
+HALVINGS = 4
+"""How often the interval of the bounds that can be borne is halved: to a sixteenth."""
+
+
+def with_robust(result: GraspResult, bounds: Robust, budget: Budget) -> GraspResult:
+    """The grasp that holds for all errors, in place of a nominal one; why there is none, where none was found."""
+    scene = result.scene
+    found = find_robust(scene, bounds, result.arrays, budget)
+    # Trials are no part of the search: only the clock stops them.
+    trials = Budget(until=budget.until)
+    errors = drawn(bounds, scene.solver.random_seed)
+    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, found.first)
+    if not found.holds:
+        return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
+    robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
+    held = f"held with {robust.tension:.4g} N of tension in all whatever the errors within robust"
+    effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
+    changed = GraspResult(
+        scene,
+        result.status if found.optimal else Status.FEASIBLE,
+        f"{held}; {nominal.tension:.4g} N without errors",
+        found.arrays,
+        found.certificate,
+        advice=result.advice,
+        statistics={**result.statistics, "robust": effort},
+        robustness=Robustness(errors, nominal, robust, found.errors, result.arrays),
+    )
+    if robust.holds:
+        return changed
+    failed = robust.margins.size - robust.held
+    message = f"held at all corners of robust, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
+    return replace(changed, status=Status.FEASIBLE, message=message)
+
+
+def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
+    """No robust grasp: with which part of the bounds there is one."""
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if budget.over:
+            break
+        if find_robust(result.scene, _times(bounds, middle), result.arrays, budget).holds:
+            low = middle
+        else:
+            high = middle
+    failing = [response for response in found.responses if not response.holds]
+    worst = min(failing, key=lambda response: response.reserve, default=None)
+    text = (
+        f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found for all errors"
+    )
+    violated = () if worst is None else (f"corner {_written(worst)}: {worst.weakest or 'no posture balances'}",)
+    base = replace(result, robustness=robustness, violated=violated, sensitivity=())
+    if low <= 0.0 or budget.cut:
+        advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
+        return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
+    text += f"; with {low:.0%} of all bounds there is one"
+    repair = f"multiply all bounds in robust by {low:.4g}"
+    reason = Reason("errors", "robust", "1", 1.0, low, text, repair)
+    advice = f"Any one of these repairs it: {repair}."
+    return replace(base, status=Status.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
+
+
+def _times(bounds: Robust, factor: float) -> Robust:
+    names = ("position", "angle", "radius", "friction", "mass")
+    return bounds.replaced(**{name: factor * getattr(bounds, name) for name in names})
+
+
+def _written(response: Response) -> str:
+    x, y, angle, size, friction, mass = response.error
+    place = f"({1e3 * x:+.3g}, {1e3 * y:+.3g}) mm, {np.degrees(angle):+.3g} deg"
+    return f"{place}, size {size:+.1%}, friction {friction:+.1%}, mass {mass:+.1%}"
+
+
+def _trials(
+    scene: GraspScene,
+    bounds: Robust,
+    arrays: Mapping[str, Array],
+    errors: Array,
+    budget: Budget,
+    corners: Sequence[Response],
+) -> Trials:
+    """Try a grasp with draws, at corners, whose responses are known, and with each bound alone."""
+    responder = Responder(scene, arrays, budget)
+    responses = [responder.to(error) for error in errors]
+    failed = [response for response in responses if not response.holds]
+    again = [responder.to(response.error, retensioned=response) for response in failed[:RETRIED]]
+    weakest: dict[str, int] = {}
+    for response in failed:
+        name = response.weakest or "balance"
+        weakest[name] = weakest.get(name, 0) + 1
+    single = {name: min(responder.to(error).margin for error in ends) for name, ends in alone(bounds).items()}
+    tension = float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
+    return Trials(
+        tension,
+        np.array([response.margin for response in responses]),
+        len(again),
+        sum(response.holds for response in again),
+        np.array([response.margin for response in corners]),
+        single,
+        weakest,
+    )

@@ -1,0 +1,93 @@
+"""A grasp that holds for errors of its object beside the best one without errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
+from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.robust.result import Robustness
+
+Array = NDArray[Any]
+
+_LOWEST = -0.5
+"""Least margin that is drawn: draws below, contacts that part among them, are in the first bar."""
+_BARS = 30
+
+
+def plot_robustness(result: GraspResult) -> list[Axes]:
+    """Draw the grasp for all errors and that without errors, and the friction margins of both in random draws.
+
+    Parameters
+    ----------
+    result : GraspResult
+        Of a scene with ``robust``.
+
+    Returns
+    -------
+    list of matplotlib.axes.Axes
+        Of the shapes, and of the margins.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.plotting import plot_robustness
+    >>> scene = cg.load("configs/grasp/mug_arcs.yaml").changed({"robust": {"friction": 0.1, "draws": 10}})
+    >>> [ax.get_xlabel() for ax in plot_robustness(cg.optimize_grasp(scene))]
+    ['x [m]', 'least friction margin of a draw [1]']
+    """
+    if result.robustness is None:
+        raise InputError("this result has no trials with errors: expected one of a scene with robust", key="robust")
+    left, right = new_figure(9.0, 4.2).subplots(1, 2)
+    return [_shapes(quiet(left), result, result.robustness), _margins(quiet(right), result.robustness)]
+
+
+def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
+    scene, drawn = result.scene, []
+    both = [(found.nominal_arrays, GRAY, "without errors", 0.35)]
+    if found.robust is not None:
+        both.append((result.arrays, BLUE, "for all errors", 0.3))
+    for arrays, color, name, alpha in both:
+        for k, (finger, own) in enumerate(scene.named_fingers.items()):
+            line = np.asarray(arrays[f"{finger}.backbone"])
+            outline = finger_outline(line[:, 1:3], own, s=line[:, 0], angle=line[:, 3])
+            draw_body(ax, outline, facecolor=color, alpha=alpha, label=name if k == 0 else "")
+            drawn.append(outline)
+    pose = np.asarray(both[-1][0]["object.pose"])
+    outlines = outlines_of(scene.object, pose)
+    draw_object(ax, outlines)
+    points = np.concatenate([*drawn, *outlines])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.06 * float((high - low).max())
+    show_box(ax, (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin))
+    draw_supports(ax, scene.supports)
+    label(ax, "x [m]", "y [m]")
+    head(ax, scene.name)
+    return ax
+
+
+def _margins(ax: Axes, found: Robustness) -> Axes:
+    edges = np.linspace(_LOWEST, 1.0, _BARS + 1)
+    trials = [(found.nominal, GRAY, "without errors")]
+    if found.robust is not None:
+        trials.append((found.robust, BLUE, "for all errors"))
+    for one, color, name in trials:
+        margins = np.clip(np.nan_to_num(one.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
+        share = np.full(margins.size, 100.0 / margins.size)
+        text = f"{name}: {one.held} of {margins.size} draws hold, {one.tension:.4g} N"
+        ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
+    ax.axvline(0.0, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
+    label(ax, "least friction margin of a draw [1]", "draws [%]")
+    head(ax, None, columns=1)
+    return ax
