@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -137,11 +138,13 @@ class Surroundings:
         def look(at: Array, owner: Array, thick: Array) -> list[tuple[Nearest, Array]]:
             return [obstacle.near(at, owner, thick, setup, base, pose, units) for obstacle in obstacles]
 
+        def depth(fractions: Array) -> Array:
+            seen = zip(look(*along(fractions)), spare, strict=True)
+            deepest = np.max([needed - near[1] - r for (near, needed), r in seen], axis=0)
+            return np.asarray(deepest).reshape(fractions.shape)
+
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
-        depth = np.max(
-            [needed - near[1] - r for (near, needed), r in zip(look(*along(even)), spare, strict=True)], axis=0
-        )
-        probes = _deepest(depth.reshape(-1, FINE + 1), finger.probes)
+        probes = _refined(depth, _deepest(depth(even), finger.probes))
         at, owner, thick = along(probes)
         owner = np.concatenate([self._elements[index], owner]).astype(int)
         looked = look(np.concatenate([points.T, at]), owner, np.concatenate([half, thick]))
@@ -230,6 +233,10 @@ class _Line:
         return line[len(_EVEN) :]
 
 
+_AROUND = np.arange(-8.0, 9.0)
+"""Places around a pick at which the depth is looked at again, in steps."""
+
+
 def _most_strained(setup: FingerSetup, line: _Line, fractions: Array) -> Array:
     """Per element, the fraction (N,) where the strain is greatest, by the parabola through it."""
     shape, depth = line.shape, setup.finger.profile.half_depth
@@ -256,6 +263,28 @@ def _deepest(depth: Array, count: int) -> Array:
         for k, j in enumerate(pick):
             left[k, max(j - near, 0) : j + near + 1] = -np.inf
     return np.sort(np.stack(picks, axis=1), axis=1)
+
+
+def _refined(depth: Callable[[Array], Array], picks: Array) -> Array:
+    """Fractions (N, count) where depth is greatest near picks, by a parabola through closer places.
+
+    Beside a contact the depth is far from a parabola over the first spacing, and the limit there has a multiplier of
+    thousands: a place that is off by 1e-3 changes tensions by 1e-5 (mug).
+    """
+    count, rows = picks.shape[1], np.arange(picks.size)
+    step = 1.0 / FINE
+    for _ in range(2):
+        step /= 8.0
+        around = np.clip(picks[..., None] + step * _AROUND, 0.0, 1.0)
+        seen = depth(around.reshape(len(picks), -1)).reshape(picks.size, -1)
+        best = np.clip(seen.argmax(axis=1), 1, len(_AROUND) - 2)
+        a, b, c = (seen[rows, best + k] for k in (-1, 0, 1))
+        bent = a - 2.0 * b + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shift = np.where(bent < 0.0, 0.5 * (a - c) / bent, 0.0)
+        moved = around.reshape(picks.size, -1)[rows, best] + step * np.clip(shift, -1.0, 1.0)
+        picks = np.clip(moved, 0.0, 1.0).reshape(-1, count)
+    return np.sort(picks, axis=1)
 
 
 def _local(points: Array, pose: Array) -> Array:
