@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.design.held import HeldGrasp, Stencil, moved_features
+from continuum_grasp.design.held import HeldGrasp, Stencil, moved_features, moved_start
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import GraspResult, Status
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.nlp import Budget
@@ -29,6 +29,8 @@ SAME = 1e-4
 changes."""
 _SETTLED = 1e-9
 """Relative change of a quantity at which another run from the same point is not worth it [1]."""
+_SEARCH, _LEAST_SEARCH = 5, 1000
+"""Iterations of a full search, per those of the longest one that has found a grasp, and at least [1]."""
 _RUNS = 4
 """Most runs until guarded places stand still."""
 _HEAVIER = 1.3
@@ -57,6 +59,8 @@ class Effort:
     """Of these runs."""
     lost: int = 0
     """Designs for which there was no grasp."""
+    most: int = 0
+    """Most iterations of a full search that found a grasp."""
 
 
 @dataclass
@@ -79,7 +83,8 @@ class CaseGrasps:
             There is none.
         """
         if "objective" in self.wanted:
-            self._take("objective", self._settled(*self._searched(scene)))
+            self.found = self._searched(scene)
+            self._take("objective", self._settled(self.found))
         if "payload" in self.wanted:
             self._search_payload(scene)
 
@@ -101,16 +106,22 @@ class CaseGrasps:
 
     # -- the scene's objective
 
-    def _searched(self, scene: GraspScene) -> tuple[GraspScene, Start]:
-        self.effort.searches += 1
-        self.found = result = optimize_grasp(scene, raise_on_failure=False)
+    def _searched(self, scene: GraspScene) -> GraspResult:
+        """The result of a full search; `LostGrasp` where there is no grasp."""
+        effort = self.effort
+        effort.searches += 1
+        # Why there is no grasp is not asked, which takes longer than finding one.
+        most = min(scene.solver.max_total_iterations, max(_LEAST_SEARCH, _SEARCH * effort.most))
+        limited = scene.model_copy(update={"solver": scene.solver.model_copy(update={"max_total_iterations": most})})
+        result = optimize_grasp(limited if effort.most else scene, raise_on_failure=False)
         if not result.solved:
             raise LostGrasp(f"{self.name}: {result.message}")
-        return scene, start_from(scene, dict(result.arrays))
+        effort.most = max(effort.most, int(result.statistics["total_iterations"]))
+        return replace(result, scene=scene)
 
-    def _settled(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp:
-        """A grasp from a start, its guarded places moved until they stand still."""
-        found = self._run(scene, start, **options)
+    def _settled(self, result: GraspResult) -> HeldGrasp:
+        """The grasp of a full search, its guarded places moved until they stand still."""
+        found = self._run(result.scene, start_from(result.scene, dict(result.arrays)))
         if found is None:
             raise LostGrasp(f"{self.name}: the grasp was found but not again from its own numbers")
         return found
@@ -120,7 +131,7 @@ class CaseGrasps:
         before = self.held.get(aim)
         if before is None:
             return None
-        start = _fitted(before.attempt.start, before.scene, scene)
+        start = moved_start(before.scene, scene, before.attempt.start)
         options: dict[str, Any] = {}
         if before.relaxed:
             scene = _with_mass(scene, before.scene.object.mass)
@@ -169,23 +180,28 @@ class CaseGrasps:
         mass = scene.object.mass if best is None else best.quantities["payload"] * (1.0 + SAME)
         for _ in range(_MASSES):
             try:
-                tried, start = self._searched(_with_mass(scene, mass))
+                result = self._searched(_with_mass(scene, mass))
             except LostGrasp:
                 if best is not None:
                     break
                 mass *= 0.5
                 continue
-            found = self._heaviest(tried, start)
+            found = self._heaviest(result)
             if best is not None and found.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
                 break
             best, mass = found, found.quantities["payload"] * (1.0 + 10.0 * SAME)
         if best is None:
             raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
         self.held["payload"] = best
+        if "objective" not in self.wanted:
+            payload = best.quantities["payload"]
+            most, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"
+            self.found = GraspResult(most, Status.OPTIMAL, message, best.arrays, certify(most, best.arrays))
 
-    def _heaviest(self, scene: GraspScene, start: Start) -> HeldGrasp:
+    def _heaviest(self, result: GraspResult) -> HeldGrasp:
         """The greatest mass from a grasp."""
-        heavy = _with_mass(scene, _FIRST_MASS * scene.object.mass)
+        scene = result.scene
+        heavy, start = _with_mass(scene, _FIRST_MASS * scene.object.mass), start_from(scene, dict(result.arrays))
         found = self._run(heavy, start, relaxed=(MASS, 1.0 - 1.0 / _FIRST_MASS))
         if found is None:
             raise LostGrasp(f"{self.name}: no payload was found from the grasp of {scene.object.mass:.3g} kg")
@@ -230,16 +246,6 @@ class CaseGrasps:
 
 def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
     return scene.model_copy(update={"object": scene.object.model_copy(update={"mass": mass})})
-
-
-def _fitted(start: Start, before: GraspScene, after: GraspScene) -> Start:
-    """A start with places along fingers that may have another length."""
-    fingers = {}
-    for old, new in zip(before.setups, after.setups, strict=True):
-        one, share = start.fingers[old.name], new.finger.rod.length / old.finger.rod.length
-        joints, knots = (tuple(share * at for at in places) for places in (one.joints, one.knots))
-        fingers[old.name] = replace(one, joints=joints, knots=knots)
-    return replace(start, fingers=fingers)
 
 
 def _probed(found: HeldGrasp) -> bool:

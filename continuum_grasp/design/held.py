@@ -28,8 +28,10 @@ from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.structure import ProblemSpec, support_of
 from continuum_grasp.grasp.problem.values import problem_bounds, tension_weight
+from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import GraspScene
@@ -193,7 +195,8 @@ class HeldGrasp:
         return moved_features(self.scene, scene, self.attempt)
 
     def _numbers(self, scene: GraspScene) -> Array:
-        return self.solver.numbers_near(scene, self.attempt, self._features(scene))
+        start = moved_start(self.scene, scene, self.attempt.start)
+        return self.solver.numbers_near(scene, self.attempt, start, self._features(scene))
 
     def _bounds(self, scene: GraspScene) -> tuple[Array, Array]:
         return problem_bounds(self.solver.problem, scene, self._features(scene))
@@ -267,6 +270,22 @@ def moved_features(before: GraspScene, after: GraspScene, attempt: Attempt) -> d
         surface = surface_of(old)
         found[name] = surface_of(new).features(new)[surface.features(old).index(attempt.features[name])]
     return found
+
+
+def moved_start(before: GraspScene, after: GraspScene, start: Start) -> Start:
+    """A start of a scene in another one, whose fingers may have other lengths and whose object other dimensions."""
+    fingers = {}
+    for old, new in zip(before.setups, after.setups, strict=True):
+        one, share = start.fingers[old.name], new.finger.rod.length / old.finger.rod.length
+        joints, knots = (tuple(share * at for at in places) for places in (one.joints, one.knots))
+        fingers[old.name] = replace(one, joints=joints, knots=knots)
+    contacts = dict(start.contacts)
+    if after.object.free is None:
+        # Where a fixed object touches a support is no unknown but given.
+        supports = {support for name in contacts if (support := support_of(name, after))}
+        touched = support_contacts(after, after.object.pose, supports)
+        contacts |= {name: touched[name] for name in contacts if name in touched}
+    return replace(start, fingers=fingers, contacts=contacts)
 
 
 def _finite(bounds: Array) -> Array:

@@ -175,17 +175,17 @@ class GraspSolverRun:
         """Derivatives of the problem by its unknowns: ``grad_f``, ``jac_g`` and ``hess_lag``."""
         return self._nlp.functions
 
-    def numbers_near(self, scene: GraspScene, attempt: Attempt, features: dict[str, Feature]) -> Array:
+    def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt.
 
         What is sought stays, and so do the guarded places; what is in their way is that of the scene.
         """
         numbers, at = self.problem.numbers, self.problem.numbers.at
-        values = problem_values(self.problem, scene, attempt.start, features)
-        values |= self._near.look(scene, attempt.x, numbers.pack(values, 0.0)).numbers
-        stay = [
-            name for name in at if name.endswith((".probes", ".strain probes", "effort weight", "relaxation weights"))
-        ]
+        values = problem_values(self.problem, scene, start, features)
+        fingers = (finger.spec.name for finger in self.problem.fingers)
+        probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
+        values |= self._near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
+        stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
     @cached_property
