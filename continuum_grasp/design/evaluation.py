@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from continuum_grasp.design.expression import Expression
 from continuum_grasp.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
@@ -21,6 +23,10 @@ Array = NDArray[Any]
 Signs = tuple[float, ...]
 """Errors of what is tolerated, as parts of the greatest error, -1 to 1."""
 
+_ACTIVE = 1e-4
+"""Distance from a limit, and of a case's cost from the worst, as a part of it, from which on it acts [1]."""
+_AT_BOUND = 1e-6
+"""Distance of a coordinate from its bound at which it counts as there [1]."""
 _ASIDE = 1e-5
 """How far a design moves, in coordinates, from where the structure of the grasp problem changes."""
 
@@ -86,6 +92,27 @@ class Evaluation:
     def cost(self) -> float:
         """What is to be least."""
         return self.worst.value
+
+    @cached_property
+    def slope(self) -> Array:
+        """Change of the least cost (n + m,), other variables staying at their optimum, within their bounds.
+
+        Where several cases are worst at once, or limits act, it is that of the design's Lagrangian, with the
+        multipliers that leave least of it along variables within their bounds; away from an optimum that of the worst
+        case.
+        """
+        u, near = self.coordinates, _ACTIVE * max(abs(self.cost), 1e-9)
+        costs = [row for row in self.costs if row.value >= self.cost - near]
+        limits = [row for row in self.limits if row.value < _ACTIVE]
+        columns = np.array([row.slope for row in costs] + [-row.slope for row in limits]).T
+        n = u.size
+        # At a bound, the cost may grow into the region.
+        walls = np.diag(np.where(u < _AT_BOUND, -1.0, np.where(u > 1.0 - _AT_BOUND, 1.0, 0.0)))
+        weight = 1e3 * max(float(np.abs(columns[:n]).max(initial=0.0)), 1e-9)
+        total = weight * np.array([1.0] * len(costs) + [0.0] * (len(limits) + n))
+        shares = nnls(np.vstack([np.hstack([columns[:n], walls]), total]), np.append(np.zeros(n), weight))[0]
+        found: Array = columns @ shares[: columns.shape[1]]
+        return found
 
     @property
     def violation(self) -> float:

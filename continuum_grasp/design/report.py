@@ -114,8 +114,8 @@ def _sensitivities(result: DesignResult) -> tuple[str, str]:
         for one in result.influences
     ]
     note = (
-        f"<p>Of the cost of {escaped(result.best.worst.case)}, through its best grasp. The differences of the scene's "
-        f"numbers on which they rest are good to {result.best.error:.0e}.</p>"
+        "<p>Of the least cost, through the best grasps; within its bounds a variable has none but what the search has "
+        f"left. The differences of the scene's numbers on which they rest are good to {result.best.error:.0e}.</p>"
     )
     return note, table(("Key", "Change of the cost", "per", "for +1 % of its range", "At its bound"), rows, (1, 3))
 

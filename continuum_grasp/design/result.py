@@ -72,8 +72,6 @@ class Influence:
         for 1 % of its greatest error.
     at : str
         ``least`` or ``greatest`` where the variable is at that bound; empty between.
-    case : str
-        The case whose cost this is.
     """
 
     key: str
@@ -82,7 +80,6 @@ class Influence:
     slope: float
     per_percent: float
     at: str
-    case: str
 
 
 @dataclass(frozen=True)
@@ -208,21 +205,24 @@ class DesignResult(Result):
 
     @property
     def influences(self) -> tuple[Influence, ...]:
-        """How the cost of the worst case changes with each variable, and with what is tolerated beside them."""
+        """How the least cost changes with each variable, and with what is tolerated beside them.
+
+        The other variables stay at their optimum: where none is at a bound and no limit acts, variables have none.
+        """
         if self.best is None:
             return ()
-        row, found = self.best.worst, []
+        total, found = self.best.slope, []
         for k, (one, value) in enumerate(zip(self.space.coordinates, _numbers(self.optimum), strict=True)):
-            slope, u = float(row.slope[k]) / one.slope(value), float(self.best.coordinates[k])
+            slope, u = float(total[k]) / one.slope(value), float(self.best.coordinates[k])
             at = "least" if u < 1e-6 else "greatest" if u > 1.0 - 1e-6 else ""
-            found.append(Influence(one.key, one.unit, value, slope, 0.01 * float(row.slope[k]), at, row.case))
+            found.append(Influence(one.key, one.unit, value, slope, 0.01 * float(total[k]), at))
         count = len(self.space.coordinates)
         for k, tolerated in enumerate(self.space.tolerated):
             if tolerated.variable is None:
                 value = tolerated.nominal
-                change = float(row.slope[count + k])
+                change = float(total[count + k])
                 slope = change / tolerated.amount(value)
-                found.append(Influence(tolerated.key, tolerated.unit, value, slope, 0.01 * change, "", row.case))
+                found.append(Influence(tolerated.key, tolerated.unit, value, slope, 0.01 * change, ""))
         return tuple(found)
 
     @property

@@ -79,7 +79,7 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
 def _draw_influences(ax: Axes, result: DesignResult) -> None:
     """Bars at the start and at the best design, in its order; at an optimum only those at a bound remain."""
     found = result.influences[:_MOST_KEYS]
-    before = () if result.first is None else 0.01 * result.first.worst.slope[: len(found)]
+    before = () if result.first is None else 0.01 * result.first.slope[: len(found)]
     places = np.arange(len(found))
     ax.barh(places[: len(before)] + 0.05, before, color=GRAY, height=0.22, label="at the start")
     at_bound = np.array([bool(one.at) for one in found])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.design import Status
+from continuum_grasp.design import Evaluation, Row, Status
 from continuum_grasp.errors import SolverError
 
 ARCS = "configs/grasp/mug_arcs.yaml"
@@ -35,6 +35,19 @@ def designed(**keys):
         **keys,
     }
     return cg.optimize_design(given)
+
+
+def test_sensitivities_are_those_of_the_least_worst_cost():
+    """Least over x of max(x, y - x) is y / 2; least of x + 2 y with 2 x >= 1 is 1 / 2 + 2 y; both with y at a bound."""
+
+    def row(value, slope):
+        return Row("", "", (), value, np.array(slope))
+
+    both = (row(0.3, [1.0, 0.0]), row(0.3, [-1.0, 1.0]), row(0.1, [5.0, 5.0]))
+    assert Evaluation(np.array([0.3, 0.0]), both, (), (), 0.0).slope == pytest.approx([0.0, 0.5], abs=1e-6)
+    limit = row(0.0, [2.0, 0.0])
+    found = Evaluation(np.array([0.5, 0.0]), (row(0.3, [1.0, 2.0]),), (limit,), (), 0.0).slope
+    assert found == pytest.approx([0.0, 2.0], abs=1e-5)
 
 
 def test_the_best_offset(moment):
