@@ -25,14 +25,7 @@ _FUNCTIONS = {"sqrt": ca.sqrt, "exp": ca.exp, "log": ca.log}
 
 
 class Expression:
-    """A formula of named quantities.
-
-    Examples
-    --------
-    >>> from continuum_grasp.design.expression import Expression
-    >>> Expression("a**2 + 3 * b").value({"a": 2.0, "b": 1.0})
-    7.0
-    """
+    """A formula of named quantities."""
 
     def __init__(self, text: str) -> None:
         self.text, self.names = text, tuple(sorted(names_in(text)))

@@ -8,7 +8,7 @@ designs, and the Lagrangian L = f + lambda_g g + lambda_x (x - bound):
                     [J     -D ] [dlambda ] = - [dg/dt                     ]
 
 S = lambda_x / (x - bound) and D = g / lambda_g of inequalities: the optimality conditions of an interior-point method
-at its barrier parameter, so that nobody need decide which limits are active. A. V. Fiacco, Introduction to Sensitivity
+at its barrier parameter, so that no set of active limits has to be chosen. A. V. Fiacco, Introduction to Sensitivity
 and Stability Analysis in Nonlinear Programming, 1983; H. Pirnay, R. Lopez-Negrete, L. T. Biegler, Math. Program.
 Comput. 4 (2012), doi:10.1007/s12532-012-0043-2.
 """
@@ -43,7 +43,7 @@ Along = Callable[[float], GraspScene]
 _REGULAR = 1e-11
 """Added to the Hessian [units of the problem]: directions of separating lines that do not matter have no curvature."""
 _LEAST = 1e-15
-"""Least distance from a bound, and least multiplier, that is told from zero [units of the problem]."""
+"""Least distance from a bound, and least multiplier, that differs from zero [units of the problem]."""
 _SHAPES = (
     # Offsets and weights of differences of fourth order: central, forward, backward.
     ((-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12)),

@@ -20,6 +20,10 @@ from continuum_grasp.scene.design_space import DesignSpace
 Array = NDArray[Any]
 
 
+_MOST_WARNINGS = 3
+"""Warnings of grasps that are listed: cases of one finger have the same as a rule."""
+
+
 class Status(StrEnum):
     """How the search for a design ended."""
 
@@ -246,6 +250,8 @@ class DesignResult(Result):
     def warnings(self) -> tuple[str, ...]:
         """What to know before the design is built."""
         found = [f"{name}: {text}" for name, grasp in self.grasps.items() for text in grasp.warnings]
+        if len(found) > _MOST_WARNINGS:
+            found = [*found[:_MOST_WARNINGS], f"and {len(found) - _MOST_WARNINGS} more of this kind, see grasp_CASE/"]
         lost = [one for one in self.worst_cases if one.message]
         if lost:
             found.append(
