@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from continuum_grasp.control.controller import Controller as Controller
     from continuum_grasp.control.estimation.estimator import Estimator as Estimator
     from continuum_grasp.core import compile as compile
+    from continuum_grasp.design import optimize_design as optimize_design
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError
     from continuum_grasp.errors import Interrupted as Interrupted

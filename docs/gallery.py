@@ -75,6 +75,7 @@ KINDS = {
         "`nitinol_releases` are simulated by this page's script, on a rod that is 8 % softer than assumed.",
         "predictions.png",
     ),
+    "design": Kind("Designs", "[Numbers of a finger chosen by gradient](design_by_gradient.md).", "design.png"),
     "sweep": Kind("Sweeps", "[One scene many times](sweeps.md).", "map_*.png"),
 }
 TELLING = {"mpc/saturation": "inputs.png", "mpc/pulse": "tracking.png", "mpc/steady_tip": "tracking.png"}

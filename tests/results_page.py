@@ -6,6 +6,7 @@ from pathlib import Path
 
 from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.design import DesignResult
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.outcomes import TrialsResult
@@ -22,6 +23,7 @@ MADE_BY = {
     Equilibrium: "`cg.equilibrium`",
     Modes: "`cg.modes`, `continuum-grasp modes`",
     GraspResult: "`cg.optimize_grasp`, `continuum-grasp grasp`",
+    DesignResult: "`cg.optimize_design`, `continuum-grasp design`",
     Plan: "`cg.plan`, `continuum-grasp plan`",
     ControlRun: "`cg.run_closed_loop`, `continuum-grasp mpc`",
     MissionRun: "`cg.run_mission`, `continuum-grasp mpc` of a mission",

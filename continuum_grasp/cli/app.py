@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.cli.accuracy import accuracy
+from continuum_grasp.cli.design import design
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.export_c import export_c
 from continuum_grasp.cli.export_mjcf import export_mjcf
@@ -87,6 +88,7 @@ for _verb in (
     plan,
     mpc,
     sweep,
+    design,
     modes,
     accuracy,
     identify,

@@ -44,6 +44,8 @@ def kind_of(data: Any) -> str:
             return "mission" if "grasp" in data else "mpc"
         if "goal" in data:
             return "plan"
+        if "variables" in data or "minimize" in data:
+            return "design"
         if "scene" in data or "vary" in data or "sample" in data:
             return "sweep"
         # A simulation with an object has a contact law, a grasp never.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import Annotated, Any, Literal, cast
 
@@ -146,7 +147,7 @@ class GraspScene(Value):
         """A copy with other fingers of the same names, which are not checked against the rest."""
         return self.model_copy(update={"finger": fingers["finger"]} if self.fingers is None else {"fingers": fingers})
 
-    @property
+    @cached_property
     def setups(self) -> tuple[FingerSetup, ...]:
         """The fingers with everything resolved."""
         return tuple(self._setup(name, finger) for name, finger in self.named_fingers.items())

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.design import Design
     from continuum_grasp.scene.grasp import GraspScene
     from continuum_grasp.scene.mission import MissionScene
     from continuum_grasp.scene.plan import PlanScene
     from continuum_grasp.scene.sweep import Sweep
 
-    Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep
+    Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep | Design
 
 Kind = TypeVar("Kind")
 
@@ -44,6 +45,7 @@ _KINDS = {
     "mission": _Kind("mission", "MissionScene", "a mission", "grasp, controller", "mpc"),
     "plan": _Kind("plan", "PlanScene", "a plan", "finger, goal", "plan"),
     "sweep": _Kind("sweep", "Sweep", "a sweep", "scene, vary", "sweep"),
+    "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
     "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
 KINDS = tuple(_KINDS)
@@ -60,7 +62,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     path : path-like
         A YAML file: a scene for simulation, one with parameters to ``estimate``, a grasp (it has an ``object``), a
         closed loop (it has a ``controller``), a mission (that and a ``grasp``), a plan (it has a ``goal``), a sweep
-        (it names a ``scene``) or a finger (it has a ``rod``).
+        (it names a ``scene``), a design (that and ``variables``) or a finger (it has a ``rod``).
         Where it says ``finger: other.yaml`` or ``finger: {extends: other.yaml, ...}``, that file is read,
         relative to the file that names it; keys given beside ``extends`` replace those of the other file,
         mappings key by key. So is ``grasp: other.yaml`` of a mission or plan.
@@ -70,7 +72,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
     Returns
     -------
-    Scene, IdentifyScene, GraspScene, ControlScene, MissionScene, Sweep or Finger
+    Scene, IdentifyScene, GraspScene, ControlScene, MissionScene, Sweep, Design or Finger
         By the content of the file; frozen, all values in SI units.
 
     Raises
@@ -99,6 +101,11 @@ def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Do
         from continuum_grasp.scene.variation import variation_of
 
         variation_of(loaded, document, path)
+        loaded = loaded.in_folder(Path(path).parent)
+    elif kind == "design":
+        from continuum_grasp.scene.design_space import design_space_of
+
+        design_space_of(loaded, document, path)
         loaded = loaded.in_folder(Path(path).parent)
     return loaded, document
 

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import path_of
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
-
-if TYPE_CHECKING:
-    from continuum_grasp.scene.assembly import Overrides
+from continuum_grasp.scene.varied import Follow, Key, Varied, in_si
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -35,27 +28,7 @@ QUANTITIES = {
 """What the table says of every grasp besides status, reason and message, and the unit."""
 
 Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=100_000)]
-Key = Annotated[str, Field(min_length=1)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
-
-
-def _in_si(given: Any, shape: Shape) -> Any:
-    """Ways to vary keys, with texts such as 65 mm as numbers in the SI unit that each key has in the scene."""
-    return {key: _way_in_si(key, way, shape) for key, way in given.items()} if isinstance(given, dict) else given
-
-
-def _way_in_si(key: Any, way: Any, shape: Shape) -> Any:
-    try:
-        path = path_of(key, "")
-    except (InputError, TypeError):  # reported where the key is looked up in the scene
-        return way
-    names = ("values", "from", "to", "uniform", "log_uniform", "normal", "choice", "plus")
-    found = dict(way) if isinstance(way, dict) else {}
-    for name in set(names) & set(found):
-        given = found[name]
-        several = isinstance(given, list | tuple)
-        found[name] = [shape.in_si(path, one) for one in given] if several else shape.in_si(path, given)
-    return found or way
 
 
 class Grid(Value):
@@ -139,17 +112,6 @@ class Sample(Value):
     """random: independent draws; halton: a shifted Halton sequence, which fills the space more evenly."""
 
 
-class Follow(Value):
-    """A key that is no choice of its own, but follows one that is varied."""
-
-    key: Key
-    """The varied key, which must have numbers."""
-    times: Annotated[Real, Field(examples=[0.5]), Unit("unit of this key per unit of that key")] = 1.0
-    """Factor [unit of this key per unit of that key]."""
-    plus: Annotated[Real, Field(examples=[0.01, "10 mm"]), Unit(None)] = 0.0
-    """Summand, in the unit of the key that follows."""
-
-
 class Map(Value):
     """A picture: one quantity over two keys."""
 
@@ -178,17 +140,9 @@ class Front(Value):
     """Column of the table that is shown in color."""
 
 
-class Sweep(Value):
+class Sweep(Varied):
     """A grasp scene with some of its keys varied: a grid, random draws, or both."""
 
-    schema_version: Literal[1] = 1
-    """Format of a file, which must state it; not needed in Python."""
-    name: str | None = None
-    """Title of reports and pictures."""
-    scene: str
-    """Path of the grasp scene that is varied, relative to this file."""
-    set: dict[Key, Any] = Field(default_factory=dict)
-    """Key paths in the scene with values that differ from its file in all runs."""
     vary: dict[Key, Grid] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
@@ -207,12 +161,10 @@ class Sweep(Value):
     def _read_units(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        # Without the scene itself: a key has one unit in all shapes of objects.
-        shape = Shape(GraspScene)
-        found = {**data, **{name: _in_si(data[name], shape) for name in ("vary", "follow") if name in data}}
+        found = {**data, **{name: in_si(data[name]) for name in ("vary", "follow") if name in data}}
         sample = data.get("sample")
         if isinstance(sample, dict) and "keys" in sample:
-            found["sample"] = {**sample, "keys": _in_si(sample["keys"], shape)}
+            found["sample"] = {**sample, "keys": in_si(sample["keys"])}
         return found
 
     def _check(self) -> None:
@@ -231,22 +183,6 @@ class Sweep(Value):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")
         if self.count > MOST_SCENES:
             raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
-
-    _folder: Path = PrivateAttr(default=Path())
-
-    def in_folder(self, folder: Path) -> Self:
-        """A copy whose paths are relative to another folder than the working directory."""
-        found = self.model_copy()
-        found._folder = folder
-        return found
-
-    def changed(self, changes: Overrides) -> Self:
-        return super().changed(changes).in_folder(self._folder)
-
-    @property
-    def file(self) -> Path:
-        """A file beside which the paths lie."""
-        return self._folder / "Sweep"
 
     @property
     def count(self) -> int:

@@ -1,4 +1,4 @@
-"""What a sweep varies, resolved: the scene as plain data, and for every key its place and its values."""
+"""What a configuration varies, resolved: the scene as plain data, and for every key its place and its values."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
+from continuum_grasp.scene.varied import Varied
 
 
 @dataclass(frozen=True)
@@ -74,15 +75,17 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
     return _Resolver(sweep, document, Path(file)).variation()
 
 
-class _Resolver:
-    def __init__(self, sweep: Sweep, document: Document, file: Path) -> None:
-        self.sweep, self.document = sweep, document
+class SceneKeys:
+    """The grasp scene that a configuration names, and the keys that it varies of it."""
+
+    def __init__(self, config: Varied, document: Document, file: Path) -> None:
+        self.document = document
         self._folder = file.parent
         place = document.nearest(("scene",))
-        self.file = Path(os.path.normpath(place.beside(sweep.scene, file)))
+        self.file = Path(os.path.normpath(place.beside(config.scene, file)))
         if not self.file.is_file():
             raise place.error(f"no such file: {self.file}", ("scene",))
-        fixed = [self._change(("set", key), key, value) for key, value in sweep.set.items()]
+        fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
         self.base = assembled(self.file, fixed)
         kind = kind_of(self.base.value)
         if kind != "grasp":
@@ -92,45 +95,14 @@ class _Resolver:
         # So that equal scenes are equal data, by which a sweep resumes.
         self.base.value = self.shape.in_si((), self.base.value, self.base.value)
 
-    def variation(self) -> Variation:
-        where: KeyPath
-        axes, draws = [], []
-        for key, grid in self.sweep.vary.items():
-            where = ("vary", key, "values") if grid.values is not None else ("vary", key)
-            path, values = self._values(where, key, grid.listed, listed=grid.values is not None)
-            axes.append(Axis(key, path, self._unit(path), values, tuple(map(_label, grid.listed))))
-        for key, draw in {} if self.sweep.sample is None else self.sweep.sample.keys.items():
-            draws.append(self._random(key, draw))
-        numeric = {axis.key for axis in axes if all(_is_number(value) for value in axis.values)}
-        numeric |= {draw.key for draw in draws if draw.kind != "choice" or all(map(_is_number, draw.values))}
-        ties = []
-        for key, follow in self.sweep.follow.items():
-            where = ("follow", key)
-            if follow.key not in numeric:
-                message = f"{follow.key!r} has values that are no numbers"
-                raise self.document.nearest((*where, "key")).error(message, where)
-            path, _ = self._values(where, key, [follow.times + follow.plus], listed=False, only_key=True)
-            ties.append(Tie(key, path, self._unit(path), follow.key, follow.times, follow.plus))
-        self._pictures([*self.sweep.vary, *(draw.key for draw in draws), *self.sweep.follow])
-        return Variation(self.base.value, tuple(axes), tuple(draws), tuple(ties))
-
-    def _random(self, key: str, draw: Draw) -> Random:
-        numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
-        # The second number of a normal draw is a deviation, which need not be a value of the key.
-        tried = draw.choice or (numbers if draw.normal is None else numbers[:1])
-        path, values = self._values(("sample", "keys", key, draw.kind), key, tried, listed=True)
-        if draw.choice is None:
-            return Random(key, path, self._unit(path), (), (), draw.kind, numbers)
-        return Random(key, path, self._unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
-
-    def _values(
+    def values(
         self, where: KeyPath, key: str, given: Sequence[Any], *, listed: bool, only_key: bool = False
     ) -> tuple[KeyPath, tuple[Any, ...]]:
         """Where a key lies in the scene, and its values, each tried on its own in the scene."""
         found: list[Any] = []
         path: KeyPath = ()
         for k, value in enumerate(given):
-            path, new = self._change((*where, k) if listed else where, key, value)
+            path, new = self.change((*where, k) if listed else where, key, value)
             tried = changed(self.base, [(path, new)], self.file)
             found.append(self.shape.in_si(path, tried.get(path), tried.value))
             try:
@@ -142,7 +114,7 @@ class _Resolver:
                     raise input_error(error, GraspScene, tried) from error
         return path, tuple(found)
 
-    def _change(self, where: KeyPath, key: str, value: Any) -> Change:
+    def change(self, where: KeyPath, key: str, value: Any) -> Change:
         """A key of the scene with a value, at its place in the sweep."""
         place = self.document.nearest(where)
         place = replace(place, folder=self._folder if place.line is None else None)  # not that of the scene
@@ -152,9 +124,47 @@ class _Resolver:
             raise place.error(error.message, where) from None
         return path, placed(value, place)
 
-    def _unit(self, path: KeyPath) -> str:
+    def unit(self, path: KeyPath) -> str:
+        """Unit of a key; empty where there is none."""
         unit = self.shape.unit(path, self.base.value)
         return "" if unit is None or unit == "1" else unit
+
+
+class _Resolver(SceneKeys):
+    def __init__(self, sweep: Sweep, document: Document, file: Path) -> None:
+        super().__init__(sweep, document, file)
+        self.sweep = sweep
+
+    def variation(self) -> Variation:
+        where: KeyPath
+        axes, draws = [], []
+        for key, grid in self.sweep.vary.items():
+            where = ("vary", key, "values") if grid.values is not None else ("vary", key)
+            path, values = self.values(where, key, grid.listed, listed=grid.values is not None)
+            axes.append(Axis(key, path, self.unit(path), values, tuple(map(_label, grid.listed))))
+        for key, draw in {} if self.sweep.sample is None else self.sweep.sample.keys.items():
+            draws.append(self._random(key, draw))
+        numeric = {axis.key for axis in axes if all(_is_number(value) for value in axis.values)}
+        numeric |= {draw.key for draw in draws if draw.kind != "choice" or all(map(_is_number, draw.values))}
+        ties = []
+        for key, follow in self.sweep.follow.items():
+            where = ("follow", key)
+            if follow.key not in numeric:
+                message = f"{follow.key!r} has values that are no numbers"
+                raise self.document.nearest((*where, "key")).error(message, where)
+            path, _ = self.values(where, key, [follow.times + follow.plus], listed=False, only_key=True)
+            ties.append(Tie(key, path, self.unit(path), follow.key, follow.times, follow.plus))
+        self._pictures([*self.sweep.vary, *(draw.key for draw in draws), *self.sweep.follow])
+        return Variation(self.base.value, tuple(axes), tuple(draws), tuple(ties))
+
+    def _random(self, key: str, draw: Draw) -> Random:
+        numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
+        # The second number of a normal draw is a deviation, which need not be a value of the key.
+        tried = draw.choice or (numbers if draw.normal is None else numbers[:1])
+        path, values = self.values(("sample", "keys", key, draw.kind), key, tried, listed=True)
+        if draw.choice is None:
+            return Random(key, path, self.unit(path), (), (), draw.kind, numbers)
+        return Random(key, path, self.unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
 
     def _pictures(self, keys: list[str]) -> None:
         allowed = [*keys, *self.sweep.columns]

@@ -18,6 +18,7 @@ import pytest
 
 from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.design import DesignResult
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult, Status
 from continuum_grasp.identification.fit import Fit
@@ -34,6 +35,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 RESULTS = (
     AccuracyReport,
     ControlRun,
+    DesignResult,
     Equilibrium,
     Fit,
     GraspResult,

@@ -210,6 +210,24 @@ class GraspSolverRun:
         """The physical numbers of a point, given by unknowns and run-time numbers."""
         return stored_arrays(self.problem, scene, start, self._read.call([x, numbers]))
 
+    @property
+    def derivatives(self) -> dict[str, ca.Function]:
+        """Derivatives of the problem by its unknowns: ``grad_f``, ``jac_g`` and ``hess_lag``."""
+        return self._nlp.functions
+
+    def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
+        """Run-time numbers of a scene of the same structure at the unknowns of an attempt.
+
+        What is sought stays, and so do the guarded places; what is in their way is that of the scene.
+        """
+        numbers, at = self.problem.numbers, self.problem.numbers.at
+        values = problem_values(self.problem, scene, start, features)
+        fingers = (finger.spec.name for finger in self.problem.fingers)
+        probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
+        values |= self._near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
+        stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
+        return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
+
     @cached_property
     def slope(self) -> ca.Function:
         """Derivative of the Lagrangian by the problem's numbers, from unknowns, numbers and multipliers."""

@@ -1,0 +1,309 @@
+"""Cost and limits of a design with their derivatives, over all cases and over errors of manufacture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from continuum_grasp.design.expression import Expression
+from continuum_grasp.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
+from continuum_grasp.design.held import Along, Stencil, StructureChanges
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.scene.design_space import DesignSpace
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+Signs = tuple[float, ...]
+"""Errors of what is tolerated, as parts of the greatest error, -1 to 1."""
+
+_ACTIVE = 1e-4
+"""Distance from a limit, and of a case's cost from the worst, as a part of it, from which on it acts [1]."""
+_AT_BOUND = 1e-6
+"""Distance of a coordinate from its bound at which it counts as there [1]."""
+_ASIDE = 1e-5
+"""How far a design moves, in coordinates, from where the structure of the grasp problem changes."""
+
+
+@dataclass(frozen=True)
+class CaseValues:
+    """Quantities of one case at one design with its errors.
+
+    Attributes
+    ----------
+    quantities : dict of str to float
+        SI.
+    slopes : dict of str to ndarray, shape (n + m,)
+        Their change per coordinate of each variable, then per share of each tolerated error.
+    """
+
+    case: str
+    signs: Signs
+    quantities: dict[str, float]
+    slopes: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number that the optimizer deals with: value and derivatives (n + m,)."""
+
+    name: str
+    case: str
+    signs: Signs
+    value: float
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A design: its cost and limits.
+
+    Attributes
+    ----------
+    coordinates : (n,) ndarray
+        From 0 to 1 per variable.
+    costs : tuple of Row
+        One per combination of errors.
+    limits : tuple of Row
+        Not negative where a limit holds; as parts of the limit.
+    cases : tuple of CaseValues
+    error : float
+        Estimated relative error of the derivatives' differences.
+    """
+
+    coordinates: Array
+    costs: tuple[Row, ...]
+    limits: tuple[Row, ...]
+    cases: tuple[CaseValues, ...]
+    error: float
+
+    @property
+    def worst(self) -> Row:
+        """The greatest cost."""
+        return max(self.costs, key=lambda row: row.value)
+
+    @property
+    def cost(self) -> float:
+        """What is to be least."""
+        return self.worst.value
+
+    @cached_property
+    def slope(self) -> Array:
+        """Change of the least cost (n + m,), other variables staying at their optimum, within their bounds.
+
+        Where several cases are worst at once, or limits act, it is that of the design's Lagrangian, with the
+        multipliers that leave least of it along variables within their bounds; away from an optimum that of the worst
+        case.
+        """
+        u, near = self.coordinates, _ACTIVE * max(abs(self.cost), 1e-9)
+        costs = [row for row in self.costs if row.value >= self.cost - near]
+        limits = [row for row in self.limits if row.value < _ACTIVE]
+        columns = np.array([row.slope for row in costs] + [-row.slope for row in limits]).T
+        n = u.size
+        # At a bound, the cost may grow into the region.
+        walls = np.diag(np.where(u < _AT_BOUND, -1.0, np.where(u > 1.0 - _AT_BOUND, 1.0, 0.0)))
+        weight = 1e3 * max(float(np.abs(columns[:n]).max(initial=0.0)), 1e-9)
+        total = weight * np.array([1.0] * len(costs) + [0.0] * (len(limits) + n))
+        shares = nnls(np.vstack([np.hstack([columns[:n], walls]), total]), np.append(np.zeros(n), weight))[0]
+        found: Array = columns @ shares[: columns.shape[1]]
+        return found
+
+    @property
+    def violation(self) -> float:
+        """Greatest violation of a limit, as a part of it."""
+        return max((-row.value for row in self.limits), default=0.0)
+
+
+@dataclass
+class DesignProblem:
+    """A design whose grasps are at hand: from one design to the next they are followed, not searched."""
+
+    space: DesignSpace
+    effort: Effort = field(default_factory=Effort)
+
+    def __post_init__(self) -> None:
+        design = self.space.design
+        self.expressions = {text: Expression(text) for text in design.expressions}
+        used = design.used
+        aims = (("objective",) if used & {"tension", "tension_max", "normal_force_max", "friction_margin"} else ()) + (
+            ("payload",) if "payload" in used else ()
+        )
+        # A cost that no grasp enters, such as a mass, still needs a finger that holds the object.
+        self.wanted: tuple[str, ...] = aims or ("objective",)
+        self.scenarios: list[Signs] = [(0.0,) * len(self.space.tolerated)]
+        self._grasps: dict[tuple[Signs, str], CaseGrasps] = {}
+        self._at: Array | None = None
+        self._tangents: dict[tuple[Signs, str], list[dict[str, Array]]] = {}
+
+    def values(self, coordinates: Sequence[float]) -> list[float]:
+        """Values of the variables at coordinates."""
+        return [one.value(float(u)) for one, u in zip(self.space.coordinates, coordinates, strict=True)]
+
+    def scene(self, case: str, coordinates: Sequence[float], signs: Sequence[float]) -> GraspScene:
+        """The scene of a case; `InputError` where it makes no sense."""
+        values = self.values(coordinates)
+        errors = [
+            sign * one.amount(one.nominal if one.variable is None else values[one.variable])
+            for sign, one in zip(signs, self.space.tolerated, strict=True)
+        ]
+        return self.space.scene(case, values, errors)
+
+    def grasps(self, signs: Signs, case: str) -> CaseGrasps:
+        """The grasps of a case with errors; those without errors where there are none yet."""
+        key = signs, case
+        if key not in self._grasps:
+            nominal = self._grasps.get((self.scenarios[0], case))
+            held = {} if nominal is None else dict(nominal.held)
+            self._grasps[key] = CaseGrasps(case, self.wanted, self.effort, held)
+        return self._grasps[key]
+
+    @property
+    def results(self) -> dict[str, GraspResult]:
+        """The grasps of the last full searches without errors, by case."""
+        nominal = (one for (signs, _), one in self._grasps.items() if not any(signs))
+        return {one.name: one.found for one in nominal if one.found is not None}
+
+    def forget(self) -> None:
+        """Drop all grasps."""
+        self._grasps.clear()
+        self._tangents.clear()
+        self._at = None
+
+    def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
+        """The grasps at hand."""
+        return {key: replace(one, held=dict(one.held)) for key, one in self._grasps.items()}
+
+    def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
+        """Take up the grasps of a snapshot."""
+        self.forget()
+        self._grasps.update({key: replace(one, held=dict(one.held)) for key, one in grasps.items()})
+
+    def evaluate(self, coordinates: Array, *, search: bool = False) -> Evaluation:
+        """Cost, limits and derivatives; with a full search for grasps, or from those at hand.
+
+        Raises
+        ------
+        LostGrasp
+            There is a case without a grasp, or whose scene makes no sense.
+        """
+        try:
+            return self._evaluated(np.array(coordinates, dtype=float), search)
+        except StructureChanges:
+            # A rest curvature of zero, or equal diameters at both ends, are special: a little beside they are not.
+            inwards = np.where(np.asarray(coordinates) < 0.5, 1.0, -1.0)
+            return self._evaluated(coordinates + _ASIDE * inwards * np.arange(1, len(coordinates) + 1), True)
+
+    def _evaluated(self, at: Array, search: bool) -> Evaluation:
+        try:
+            found = [self._case(case, at, signs, search) for signs in self.scenarios for case in self.space.cases]
+        except StructureChanges:
+            raise
+        except InputError as error:
+            self.effort.lost += 1
+            raise LostGrasp(str(error)) from None
+        except LostGrasp:
+            self.effort.lost += 1
+            raise
+        self._at = at
+        off = max(one for _, one in found)
+        cases = tuple(one for one, _ in found)
+        values = self.values(at.tolist())
+        return Evaluation(at, self._costs(cases, values), self._limits(cases, values), cases, off)
+
+    def _case(self, case: str, at: Array, signs: Signs, search: bool) -> tuple[CaseValues, float]:
+        scene = self.scene(case, at.tolist(), signs)
+        grasps = self.grasps(signs, case)
+        if search or not grasps.held:
+            grasps.search(scene)
+        else:
+            grasps.follow(scene, self._guesses(grasps, (signs, case), at))
+        quantities = {**grasps.quantities, "finger_mass": fingers_mass(scene)}
+        columns: dict[str, list[float]] = {name: [] for name in quantities}
+        tangents, error = [], 0.0
+        for along in self._directions(case, at, signs):
+            near = Stencil.of(along)
+            slopes, unknowns, off = grasps.slopes(near)
+            slopes["finger_mass"] = float(near.difference([fingers_mass(scene) for scene in near.scenes]))
+            for name, column in columns.items():
+                column.append(slopes[name])
+            tangents.append(unknowns)
+            error = max(error, off)
+        self._tangents[signs, case] = tangents
+        found = {name: np.array(column) for name, column in columns.items()}
+        return CaseValues(case, signs, quantities, found), error
+
+    def _directions(self, case: str, at: Array, signs: Signs) -> list[Along]:
+        """Scenes along each coordinate, and along each tolerated error."""
+
+        def along(k: int, in_errors: bool) -> Along:
+            def scene(t: float) -> GraspScene:
+                moved, errors = at.copy(), list(signs)
+                if in_errors:
+                    errors[k] += t
+                else:
+                    moved[k] += t
+                return self.scene(case, moved.tolist(), errors)
+
+            return scene
+
+        count = len(self.space.coordinates)
+        return [along(k, False) for k in range(count)] + [along(k, True) for k in range(len(signs))]
+
+    def _guesses(self, grasps: CaseGrasps, key: tuple[Signs, str], at: Array) -> dict[str, Array]:
+        """Unknowns at another design, to first order."""
+        tangents, before = self._tangents.get(key), self._at
+        if tangents is None or before is None:
+            return {}
+        step = at - before
+        return {
+            aim: held.attempt.x + np.sum([s * one[aim] for s, one in zip(step, tangents, strict=False)], axis=0)
+            for aim, held in grasps.held.items()
+            if all(aim in one for one in tangents)
+        }
+
+    def _row(self, text: str, values: CaseValues, chosen: list[float]) -> Row:
+        """An expression of a case; of a variable's name, the value that is chosen, without its error."""
+        coordinates, m = self.space.coordinates, len(self.space.tolerated)
+        quantities, slopes = dict(values.quantities), dict(values.slopes)
+        for k, one in enumerate(coordinates):
+            if one.name is not None:
+                quantities[one.name] = chosen[k]
+                slopes[one.name] = np.zeros(len(coordinates) + m)
+                slopes[one.name][k] = one.slope(chosen[k])
+        expression = self.expressions[text]
+        return Row(
+            text, values.case, values.signs, expression.value(quantities), expression.gradient(quantities, slopes)
+        )
+
+    def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
+        """Per combination of errors, the cost of the worst case or the mean."""
+        design, found = self.space.design, []
+        for signs in self.scenarios:
+            rows = [self._row(design.minimize, one, chosen) for one in cases if one.signs == signs]
+            if design.over == "worst":
+                found += rows
+            else:
+                value, slope = float(np.mean([row.value for row in rows])), np.mean([row.slope for row in rows], axis=0)
+                found.append(Row(design.minimize, "mean", signs, value, slope))
+        return tuple(found)
+
+    def _limits(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
+        """What is left of the limits, as parts of them."""
+        found = []
+        for text, limit in self.space.design.limits.items():
+            for one in cases:
+                row = self._row(text, one, chosen)
+                for bound, side, word in ((limit.min, 1.0, "at least"), (limit.max, -1.0, "at most")):
+                    if bound is not None:
+                        scale = side / max(abs(bound), 1e-9)
+                        name = f"{text} {word} {bound:g}"
+                        found.append(
+                            replace(row, name=name, value=scale * (row.value - bound), slope=scale * row.slope)
+                        )
+        return tuple(found)

@@ -1,0 +1,265 @@
+"""The grasps of one case at one design after another: each from the one before, searched in full where that is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.design.held import HeldGrasp, Stencil, moved_features, moved_start
+from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.result import GraspResult, Status
+from continuum_grasp.grasp.solve import optimize_grasp
+from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+
+MASS = next(one for one in RELAXATIONS if one.name == "mass")
+SAME = 1e-4
+"""Relative difference from which on a full search has found another grasp: ten times what moving the guarded places
+changes."""
+_SETTLED = 1e-9
+"""Relative change of a quantity at which another run from the same point is not worth it [1]."""
+_SEARCH, _LEAST_SEARCH = 5, 1000
+"""Iterations of a full search, per those of the longest one that has found a grasp, and at least [1]."""
+_RUNS = 4
+"""Most runs until guarded places stand still."""
+_HEAVIER = 1.3
+"""Mass in the scene per payload sought: close enough that what is in units of the weight stays."""
+_LIGHT, _HEAVY = 1.02, 2.0
+"""Between which that ratio may be before it is set anew."""
+_FIRST_MASS = 3.0
+"""Mass in the scene, per the scene's own, from which the first payload is sought."""
+_MASSES = 12
+"""How often the mass in the scene is set until the payload lies close below."""
+
+
+class LostGrasp(Exception):
+    """There is no grasp at a design, or none was found; the message says why."""
+
+
+@dataclass
+class Effort:
+    """What was spent."""
+
+    searches: int = 0
+    """Full searches for grasps."""
+    solves: int = 0
+    """Runs of the solver from a grasp nearby."""
+    iterations: int = 0
+    """Of these runs."""
+    lost: int = 0
+    """Designs for which there was no grasp."""
+    most: int = 0
+    """Most iterations of a full search that found a grasp."""
+
+
+@dataclass
+class CaseGrasps:
+    """The grasps of one case; ``held`` by what is sought, the scene's ``objective`` or the ``payload``."""
+
+    name: str
+    wanted: tuple[str, ...]
+    effort: Effort
+    held: dict[str, HeldGrasp] = field(default_factory=dict)
+    found: GraspResult | None = None
+    """Of the last full search."""
+
+    def search(self, scene: GraspScene) -> None:
+        """Search for the best grasps in full; what is better than the one at hand replaces it.
+
+        Raises
+        ------
+        LostGrasp
+            There is none.
+        """
+        if "objective" in self.wanted:
+            self.found = self._searched(scene)
+            self._take("objective", self._settled(self.found))
+        if "payload" in self.wanted:
+            self._search_payload(scene)
+
+    def follow(self, scene: GraspScene, guesses: dict[str, Array]) -> None:
+        """Follow the grasps at hand to a scene nearby; where one is lost, search in full.
+
+        Raises
+        ------
+        LostGrasp
+            There is none.
+        """
+        for aim in self.wanted:
+            near = self._near(aim, scene, guesses.get(aim))
+            if near is None:
+                self.held.pop(aim, None)
+                self.search(scene)
+                return
+            self.held[aim] = near
+
+    # -- the scene's objective
+
+    def _searched(self, scene: GraspScene) -> GraspResult:
+        """The result of a full search; `LostGrasp` where there is no grasp."""
+        effort = self.effort
+        effort.searches += 1
+        # Why there is no grasp is not asked, which takes longer than finding one.
+        most = min(scene.solver.max_total_iterations, max(_LEAST_SEARCH, _SEARCH * effort.most))
+        limited = scene.model_copy(update={"solver": scene.solver.model_copy(update={"max_total_iterations": most})})
+        result = optimize_grasp(limited if effort.most else scene, raise_on_failure=False)
+        if not result.solved:
+            raise LostGrasp(f"{self.name}: {result.message}")
+        effort.most = max(effort.most, int(result.statistics["total_iterations"]))
+        return replace(result, scene=scene)
+
+    def _settled(self, result: GraspResult) -> HeldGrasp:
+        """The grasp of a full search, its guarded places moved until they stand still."""
+        found = self._run(result.scene, start_from(result.scene, dict(result.arrays)))
+        if found is None:
+            raise LostGrasp(f"{self.name}: the grasp was found but not again from its own numbers")
+        return found
+
+    def _near(self, aim: str, scene: GraspScene, guess: Array | None) -> HeldGrasp | None:
+        """The grasp at hand at a scene nearby; from a guess, from its own unknowns, or from its posture alone."""
+        before = self.held.get(aim)
+        if before is None:
+            return None
+        start = moved_start(before.scene, scene, before.attempt.start)
+        options: dict[str, Any] = {}
+        if before.relaxed:
+            scene = _with_mass(scene, before.scene.object.mass)
+            options = {"relaxed": (MASS, 1.0 - before.quantities["payload"] / before.scene.object.mass)}
+        features = moved_features(before.scene, scene, before.attempt)
+        guesses = ([] if guess is None else [guess]) + [before.attempt.x]
+        for x0 in guesses:
+            found = self._run(scene, start, x0=x0, features=features, **options)
+            if found is not None:
+                return found if not before.relaxed or self._is_close(found) else self._centered(found)
+        return None
+
+    def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
+        """A certified grasp from a start; None where there is none."""
+        spec = ProblemSpec.of(scene, start.contacts)
+        solver, budget = solver_for(spec), Budget.of(scene.solver)
+        before: HeldGrasp | None = None
+        for _ in range(_RUNS):
+            attempt = solver.run(scene, start, budget, **options)
+            self.effort.solves += 1
+            self.effort.iterations += attempt.iterations
+            if not attempt.converged or not np.isfinite(attempt.x).all():
+                return None
+            found = HeldGrasp(scene, solver, attempt, solver.arrays(scene, attempt), "relaxed" in options)
+            same = before is not None and _same(before.quantities, found.quantities, _SETTLED)
+            if same or not _probed(found):
+                break
+            before, options = found, {**options, "x0": attempt.x.copy(), "features": attempt.features}
+        checked = scene if not found.relaxed else _with_mass(scene, found.quantities["payload"])
+        return found if certify(checked, found.arrays).passed else None
+
+    def _take(self, aim: str, found: HeldGrasp) -> None:
+        """Keep a grasp unless the one at hand is better."""
+        before = self.held.get(aim)
+        if before is None or before.scene != found.scene or found.attempt.objective < before.attempt.objective:
+            self.held[aim] = found
+
+    # -- payload
+
+    def _search_payload(self, scene: GraspScene) -> None:
+        """From the best grasp of the scene's own mass; and from one with more than what was found, where there is."""
+        near = self.held.get("payload")
+        best: HeldGrasp | None = (
+            near if near is not None and near.scene == _with_mass(scene, near.scene.object.mass) else None
+        )
+        mass = scene.object.mass if best is None else best.quantities["payload"] * (1.0 + SAME)
+        for _ in range(_MASSES):
+            try:
+                result = self._searched(_with_mass(scene, mass))
+            except LostGrasp:
+                if best is not None:
+                    break
+                mass *= 0.5
+                continue
+            found = self._heaviest(result)
+            if best is not None and found.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
+                break
+            best, mass = found, found.quantities["payload"] * (1.0 + 10.0 * SAME)
+        if best is None:
+            raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
+        self.held["payload"] = best
+        if "objective" not in self.wanted:
+            payload = best.quantities["payload"]
+            most, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"
+            self.found = GraspResult(most, Status.OPTIMAL, message, best.arrays, certify(most, best.arrays))
+
+    def _heaviest(self, result: GraspResult) -> HeldGrasp:
+        """The greatest mass from a grasp."""
+        scene = result.scene
+        heavy, start = _with_mass(scene, _FIRST_MASS * scene.object.mass), start_from(scene, dict(result.arrays))
+        found = self._run(heavy, start, relaxed=(MASS, 1.0 - 1.0 / _FIRST_MASS))
+        if found is None:
+            raise LostGrasp(f"{self.name}: no payload was found from the grasp of {scene.object.mass:.3g} kg")
+        return self._centered(found)
+
+    def _centered(self, found: HeldGrasp) -> HeldGrasp:
+        """The same with a mass in the scene that is close above the payload."""
+        for _ in range(_MASSES):
+            if self._is_close(found):
+                return found
+            mass, payload = found.scene.object.mass, found.quantities["payload"]
+            more = payload * (_HEAVIER if payload < 0.999 * mass else _FIRST_MASS)
+            scene = _with_mass(found.scene, more)
+            again = self._run(scene, found.attempt.start, relaxed=(MASS, 1.0 - payload / more))
+            if again is None:
+                break
+            found = again
+        return found
+
+    def _is_close(self, found: HeldGrasp) -> bool:
+        return _LIGHT <= found.scene.object.mass / max(found.quantities["payload"], 1e-300) <= _HEAVY
+
+    # -- how all change
+
+    def slopes(self, near: Stencil) -> tuple[dict[str, float], dict[str, Array], float]:
+        """Change of the quantities and of the unknowns along a direction, and the error of the differences."""
+        quantities: dict[str, float] = {}
+        unknowns: dict[str, Array] = {}
+        error = 0.0
+        for aim, held in self.held.items():
+            mass = held.scene.object.mass
+            found = held.slopes(near.change(partial(_with_mass, mass=mass)) if held.relaxed else near)
+            quantities |= found.quantities
+            unknowns[aim], error = found.x, max(error, found.error)
+        return quantities, unknowns, error
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """What expressions may name."""
+        return {name: value for held in self.held.values() for name, value in held.quantities.items()}
+
+
+def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
+    return scene.model_copy(update={"object": scene.object.model_copy(update={"mass": mass})})
+
+
+def _probed(found: HeldGrasp) -> bool:
+    """Whether limits of guarded places act, which move with the grasp."""
+    forces = found.attempt.multipliers.constraints
+    blocks = [block for block in found.solver.problem.rows.blocks if block.name.startswith("penetration")]
+    return any(np.abs(forces[block.rows]).max(initial=0.0) > 1e-6 for block in blocks)
+
+
+def _same(one: dict[str, float], two: dict[str, float], tolerance: float) -> bool:
+    return all(abs(one[name] - two[name]) <= tolerance * max(abs(one[name]), 1e-3) for name in one)
+
+
+def fingers_mass(scene: GraspScene) -> float:
+    """Mass of all fingers with what is fastened to them [kg]."""
+    fingers: Sequence[Any] = tuple(scene.named_fingers.values())
+    return float(sum(finger.rod.mass + sum(one.mass for one in finger.masses) for finger in fingers))

@@ -1,0 +1,292 @@
+"""A grasp at one design, and how it changes with the numbers of the scene: envelope theorem and KKT conditions.
+
+With the objective f, constraints g, bounds of the unknowns x and numbers n of the scene, all along a direction t of
+designs, and the Lagrangian L = f + lambda_g g + lambda_x (x - bound):
+
+    optimal value   dV/dt = (dL/dn) dn/dt - lambda_x dbound/dt
+    solution        [H + S  J'] [dx      ]     [d(grad L)/dt - S dbound/dt]
+                    [J     -D ] [dlambda ] = - [dg/dt                     ]
+
+S = lambda_x / (x - bound) and D = g / lambda_g of inequalities: the optimality conditions of an interior-point method
+at its barrier parameter, so that no set of active limits has to be chosen. A. V. Fiacco, Introduction to Sensitivity
+and Stability Analysis in Nonlinear Programming, 1983; H. Pirnay, R. Lopez-Negrete, L. T. Biegler, Math. Program.
+Comput. 4 (2012), doi:10.1007/s12532-012-0043-2.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
+from continuum_grasp.grasp.problem.structure import ProblemSpec, support_of
+from continuum_grasp.grasp.problem.values import problem_bounds, tension_weight
+from continuum_grasp.grasp.starts.supports import support_contacts
+from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+Along = Callable[[float], GraspScene]
+"""Scenes along a direction of designs, by the distance from here."""
+
+_REGULAR = 1e-11
+"""Added to the Hessian [units of the problem]: directions of separating lines that do not matter have no curvature."""
+_LEAST = 1e-15
+"""Least distance from a bound, and least multiplier, that differs from zero [units of the problem]."""
+_SHAPES = (
+    # Offsets and weights of differences of fourth order: central, forward, backward.
+    ((-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12)),
+    ((0, 1, 2, 3, 4), (-25 / 12, 48 / 12, -36 / 12, 16 / 12, -3 / 12)),
+    ((0, -1, -2, -3, -4), (25 / 12, -48 / 12, 36 / 12, -16 / 12, 3 / 12)),
+)
+_STEP = 1e-3
+"""Step of these differences, per range of a variable: they are then good to 1e-11, of which rounding is as much."""
+
+
+class StructureChanges(InputError):
+    """Scenes next to each other have grasp problems of different structure, as where a rest curvature vanishes."""
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Scenes along a direction of designs, by which numbers are differentiated.
+
+    Attributes
+    ----------
+    offsets : tuple of int
+        Distances from here, in steps.
+    weights : tuple of float
+    scenes : tuple of GraspScene
+    """
+
+    offsets: tuple[int, ...]
+    weights: tuple[float, ...]
+    scenes: tuple[GraspScene, ...]
+
+    @classmethod
+    def of(cls, along: Along) -> Stencil:
+        """The first stencil whose scenes make sense: to both sides, else to one.
+
+        Raises
+        ------
+        InputError
+            Scenes on both sides make no sense.
+        """
+        failure: InputError | None = None
+        for offsets, weights in _SHAPES:
+            try:
+                return cls(offsets, weights, tuple(along(offset * _STEP) for offset in offsets))
+            except InputError as error:
+                failure = failure or error
+        raise failure or InputError("no scene makes sense here")
+
+    def difference(self, values: Sequence[Any]) -> Any:
+        """Derivative of numbers or arrays, given for each scene."""
+        return sum(weight * value for weight, value in zip(self.weights, values, strict=True)) / _STEP
+
+    def change(self, change: Callable[[GraspScene], GraspScene]) -> Stencil:
+        """The same with other scenes."""
+        return replace(self, scenes=tuple(change(scene) for scene in self.scenes))
+
+    def error(self, values: Sequence[Array], here: Array) -> float:
+        """Estimated relative error of the derivative of numbers that are ``here`` at this place.
+
+        Differences of second order err more, and those of fourth order by about the square of that.
+        """
+        known = dict(zip(self.offsets, values, strict=True)) | {0: here}
+        side = -1 if -1 in known else 0
+        end = 1 if 1 in known else -1
+        side = 0 if end == -1 else side
+        coarse, fine = (known[end] - known[side]) / ((end - side) * _STEP), self.difference(values)
+        scale = np.maximum(np.abs(fine), 1e-6 * np.abs(fine).max(initial=0.0)) + _LEAST
+        return float(np.max(np.abs(coarse - fine) / scale, initial=0.0)) ** 2
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """How a grasp changes along one direction of designs.
+
+    Attributes
+    ----------
+    x : (n,) ndarray
+        Change of the unknowns.
+    quantities : dict of str to float
+        Changes of the quantities of a design by name, SI.
+    error : float
+        Estimated relative error of the differences of the problem's numbers.
+    """
+
+    x: Array
+    quantities: dict[str, float]
+    error: float
+
+
+@dataclass(frozen=True)
+class HeldGrasp:
+    """A converged attempt at a scene; of one with a relaxed mass, the greatest mass is sought."""
+
+    scene: GraspScene
+    solver: GraspSolverRun
+    attempt: Attempt
+    arrays: dict[str, Array]
+    relaxed: bool = False
+
+    @cached_property
+    def quantities(self) -> dict[str, float]:
+        """What expressions may name of it."""
+        return self._quantities(self.scene, self.attempt.x, self.arrays)
+
+    def _quantities(self, scene: GraspScene, x: Array, arrays: dict[str, Array]) -> dict[str, float]:
+        """The quantities next to this grasp: greatest and least ones are those of what is greatest or least here."""
+        if self.relaxed:
+            return {"payload": scene.object.mass * (1.0 - float(x[self.solver.problem.x.at["relaxed mass"]][0]))}
+        tensions, forces, margins = _parts(scene, arrays)
+        most, pressed, least = self._extremes
+        return {
+            "tension": float(tensions.sum()),
+            "tension_max": float(tensions[most]),
+            "normal_force_max": float(forces[pressed]),
+            "friction_margin": float(margins[least]),
+        }
+
+    @cached_property
+    def _extremes(self) -> tuple[int, int, int]:
+        """Which tension and normal force is greatest, and which friction margin least."""
+        tensions, forces, margins = _parts(self.scene, self.arrays)
+        return int(tensions.argmax()), int(forces.argmax()), int(margins.argmin())
+
+    def slopes(self, near: Stencil) -> Slopes:
+        """Derivatives along a direction of designs.
+
+        Raises
+        ------
+        StructureChanges
+            Scenes there have a grasp problem of another structure.
+        """
+        contacts, spec = self.attempt.start.contacts, self.solver.problem.spec
+        if any(ProblemSpec.of(scene, contacts) != spec for scene in near.scenes):
+            raise StructureChanges("the grasp problem changes its structure here")
+        numbers = [self._numbers(scene) for scene in near.scenes]
+        bounds = [self._bounds(scene) for scene in near.scenes]
+        low, high = (near.difference([_finite(pair[k]) for pair in bounds]) for k in (0, 1))
+        x = self._tangent(near, numbers, low, high)
+        found: list[dict[str, float]] = []
+        for offset, scene, there in zip(near.offsets, near.scenes, numbers, strict=True):
+            at = self.attempt.x + offset * _STEP * x
+            arrays = self.solver.arrays(scene, replace(self.attempt, x=at, numbers=there))
+            found.append(self._quantities(scene, at, arrays))
+        quantities = {name: float(near.difference([one[name] for one in found])) for name in self.quantities}
+        if not self.relaxed and self.scene.objective == "least_tension":
+            quantities["tension"] = self._envelope(near, near.difference(numbers), low, high)
+        return Slopes(x, quantities, near.error(numbers, self._numbers(self.scene)))
+
+    def _features(self, scene: GraspScene) -> dict[str, Feature]:
+        return moved_features(self.scene, scene, self.attempt)
+
+    def _numbers(self, scene: GraspScene) -> Array:
+        start = moved_start(self.scene, scene, self.attempt.start)
+        return self.solver.numbers_near(scene, self.attempt, start, self._features(scene))
+
+    def _bounds(self, scene: GraspScene) -> tuple[Array, Array]:
+        return problem_bounds(self.solver.problem, scene, self._features(scene))
+
+    def _tangent(self, near: Stencil, numbers: list[Array], low: Array, high: Array) -> Array:
+        """Change of the unknowns, from the conditions of optimality."""
+        attempt, problem, functions = self.attempt, self.solver.problem, self.solver.derivatives
+        x, forces, bound_forces = attempt.x, attempt.multipliers.constraints, attempt.multipliers.bounds
+        gradients, values = [], []
+        for there in numbers:
+            column, slope = functions["jac_g"](x, there)
+            gradients.append(np.array(functions["grad_f"](x, there)[1] + slope.T @ forces).ravel())
+            values.append(np.array(column).ravel())
+        jacobian = np.array(functions["jac_g"](x, attempt.numbers)[1])
+        upper = np.array(ca.DM(functions["hess_lag"](x, attempt.numbers, 1.0, forces)))
+        hessian = np.triu(upper) + np.triu(upper, 1).T
+        least, most = self._bounds(self.scene)
+        # A relaxed limit is beyond the bounds that the scene gives without it.
+        most = np.where(x > most + 1e-6, np.inf, most)
+        under = np.where(bound_forces < 0.0, -bound_forces, 0.0) / np.maximum(x - least, _LEAST)
+        over = np.where(bound_forces > 0.0, bound_forces, 0.0) / np.maximum(most - x, _LEAST)
+        rows_low, rows_high = problem.rows.bounds()
+        g = attempt.g
+        spare = np.where(forces < 0.0, g - rows_low, rows_high - g)
+        spare = np.where(rows_low == rows_high, 0.0, np.maximum(spare, _LEAST))
+        with np.errstate(invalid="ignore"):
+            slack = np.where(rows_low == rows_high, 0.0, spare / np.maximum(np.abs(forces), _LEAST))
+        slack = np.minimum(slack, 1.0 / _LEAST)
+        n = x.size
+        fixed = most <= least  # unknowns without a choice follow their bounds
+        matrix = np.block([[hessian + np.diag(under + over + _REGULAR), jacobian.T], [jacobian, -np.diag(slack)]])
+        right = -np.concatenate([near.difference(gradients) - under * low - over * high, near.difference(values)])
+        matrix[:n][fixed] = 0.0
+        matrix[np.flatnonzero(fixed), np.flatnonzero(fixed)] = 1.0
+        right[:n][fixed] = low[fixed]
+        with warnings.catch_warnings():
+            # The multipliers of limits that do not matter make the matrix look singular; what is sought is not.
+            warnings.simplefilter("ignore", LinAlgWarning)
+            try:
+                found = solve(matrix, right)
+            except LinAlgError:
+                found = lstsq(matrix, right)[0]
+        return np.asarray(found[:n])
+
+    def _envelope(self, near: Stencil, change: Array, low: Array, high: Array) -> float:
+        """Change of the sum of tensions [N], where that is least."""
+        attempt, forces = self.attempt, self.attempt.multipliers.bounds
+        slope = np.array(self.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
+        value = float(slope @ change - np.minimum(forces, 0.0) @ low - np.maximum(forces, 0.0) @ high)
+        weight = float(near.difference([tension_weight(scene) for scene in near.scenes]))
+        # The objective is the sum times a weight of the scene.
+        return (value - self.quantities["tension"] * weight) / tension_weight(self.scene)
+
+
+def _parts(scene: GraspScene, arrays: dict[str, Array]) -> tuple[Array, Array, Array]:
+    """Tensions and normal forces [N], and friction margins of the contacts."""
+    tensions = np.concatenate([arrays[f"{name}.tensions"] for name in scene.named_fingers])
+    forces = arrays["contact_forces"]
+    friction = np.array([scene.friction(str(name)) for name in arrays["contact_names"]])
+    most = np.maximum(friction * forces[:, 0], _LEAST)
+    return tensions, forces[:, 0], 1.0 - np.hypot(forces[:, 1], forces[:, 2]) / most
+
+
+def moved_features(before: GraspScene, after: GraspScene, attempt: Attempt) -> dict[str, Feature]:
+    """Faces and corners that the contacts of an attempt sit on, in a scene whose object may have other dimensions."""
+    found = dict(attempt.features)
+    if before.object.parts == after.object.parts:
+        return found
+    for name, contact in attempt.start.contacts.items():
+        old, new = before.object.parts[contact.part], after.object.parts[contact.part]
+        surface = surface_of(old)
+        found[name] = surface_of(new).features(new)[surface.features(old).index(attempt.features[name])]
+    return found
+
+
+def moved_start(before: GraspScene, after: GraspScene, start: Start) -> Start:
+    """A start of a scene in another one, whose fingers may have other lengths and whose object other dimensions."""
+    fingers = {}
+    for old, new in zip(before.setups, after.setups, strict=True):
+        one, share = start.fingers[old.name], new.finger.rod.length / old.finger.rod.length
+        joints, knots = (tuple(share * at for at in places) for places in (one.joints, one.knots))
+        fingers[old.name] = replace(one, joints=joints, knots=knots)
+    contacts = dict(start.contacts)
+    if after.object.free is None:
+        # Where a fixed object touches a support is no unknown but given.
+        supports = {support for name in contacts if (support := support_of(name, after))}
+        touched = support_contacts(after, after.object.pose, supports)
+        contacts |= {name: touched[name] for name in contacts if name in touched}
+    return replace(start, fingers=fingers, contacts=contacts)
+
+
+def _finite(bounds: Array) -> Array:
+    return np.where(np.isfinite(bounds), bounds, 0.0)

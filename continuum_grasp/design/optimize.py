@@ -1,0 +1,428 @@
+"""The best design: a sequential QP method on grasps that are followed, and full searches between."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, minimize
+from scipy.stats.qmc import Halton
+
+from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.design.evaluation import DesignProblem, Evaluation, Signs
+from continuum_grasp.design.grasps import SAME, LostGrasp
+from continuum_grasp.design.result import DesignResult, Status, WorstCase
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
+from continuum_grasp.scene.design import Design
+from continuum_grasp.scene.design_space import DesignSpace, design_space_of
+from continuum_grasp.scene.document import Place
+from continuum_grasp.scene.load import load_placed
+
+Array = NDArray[Any]
+
+HOLDS = 1e-6
+"""Violation up to which a limit holds, as a part of it."""
+_LOST = 1e2
+"""Cost of a design without a grasp, in units of the first one: any other is better."""
+_SHRINK = 0.25
+"""Part of the box around the best design that is searched next where a step lost the grasp."""
+_SMALLEST = 0.02
+"""Half width of that box, in coordinates, below which the search ends."""
+_VERTICES = 6
+"""Tolerated numbers up to which all combinations of their greatest errors are tried: 64."""
+_FIRST_ORDER = 0.02
+"""Cost by which a combination of errors must exceed those at hand to count, as a part of what errors change."""
+
+
+@dataclass
+class _Trace:
+    """What was tried, in order."""
+
+    coordinates: list[Array] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
+    violations: list[float] = field(default_factory=list)
+    rounds: list[int] = field(default_factory=list)
+    switches: list[str] = field(default_factory=list)
+
+
+@interrupt.listening()
+@check_arguments
+def optimize_design(
+    design: Design | str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    progress: Callable[[float, str], None] | None = None,
+    raise_on_failure: bool = True,
+    overrides: Overrides = (),
+) -> DesignResult:
+    """Choose numbers of a grasp scene so that the grasps of one or many objects are best.
+
+    Costs and limits are differentiated through the optimal grasps: by the envelope theorem where they are optimal
+    values, else by the sensitivities of the optimality conditions. A sequential QP method (SLSQP of SciPy) improves the
+    design with grasps that are followed from one design to the next; full searches before and after find the branch of
+    grasps that is best there.
+
+    Parameters
+    ----------
+    design : Design, path-like or mapping
+        A design, its YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
+    progress : callable, optional
+        Called with the share that is done and what is being done.
+    raise_on_failure : bool, optional
+        Raise where no design has all grasps; False: return the result with its ``status``.
+    overrides : iterable of str, or mapping, optional
+        Changes to the configuration, as in `load`.
+
+    Returns
+    -------
+    DesignResult
+        Values of the variables, cost, quantities of every case, sensitivities, and the grasps.
+
+    Raises
+    ------
+    InputError
+        The configuration is wrong.
+    SolverError
+        No design was found whose grasps satisfy all limits; ``result`` of the error holds the closest.
+
+    Examples
+    --------
+    How far the tendons should lie from the backbone, where every millimeter costs:
+
+    >>> import continuum_grasp as cg
+    >>> found = cg.optimize_design(
+    ...     {
+    ...         "scene": "configs/grasp/mug_arcs.yaml",
+    ...         "variables": {"finger.tendons.offset": {"min": 0.003, "max": 0.006, "name": "e"}},  # m
+    ...         "minimize": "tension + 1e6 * e**2",
+    ...         "solver": {"starts": 1},
+    ...     }
+    ... )
+    >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
+    (0.00466, 'optimal')
+    """
+    space = _space_of(design, overrides)
+    search = _DesignSearch(space, progress or (lambda share, text: None))
+    result = search.result()
+    if raise_on_failure and not result.solved:
+        raise SolverError(result.message, status=result.status.value, result=result)
+    return result
+
+
+def _space_of(given: Design | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides) -> DesignSpace:
+    if isinstance(given, Design | Mapping):
+        file = given.file if isinstance(given, Design) else Path("Design")
+        document = placed(given, Place("Design"))
+        for path, new in read_overrides(overrides):
+            apply_override(document, path, new)
+        return design_space_of(validated(document, Design), document, file)
+    design, document = load_placed(Path(given), overrides)
+    if not isinstance(design, Design):
+        raise InputError("expected a design (scene, variables, minimize, ...)", file=os.fspath(given))
+    return design_space_of(design, document, given)
+
+
+class _DesignSearch:
+    """One search: trial designs, then rounds of improvement and full search."""
+
+    def __init__(self, space: DesignSpace, progress: Callable[[float, str], None]) -> None:
+        self.space, self.options = space, space.design.solver
+        self.problem = DesignProblem(space)
+        self.progress = progress
+        self.trace = _Trace()
+        self.began = time.monotonic()
+        self.best: Evaluation | None = None
+        self._first: Evaluation | None = None
+        self._before: dict[str, GraspResult] = {}
+        self._scale, self._grasps, self._why = 1.0, self.problem.snapshot(), ""
+        self._round, self._converged, self._ended = 0, True, ""
+
+    def result(self) -> DesignResult:
+        """Search, and judge what was found."""
+        first = self._start()
+        if first is None:
+            return self._result(None, Status.NO_GRASP, f"no grasp at any of the designs tried: {self._why}", ())
+        self._take(first)
+        settled = False
+        worst: tuple[WorstCase, ...] = ()
+        for number in range(self.options.max_rounds):
+            self._improve(number)
+            settled = not self._switched()
+            if settled:
+                worst = self._worst_cases()
+                settled = not self._missed(worst)
+            if settled:
+                break
+        best = self._best
+        if best.violation > HOLDS:
+            row = min(best.limits, key=lambda one: one.value)
+            message = f"no design satisfies {row.name} ({row.case}): off by {best.violation:.3g} of it at the closest"
+            return self._result(best, Status.LIMITS_VIOLATED, message, worst)
+        status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
+        before = best if self._first is None else self._first
+        message = f"cost {best.cost:.6g}, from {before.cost:.6g} at the start"
+        if status is Status.FEASIBLE:
+            message += f"; the search ended before it settled ({self._ended})"
+        return self._result(best, status, message, worst)
+
+    @property
+    def _best(self) -> Evaluation:
+        if self.best is None:
+            raise LostGrasp("no design has been tried")
+        return self.best
+
+    # -- trial designs
+
+    def _start(self) -> Evaluation | None:
+        """The best of the trial designs, each searched in full."""
+        own = np.array([one.coordinate(one.start) for one in self.space.coordinates])
+        trials, best = [own, *self._others()], None
+        grasps = self.problem.snapshot()
+        for k, at in enumerate(trials):
+            self.progress(0.4 * k / len(trials), f"trial design {k + 1} of {len(trials)}")
+            self.problem.forget()
+            try:
+                found = self._evaluate(at, search=True)
+            except LostGrasp as error:
+                self._why = self._why or str(error)
+                continue
+            if self._first is None:
+                self._first, self._before = found, self.problem.results
+            if best is None or self._better(found, best):
+                best, grasps = found, self.problem.snapshot()
+        if best is not None:
+            self.problem.restore(grasps)
+            self._scale = max(abs(best.cost), 1e-9)
+        return best
+
+    def _others(self) -> list[Array]:
+        count = self.options.starts - 1
+        if count < 1:
+            return []
+        # The first point of the sequence is the corner 0.
+        return list(Halton(len(self.space.coordinates), scramble=False).fast_forward(1).random(count))
+
+    def _evaluate(self, at: Array, search: bool = False) -> Evaluation:
+        trace = self.trace
+        trace.coordinates.append(np.array(at))
+        trace.rounds.append(self._round)
+        try:
+            found = self.problem.evaluate(at, search=search)
+        except LostGrasp:
+            trace.costs.append(np.nan)
+            trace.violations.append(np.nan)
+            raise
+        trace.costs.append(found.cost)
+        trace.violations.append(found.violation)
+        return found
+
+    def _better(self, one: Evaluation, than: Evaluation) -> bool:
+        """Whether a design is better: by the violation of limits, then by the cost."""
+        if max(one.violation, than.violation) > HOLDS:
+            return one.violation < than.violation
+        return one.cost < than.cost
+
+    def _take(self, found: Evaluation) -> None:
+        self.best, self._grasps = found, self.problem.snapshot()
+
+    # -- improvement
+
+    def _improve(self, number: int) -> None:
+        """Improve the best design until it stays; a step that loses the grasp makes the region smaller."""
+        self._round, half = number + 1, 1.0
+        while half >= _SMALLEST:
+            before = self._best
+            lost = self._descend(half)
+            if not lost:
+                return
+            self.problem.restore(self._grasps)
+            moved = float(np.abs(self._best.coordinates - before.coordinates).max())
+            half = max(_SHRINK * half, moved if moved > 2.0 * _SMALLEST else 0.0) if moved < half else half
+            if moved == 0.0 or half <= moved:
+                half *= _SHRINK
+        self._ended, self._converged = "grasps are lost beside this design", True
+
+    def _descend(self, half: float) -> bool:
+        """One run of SLSQP within a box around the best design; whether a grasp was lost."""
+        start = self._best
+        n = start.coordinates.size
+        low, high = np.maximum(start.coordinates - half, 0.0), np.minimum(start.coordinates + half, 1.0)
+        epigraph = len(start.costs) > 1
+        memo: dict[bytes, Evaluation | None] = {start.coordinates.tobytes(): start}
+        lost = False
+
+        def at(z: Array) -> Evaluation | None:
+            nonlocal lost
+            u = np.clip(z[:n], low, high)
+            key = u.tobytes()
+            if key not in memo:
+                try:
+                    memo[key] = found = self._evaluate(u)
+                    self.progress(
+                        min(0.4 + 0.01 * len(self.trace.costs), 0.95),
+                        f"design {len(self.trace.costs)}, cost {found.cost:.6g}",
+                    )
+                    if self._better(found, self._best):
+                        self._take(found)
+                except LostGrasp:
+                    memo[key], lost = None, True
+                    self.problem.restore(self._grasps)
+            return memo[key]
+
+        def cost(z: Array) -> float:
+            if epigraph:
+                return float(z[n])
+            found = at(z)
+            return _LOST if found is None else found.cost / self._scale
+
+        def cost_slope(z: Array) -> Array:
+            if epigraph:
+                return np.append(np.zeros(n), 1.0)
+            found = at(z)
+            return np.zeros(n) if found is None else found.costs[0].slope[:n] / self._scale
+
+        def limits(z: Array) -> Array:
+            found, count = at(z), len(start.limits) + epigraph * len(start.costs)
+            if found is None:
+                return np.full(count, -_LOST)
+            values = [z[n] - row.value / self._scale for row in found.costs] if epigraph else []
+            return np.array([*values, *(row.value for row in found.limits)])
+
+        def limits_slope(z: Array) -> Array:
+            found, count = at(z), len(start.limits) + epigraph * len(start.costs)
+            if found is None:
+                return np.zeros((count, z.size))
+            above = [np.append(-row.slope[:n] / self._scale, 1.0) for row in found.costs] if epigraph else []
+            return np.array([*above, *(np.append(row.slope[:n], [0.0] * epigraph) for row in found.limits)])
+
+        z0 = np.append(start.coordinates, start.cost / self._scale) if epigraph else start.coordinates
+        ends = Bounds(np.append(low, [-np.inf] * epigraph), np.append(high, [np.inf] * epigraph))
+        given: dict[str, Any] = {}
+        if epigraph or start.limits:
+            given["constraints"] = [{"type": "ineq", "fun": limits, "jac": limits_slope}]
+        options = {"maxiter": self.options.max_iterations, "ftol": self.options.tolerance}
+        found = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **given)
+        # 8: no descent along the step any more, which ends a search at a kink or at rounding.
+        self._converged = found.status in (0, 8)
+        self._ended = str(found.message)
+        self.problem.restore(self._grasps)
+        return lost
+
+    # -- what a full search says
+
+    def _switched(self) -> bool:
+        """Search in full at the best design; whether other grasps are better there, from which to go on."""
+        before, self._round = self._best, self._round
+        self.progress(0.95, "full search at the best design")
+        found = self._evaluate(before.coordinates, search=True)
+        self._take(found)
+        gain = before.cost - found.cost
+        if gain > SAME * self._scale or found.violation < before.violation - HOLDS:
+            name = f"round {self._round}: a full search found other grasps, cost {before.cost:.6g} to {found.cost:.6g}"
+            self.trace.switches.append(name)
+            return True
+        return False
+
+    # -- errors of manufacture
+
+    def _worst_cases(self) -> tuple[WorstCase, ...]:
+        """Cost and limits at the worst combination of errors: to first order, and as it is at the corners."""
+        tolerated = self.space.tolerated
+        if not tolerated:
+            return ()
+        best, n = self._best, len(self.space.coordinates)
+        nominal = [row for row in best.costs if not any(row.signs)]
+        worst = max(nominal, key=lambda row: row.value + float(np.abs(row.slope[n:]).sum()))
+        bound = worst.value + float(np.abs(worst.slope[n:]).sum())
+        corners = self._corners(best)
+        scenarios, self.problem.scenarios = self.problem.scenarios, [self.problem.scenarios[0]]
+        found: list[WorstCase] = []
+        for signs in corners:
+            self.problem.scenarios = [signs]
+            try:
+                there = self.problem.evaluate(best.coordinates)
+            except LostGrasp as error:
+                found.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
+                continue
+            found.append(WorstCase(signs, there.cost, there.violation, bound, ""))
+        self.problem.scenarios = scenarios
+        self.problem.restore(self._grasps)
+        return tuple(sorted(found, key=lambda one: (-one.violation if one.violation > HOLDS else 0.0, -one.cost)))
+
+    def _corners(self, best: Evaluation) -> list[Signs]:
+        """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
+        m, n = len(self.space.tolerated), len(self.space.coordinates)
+        if m <= _VERTICES:
+            return [tuple(signs) for signs in product((-1.0, 1.0), repeat=m)]
+        rows = [*(row.slope[n:] for row in best.costs), *(-row.slope[n:] for row in best.limits)]
+        return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
+
+    def _missed(self, worst: tuple[WorstCase, ...]) -> bool:
+        """Take the worst combination of errors into the search, unless it is there; whether there is one to add."""
+        known = self.problem.scenarios
+        bad = [one for one in worst if one.signs not in known and np.isfinite(one.cost)]
+        best = self._best
+        change = max((abs(one.cost - best.cost) for one in bad), default=0.0)
+        add = [
+            max(bad, key=key).signs
+            for key, much in (
+                (
+                    (lambda one: one.cost),
+                    max((one.cost for one in bad), default=-np.inf)
+                    > best.cost + max(_FIRST_ORDER * change, SAME * self._scale),
+                ),
+                (
+                    (lambda one: one.violation),
+                    max((one.violation for one in bad), default=-np.inf) > max(best.violation, 0.0) + HOLDS,
+                ),
+            )
+            if much
+        ]
+        if not add:
+            return False
+        self.problem.scenarios = list(dict.fromkeys([*known, *add]))
+        self.best = self._evaluate(best.coordinates)
+        self._take(self.best)
+        return True
+
+    # -- the result
+
+    def _result(
+        self, best: Evaluation | None, status: Status, message: str, worst: tuple[WorstCase, ...]
+    ) -> DesignResult:
+        effort = self.problem.effort
+        self.problem.restore(self._grasps)
+        return DesignResult(
+            scene=self.space.design,
+            status=status,
+            message=message,
+            space=self.space,
+            best=best,
+            first=self._first,
+            coordinates=np.array(self.trace.coordinates),
+            costs=np.array(self.trace.costs),
+            violations=np.array(self.trace.violations),
+            rounds=np.array(self.trace.rounds),
+            worst_cases=worst,
+            switches=tuple(self.trace.switches),
+            grasps={} if best is None else self.problem.results,
+            before=self._before,
+            statistics={
+                "designs": len(self.trace.costs),
+                "full_searches": effort.searches,
+                "solver_runs": effort.solves,
+                "solver_iterations": effort.iterations,
+                "designs_without_grasp": effort.lost,
+                "derivative_error": None if best is None else best.error,
+                "total_seconds": time.monotonic() - self.began,
+            },
+        )

@@ -1,0 +1,97 @@
+"""A design: a grasp before and after, the cost of all designs tried, and what the cost depends on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
+from continuum_grasp.plotting.grasp.picture import plot_grasp
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.design.result import DesignResult
+
+_MM = 1e3
+_MOST_KEYS = 12
+"""Bars that are read at a glance."""
+
+
+def plot_design(result: DesignResult) -> list[Axes]:
+    """Draw the grasp of the case that decides, the costs in the order of the designs, and sensitivities.
+
+    The dashed gray line is the finger at the start. Sensitivities are changes of the cost where a variable grows by 1 %
+    of its range, and where a tolerated number has 1 % of its greatest error.
+    """
+    figure = new_figure(11.0, 5.4)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0))
+    grasp, costs, bars = (quiet(figure.add_subplot(place)) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    _draw_grasp(grasp, result)
+    _draw_costs(costs, result)
+    _draw_influences(bars, result)
+    return [grasp, costs, bars]
+
+
+def _draw_grasp(ax: Axes, result: DesignResult) -> None:
+    decisive = "" if result.best is None else result.best.worst.case
+    name = decisive if decisive in result.grasps else next(iter(result.grasps))
+    plot_grasp(result.grasps[name], ax=ax, numbers=False)
+    before = result.before.get(name)
+    if before is not None and before.solved:
+        for k, finger in enumerate(before.fingers.values()):
+            line = _MM * finger.backbone[:, 1:3]
+            text = "at the start" if k == 0 else None
+            ax.plot(*line.T, color=GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
+            low, high = np.array(ax.get_xlim()), np.array(ax.get_ylim())
+            ax.set_xlim(min(low[0], line[:, 0].min() - 5.0), max(low[1], line[:, 0].max() + 5.0))
+            ax.set_ylim(min(high[0], line[:, 1].min() - 5.0), max(high[1], line[:, 1].max() + 5.0))
+    ax.set_title("", loc="left")
+    several = f", {name}" if len(result.grasps) > 1 else ""
+    head(ax, f"{result.name or 'design'}{several}")
+
+
+def _draw_costs(ax: Axes, result: DesignResult) -> None:
+    number, costs = np.arange(1, result.costs.size + 1), result.costs
+    holds = np.isfinite(costs) & (result.violations <= 1e-6)
+    trial = result.rounds == 0
+    for chosen, color, text in ((trial, GRAY, "full search"), (~trial, BLUE, "by gradient")):
+        good, bad = chosen & holds, chosen & np.isfinite(costs) & ~holds
+        if chosen.any():
+            ax.plot(number[good], costs[good], "o", color=color, markersize=4.0, label=text)
+            ax.plot(number[bad], costs[bad], "o", color=color, markersize=4.0, fillstyle="none")
+    best = np.fmin.accumulate(np.where(holds, costs, np.nan)) if holds.any() else costs
+    ax.plot(number, best, color=BLUE, linewidth=1.0)
+    lost = ~np.isfinite(costs)
+    if lost.any():
+        low = ax.get_ylim()[0]
+        ax.plot(
+            number[lost], np.full(lost.sum(), low), "x", color=ORANGE, markersize=5.0, label="no grasp", clip_on=False
+        )
+        ax.set_ylim(bottom=low)
+    ax.locator_params(axis="x", integer=True)
+    label(ax, "design", "cost")
+    head(ax, f"Cost: {result.scene.minimize}")
+
+
+def _draw_influences(ax: Axes, result: DesignResult) -> None:
+    """Bars at the start and at the best design, in its order; at an optimum only those at a bound remain."""
+    found = result.influences[:_MOST_KEYS]
+    before = () if result.first is None else 0.01 * result.first.slope[: len(found)]
+    places = np.arange(len(found))
+    ax.barh(places[: len(before)] + 0.05, before, color=GRAY, height=0.22, label="at the start")
+    at_bound = np.array([bool(one.at) for one in found])
+    change = np.array([one.per_percent for one in found])
+    for chosen, color, text in ((~at_bound, BLUE, "at the best design"), (at_bound, ORANGE, "there, at a bound")):
+        if chosen.any():
+            ax.barh(places[chosen] + 0.3, change[chosen], color=color, height=0.22, label=text)
+    ax.axvline(0.0, color=GRAY, linewidth=0.8)
+    for at, one in zip(places, found, strict=True):
+        name = one.key + (f" (at its {one.at})" if one.at else "")
+        ax.text(0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom")
+    ax.set_yticks([])
+    ax.set_ylim(len(found) - 0.45, -0.45)
+    label(ax, "change of the cost per +1 % of the range", "")
+    head(ax, "Sensitivities")

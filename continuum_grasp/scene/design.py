@@ -1,0 +1,189 @@
+"""A design: numbers of a grasp scene that are to be chosen, so that grasps of one or many objects are best."""
+
+from __future__ import annotations
+
+import ast
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Positive, Real, Value, check_one_given
+from continuum_grasp.scene.varied import Follow, Key, Varied, in_si
+
+QUANTITIES = {
+    "tension": ("N", "sum of all tendon tensions"),
+    "tension_max": ("N", "greatest tendon tension"),
+    "normal_force_max": ("N", "greatest normal force of a contact"),
+    "friction_margin": ("", "least friction margin of the contacts"),
+    "payload": ("kg", "greatest mass that can be held"),
+    "finger_mass": ("kg", "mass of all fingers"),
+}
+"""What expressions may name of a grasp, with unit and meaning; `tension` to `friction_margin` are of the grasp that is
+best by the scene's objective, `payload` of the one with the greatest mass."""
+FUNCTIONS = ("sqrt", "exp", "log")
+"""Which expressions may call."""
+_SUMS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
+_NAME = r"^[A-Za-z][A-Za-z0-9_]{0,30}$"
+_MOST_SYMBOLS = 200
+"""Characters of an expression [1]: more are no formula that is read."""
+
+
+class DesignVariable(Value):
+    """A number of the scene that is to be chosen within bounds."""
+
+    min: Annotated[Real, Unit(None), Field(examples=[0.003, "3 mm"])]
+    """Least value, in the unit of the key."""
+    max: Annotated[Real, Unit(None), Field(examples=[0.006, "6 mm"])]
+    """Greatest value, in the unit of the key."""
+    start: Annotated[Real, Unit(None)] | None = None
+    """Where the search starts, in the unit of the key; None: the scene's value."""
+    spacing: Literal["linear", "log"] = "linear"
+    """log: equal ratios count alike, for a number that may change by more than a factor of three."""
+    name: Annotated[str, Field(pattern=_NAME)] | None = None
+    """What expressions call it; None: they do not name it."""
+
+    def _check(self) -> None:
+        if self.min >= self.max:
+            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
+        if self.spacing == "log" and self.min <= 0.0:
+            raise ValueError(f"min = {self.min:g}: spacing: log needs positive bounds")
+        if self.start is not None and not self.min <= self.start <= self.max:
+            raise ValueError(f"start = {self.start:g} is not within {self.min:g} and {self.max:g}")
+        if self.name in QUANTITIES or self.name in FUNCTIONS:
+            raise ValueError(f"name: {self.name!r} has a meaning in expressions already")
+
+
+class Tolerance(Value):
+    """By how much a number of the scene may differ either way from what is chosen or stated."""
+
+    amount: Annotated[Positive, Unit(None), Field(examples=[0.0001, "0.1 mm"])] | None = None
+    """In the unit of the key."""
+    share: Annotated[float, Field(gt=0.0, le=0.5, examples=[0.02, "2 %"]), Unit("1")] | None = None
+    """As a part of the value [1]."""
+
+    def _check(self) -> None:
+        check_one_given(self, "amount", "share")
+
+
+class QuantityLimit(Value):
+    """Bounds of an expression, in SI units."""
+
+    min: Annotated[Real, Unit("SI unit of the expression")] | None = None
+    """Least value; None: none."""
+    max: Annotated[Real, Unit("SI unit of the expression")] | None = None
+    """Greatest value; None: none."""
+
+    def _check(self) -> None:
+        if self.min is None and self.max is None:
+            raise ValueError("give min, max, or both")
+        if self.min is not None and self.max is not None and self.min >= self.max:
+            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
+
+
+class DesignSolver(Value):
+    """How the best design is searched."""
+
+    starts: Annotated[int, Field(ge=1, le=1000)] = 5
+    """Designs whose grasps are searched before the best of them is improved: the start, and others spread evenly
+    within the bounds."""
+    max_iterations: Annotated[int, Field(ge=1, le=1000)] = 40
+    """Iterations of the optimizer of designs between two full searches for grasps."""
+    max_rounds: Annotated[int, Field(ge=1, le=20)] = 4
+    """Full searches for grasps at the best design: where one finds a better grasp, the optimizer goes on from it."""
+    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2), Unit("1")] = 1e-6
+    """Change of the cost, as a part of it, at which the optimizer stops [1]."""
+
+
+class Design(Varied):
+    """A grasp scene, numbers of it that are to be chosen, and what is to be least."""
+
+    variables: Annotated[dict[Key, DesignVariable], Field(min_length=1, max_length=40)]
+    """Key paths in the scene of the numbers that are to be chosen."""
+    follow: dict[Key, Follow] = Field(default_factory=dict)
+    """Key paths in the scene that follow a variable: times its value, plus a number."""
+    cases: Annotated[dict[str, dict[Key, Any]], Field(default_factory=dict, max_length=200)]
+    """Objects or tasks by name, each as key paths with values that differ from the scene; empty: the scene itself."""
+    minimize: Annotated[str, Field(min_length=1, examples=["tension", "-payload", "tension + 200 * finger_mass"])]
+    """Cost: an expression with + - * / ** ( ), sqrt, exp, log, in SI units, of tension, tension_max, normal_force_max,
+    friction_margin, payload, finger_mass, and names of variables."""
+    over: Literal["worst", "mean"] = "worst"
+    """Which of the costs of all cases counts."""
+    limits: dict[Key, QuantityLimit] = Field(default_factory=dict)
+    """Expressions with bounds, which hold in every case."""
+    tolerances: Annotated[dict[Key, Tolerance], Field(default_factory=dict, max_length=12)]
+    """Key paths in the scene that are manufactured with errors: cost and limits are those of the worst combination of
+    errors."""
+    solver: DesignSolver = DesignSolver()
+    """Options of the search."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_units(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        return {**data, **{name: in_si(data[name]) for name in ("variables", "follow", "tolerances") if name in data}}
+
+    def _check(self) -> None:
+        names = [one.name for one in self.variables.values() if one.name is not None]
+        for key, variable in self.variables.items():
+            if variable.name is not None and names.count(variable.name) > 1:
+                raise ValueError(f"variables: {key!r} shares the name {variable.name!r} with another one")
+        for key, follow in self.follow.items():
+            if key in self.variables:
+                raise ValueError(f"follow: {key!r} is a variable already")
+            if follow.key not in self.variables:
+                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not a variable")
+        for key in self.tolerances:
+            if key in self.follow:
+                raise ValueError(f"tolerances: {key!r} follows {self.follow[key].key!r}; state the error of that key")
+        known = (*QUANTITIES, *names)
+        check_expression("minimize", self.minimize, known)
+        for expression in self.limits:
+            check_expression("limits", expression, known)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """The cost, then what is limited."""
+        return (self.minimize, *self.limits)
+
+    @property
+    def used(self) -> frozenset[str]:
+        """Names in cost and limits."""
+        return frozenset().union(*(names_in(one) for one in self.expressions))
+
+
+def names_in(expression: str) -> frozenset[str]:
+    """Names of quantities and variables in an expression."""
+    names = (node.id for node in ast.walk(ast.parse(expression, mode="eval")) if isinstance(node, ast.Name))
+    return frozenset(names) - frozenset(FUNCTIONS)
+
+
+def check_expression(key: str, expression: str, known: tuple[str, ...]) -> None:
+    """Refuse an expression that is no formula of known names; the message begins with the key."""
+    from continuum_grasp.scene.problems import nearest
+
+    if len(expression) > _MOST_SYMBOLS:
+        raise ValueError(f"{key}: an expression of {len(expression)} characters is more than {_MOST_SYMBOLS}")
+    try:
+        tree = ast.parse(expression.strip(), mode="eval")
+    except SyntaxError as error:
+        raise ValueError(f"{key}: {expression!r} is no formula ({error.msg})") from None
+    for node in ast.walk(tree.body):
+        match node:
+            case ast.Name(id=name) if name not in known and name not in FUNCTIONS:
+                raise ValueError(f"{key}: unknown name {name!r} in {expression!r}{nearest(name, known)}")
+            case ast.Call(func=ast.Name(id=name), args=[_], keywords=[]) if name in FUNCTIONS:
+                pass
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                pass
+            case ast.BinOp(op=op) | ast.UnaryOp(op=op) if isinstance(op, _SUMS):
+                pass
+            case ast.Name() | ast.Load() | ast.operator() | ast.unaryop():
+                pass
+            case _:
+                what = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
+                allowed = f"numbers, names, + - * / ** ( ) and {', '.join(FUNCTIONS)}"
+                raise ValueError(f"{key}: {what!r} has no place in {expression!r}: expected {allowed}")
+    if not names_in(expression) & set(known):
+        raise ValueError(f"{key}: {expression!r} names nothing that a design could change")

@@ -1,0 +1,85 @@
+"""What configurations share that vary keys of one grasp scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import Field, PrivateAttr
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.assembly import path_of
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.shape import Shape
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Real, Value
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.assembly import Overrides
+
+Key = Annotated[str, Field(min_length=1)]
+_IN_UNIT = {
+    *("values", "from", "to", "uniform", "log_uniform", "normal", "choice", "plus"),
+    *("min", "max", "start", "amount"),
+}
+"""Keys whose values have the unit of the scene's key that they stand for."""
+
+
+def in_si(given: Any) -> Any:
+    """Ways to vary keys, with texts such as 65 mm as numbers in the SI unit that each key has in the scene."""
+    # Without the scene itself: a key has one unit in all shapes of objects.
+    shape = Shape(GraspScene)
+    return {key: _way_in_si(key, way, shape) for key, way in given.items()} if isinstance(given, dict) else given
+
+
+def _way_in_si(key: Any, way: Any, shape: Shape) -> Any:
+    try:
+        path = path_of(key, "")
+    except (InputError, TypeError):  # reported where the key is looked up in the scene
+        return way
+    found = dict(way) if isinstance(way, dict) else {}
+    for name in _IN_UNIT & found.keys():
+        given = found[name]
+        several = isinstance(given, list | tuple)
+        found[name] = [shape.in_si(path, one) for one in given] if several else shape.in_si(path, given)
+    return found or way
+
+
+class Follow(Value):
+    """A key that is no choice of its own, but follows one that is varied."""
+
+    key: Key
+    """The varied key, which must have numbers."""
+    times: Annotated[Real, Field(examples=[0.5]), Unit("unit of this key per unit of that key")] = 1.0
+    """Factor [unit of this key per unit of that key]."""
+    plus: Annotated[Real, Field(examples=[0.01, "10 mm"]), Unit(None)] = 0.0
+    """Summand, in the unit of the key that follows."""
+
+
+class Varied(Value):
+    """A grasp scene of which some keys are varied."""
+
+    schema_version: Literal[1] = 1
+    """Format of a file, which must state it; not needed in Python."""
+    name: str | None = None
+    """Title of reports and pictures."""
+    scene: str
+    """Path of the grasp scene that is varied, relative to this file."""
+    set: dict[Key, Any] = Field(default_factory=dict)
+    """Key paths in the scene with values that differ from its file in all runs."""
+
+    _folder: Path = PrivateAttr(default=Path())
+
+    def in_folder(self, folder: Path) -> Self:
+        """A copy whose paths are relative to another folder than the working directory."""
+        found = self.model_copy()
+        found._folder = folder
+        return found
+
+    def changed(self, changes: Overrides) -> Self:
+        return super().changed(changes).in_folder(self._folder)
+
+    @property
+    def file(self) -> Path:
+        """A file beside which the paths lie."""
+        return self._folder / type(self).__name__

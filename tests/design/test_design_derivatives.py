@@ -1,0 +1,139 @@
+"""Derivatives through optimal grasps: against differences of grasps that are solved anew, and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.design.evaluation import DesignProblem
+from continuum_grasp.design.expression import Expression
+from continuum_grasp.scene.assembly import placed
+from continuum_grasp.scene.design import Design
+from continuum_grasp.scene.design_space import design_space_of
+from continuum_grasp.scene.document import Place
+
+MUG = "configs/grasp/mug.yaml"
+ARCS = "configs/grasp/mug_arcs.yaml"
+
+
+def problem_of(**keys):
+    design = Design(**keys)
+    return DesignProblem(design_space_of(design, placed(design, Place("Design")), "Design"))
+
+
+def start_of(problem):
+    return np.array([one.coordinate(one.start) for one in problem.space.coordinates])
+
+
+def differences(problem, at, k, text, step=1e-3):
+    """Of fourth order, from grasps that are solved anew at every design."""
+    found = []
+    for h in (step, 0.5 * step):
+        ends = []
+        for sign in (-1.0, 1.0):
+            there = at.copy()
+            there[k] += sign * h
+            ends.append(Expression(text).value(problem.evaluate(there).cases[0].quantities))
+        found.append((ends[1] - ends[0]) / (2.0 * h))
+    return (4.0 * found[1] - found[0]) / 3.0
+
+
+CASES = {
+    "arcs": (
+        ARCS,
+        {
+            "finger.tendons.offset": {"min": 0.003, "max": 0.006},
+            "finger.rod.bending_stiffness": {"min": 3e-3, "max": 12e-3, "spacing": "log"},
+            "finger.base.position[1]": {"min": -0.07, "max": -0.045},
+        },
+        ("tension", "normal_force_max"),
+    ),
+    "clear of the mug": (
+        MUG,
+        {
+            "finger.base.angle": {"min": -1.7, "max": -1.4},
+            "finger.base.position[1]": {"min": -0.065, "max": -0.045},
+        },
+        ("tension", "tension_max"),
+    ),
+    "payload": (ARCS, {"finger.rod.bending_stiffness": {"min": 3e-3, "max": 12e-3}}, ("payload",)),
+    "spiral": (
+        "configs/grasp/spirob_cup.yaml",
+        {"finger.rod.spirob.tip_thickness": {"min": 0.015, "max": 0.022}},
+        ("tension",),
+    ),
+    "bent at rest": (
+        "configs/grasp/preshaped.yaml",
+        {"finger.rest_curvature": {"min": 0.0, "max": 12.0}},
+        ("tension",),
+    ),
+    "size of the object": (ARCS, {"object.diameter": {"min": 0.075, "max": 0.085}}, ("tension",)),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_derivatives_are_those_of_grasps_solved_anew(name):
+    scene, variables, names = CASES[name]
+    follow = {"object.position[0]": {"key": "object.diameter", "times": 0.5}} if "object.diameter" in variables else {}
+    problem = problem_of(scene=scene, variables=variables, follow=follow, minimize=" + ".join(names))
+    at = start_of(problem)
+    here = problem.evaluate(at, search=True)
+    assert here.error < 1e-6
+    for k in range(at.size):
+        for text in names:
+            expected = differences(problem, at, k, text)
+            assert here.cases[0].slopes[text][k] == pytest.approx(expected, rel=1e-5, abs=1e-8), (k, text)
+
+
+def test_the_tension_per_offset_is_known_in_closed_form():
+    """The moment (T1 - T2) e of a grasp does not depend on e, and T2 is at its least: d(T1 + T2)/de = -(T1 - T2)/e."""
+    problem = problem_of(
+        scene=ARCS, variables={"finger.tendons.offset": {"min": 0.004, "max": 0.006}}, minimize="tension"
+    )
+    here = problem.evaluate(start_of(problem), search=True).cases[0]
+    left = here.quantities["tension_max"]
+    right = here.quantities["tension"] - left
+    assert right == pytest.approx(1.0, abs=1e-6)  # min_tension
+    assert here.slopes["tension"][0] / 0.002 == pytest.approx(-(left - right) / 0.005, rel=1e-7)
+
+
+def test_the_payload_is_where_grasps_end():
+    problem = problem_of(
+        scene=ARCS, variables={"finger.tendons.offset": {"min": 0.004, "max": 0.006}}, minimize="-payload"
+    )
+    payload = -problem.evaluate(start_of(problem), search=True).cost
+    scene = cg.load(ARCS)
+    assert cg.optimize_grasp(scene.changed({"object.mass": 0.999 * payload})).solved
+    assert not cg.optimize_grasp(scene.changed({"object.mass": 1.002 * payload}), raise_on_failure=False).solved
+
+
+def test_the_structure_may_change_at_the_start():
+    """A rest curvature of zero is not among the numbers of the problem."""
+    problem = problem_of(scene=ARCS, variables={"finger.rest_curvature": {"min": -2.0, "max": 8.0}}, minimize="tension")
+    here = problem.evaluate(start_of(problem), search=True)
+    assert here.coordinates[0] == pytest.approx(0.2, abs=1e-4)
+    expected = differences(problem, here.coordinates, 0, "tension")
+    assert here.cases[0].slopes["tension"][0] == pytest.approx(expected, rel=1e-5)
+
+
+def test_tolerated_errors_are_differentiated_too():
+    variables = {"finger.tendons.offset": {"min": 0.004, "max": 0.006}}
+    tolerances = {"contacts.friction": {"share": 0.1}, "finger.tendons.offset": {"amount": 2e-4}}
+    problem = problem_of(scene=ARCS, variables=variables, tolerances=tolerances, minimize="tension")
+    at = start_of(problem)
+    slopes = problem.evaluate(at, search=True).cases[0].slopes["tension"]
+    # The same number as variable and as error: 0.2 mm of a range of 2 mm.
+    assert slopes[2] == pytest.approx(0.1 * slopes[0], rel=1e-6)
+    ends = [cg.optimize_grasp(cg.load(ARCS).changed({"contacts.friction": 0.5 + h})).tension for h in (-1e-3, 1e-3)]
+    assert slopes[1] == pytest.approx(0.05 * (ends[1] - ends[0]) / 2e-3, rel=1e-4)
+
+
+def test_expressions_have_exact_derivatives():
+    text, at = "sqrt(a) * exp(-b) + log(a) / b**2 - 3", {"a": 1.7, "b": 0.9}
+    expression, step = Expression(text), 1e-20
+    a, b = (complex(at["a"], step), complex(at["b"], step))
+    by_a = (np.sqrt(a) * np.exp(-at["b"]) + np.log(a) / at["b"] ** 2).imag / step
+    by_b = (np.sqrt(at["a"]) * np.exp(-b) + np.log(at["a"]) / b**2).imag / step
+    found = expression.gradient(at, {"a": np.array([1.0, 0.0]), "b": np.array([0.0, 1.0])})
+    assert found == pytest.approx([by_a, by_b], rel=1e-14)

@@ -1,0 +1,138 @@
+"""Best designs against closed forms: the moment M = (T1 - T2) e that a grasp needs does not depend on the offset e."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.design import Evaluation, Row, Status
+from continuum_grasp.errors import SolverError
+
+ARCS = "configs/grasp/mug_arcs.yaml"
+OFFSET = "finger.tendons.offset"
+LEAST = 1.0
+"""Tension of the tendon that only stays taut [N]."""
+
+
+@pytest.fixture(scope="module")
+def moment():
+    """M [N m] of the mug."""
+    left, right = sorted(cg.optimize_grasp(ARCS).fingers["finger"].tensions, reverse=True)
+    assert right == pytest.approx(LEAST, abs=1e-6)
+    return (left - right) * 0.005
+
+
+def designed(**keys):
+    given = {
+        "scene": ARCS,
+        "variables": {OFFSET: {"min": 0.003, "max": 0.006, "name": "e"}},
+        "minimize": "tension + 1e4 * e",
+        "solver": {"starts": 1, "tolerance": 1e-10},
+        **keys,
+    }
+    return cg.optimize_design(given)
+
+
+def test_sensitivities_are_those_of_the_least_worst_cost():
+    """Least over x of max(x, y - x) is y / 2; least of x + 2 y with 2 x >= 1 is 1 / 2 + 2 y; both with y at a bound."""
+
+    def row(value, slope):
+        return Row("", "", (), value, np.array(slope))
+
+    both = (row(0.3, [1.0, 0.0]), row(0.3, [-1.0, 1.0]), row(0.1, [5.0, 5.0]))
+    assert Evaluation(np.array([0.3, 0.0]), both, (), (), 0.0).slope == pytest.approx([0.0, 0.5], abs=1e-6)
+    limit = row(0.0, [2.0, 0.0])
+    found = Evaluation(np.array([0.5, 0.0]), (row(0.3, [1.0, 2.0]),), (limit,), (), 0.0).slope
+    assert found == pytest.approx([0.0, 2.0], abs=1e-5)
+
+
+def test_the_best_offset(moment):
+    """Least of M / e + 2 T2 + k e."""
+    found = designed()
+    assert found.status is Status.OPTIMAL
+    assert found.values[OFFSET] == pytest.approx(math.sqrt(moment / 1e4), rel=1e-4)
+    assert found.best.cost == pytest.approx(2.0 * math.sqrt(moment * 1e4) + 2.0 * LEAST, rel=1e-8)
+    assert found.statistics["full_searches"] == 2
+    assert found.warnings
+
+
+def test_a_limit_decides(moment):
+    found = designed(minimize="e", limits={"tension": {"max": 50.0}})
+    assert found.values[OFFSET] == pytest.approx(moment / (50.0 - 2.0 * LEAST), rel=1e-6)
+    assert found.active == ("tension at most 50 (scene)",)
+
+
+def test_limits_that_no_design_satisfies():
+    with pytest.raises(SolverError, match="no design satisfies tension at most 20") as caught:
+        designed(limits={"tension": {"max": 20.0}})
+    assert caught.value.result.status is Status.LIMITS_VIOLATED
+
+
+def test_the_worst_case_and_the_mean_of_cases():
+    cases = {f"{mass} g": {"object.mass": 1e-3 * mass} for mass in (200, 300)}
+    moments = []
+    for changes in cases.values():
+        left, right = sorted(cg.optimize_grasp(cg.load(ARCS).changed(changes)).fingers["finger"].tensions, reverse=True)
+        moments.append((left - right) * 0.005)
+    worst, mean = (designed(cases=cases, over=over).values[OFFSET] for over in ("worst", "mean"))
+    assert worst == pytest.approx(math.sqrt(max(moments) / 1e4), rel=1e-4)
+    assert mean == pytest.approx(math.sqrt(np.mean(moments) / 1e4), rel=1e-4)
+
+
+def test_errors_of_manufacture(moment):
+    """The worst error makes the offset smaller by d: least of M / (e - d) + 2 T2 + k e."""
+    d = 2e-4
+    found = designed(tolerances={OFFSET: {"amount": d}})
+    assert found.values[OFFSET] == pytest.approx(d + math.sqrt(moment / 1e4), rel=1e-4)
+    worst = found.worst_cases[0]
+    assert worst.signs == (-1.0,)
+    e = found.values[OFFSET]
+    nominal = moment / e + 2.0 * LEAST + 1e4 * e
+    assert worst.bound == pytest.approx(nominal + moment / e**2 * d, rel=1e-6)
+    assert worst.cost == pytest.approx(moment / (e - d) + 2.0 * LEAST + 1e4 * e, rel=1e-8)
+    assert found.best.cost == pytest.approx(worst.cost, rel=1e-9)
+
+
+def test_grasps_may_be_lost_on_the_way():
+    """Below 3.4 mm the tendons are too weak: minimizing the offset alone ends there, at the tendon's limit."""
+    found = designed(minimize="e", variables={OFFSET: {"min": 0.001, "max": 0.006, "name": "e"}})
+    assert found.statistics["designs_without_grasp"] > 0
+    assert found.cases["scene"]["tension_max"] > 0.97 * 60.0
+    assert all(grasp.solved for grasp in found.grasps.values())
+
+
+def test_no_design_holds_the_object():
+    scene = {"object.mass": 30.0}
+    found = cg.optimize_design(
+        {
+            "scene": ARCS,
+            "set": scene | {"solver.max_total_iterations": 50},
+            "variables": {OFFSET: {"min": 0.004, "max": 0.006}},
+            "minimize": "tension",
+            "solver": {"starts": 1},
+        },
+        raise_on_failure=False,
+    )
+    assert found.status is Status.NO_GRASP
+    assert found.values == {}
+    assert "scene" in found.message
+
+
+@pytest.mark.slow
+def test_three_variables_are_at_least_as_good_as_a_sweep():
+    """With at most 5 % of the grasps of 10 x 10 x 10 scenes; compared with every second of each here."""
+    found = cg.optimize_design("configs/design/mug_finger.yaml")
+    assert found.statistics["full_searches"] + found.statistics["solver_runs"] <= 50
+    scene = cg.load(ARCS).changed({"solver.max_total_iterations": 400})
+    costs = []
+    for e, stiffness, y in product(
+        np.linspace(0.003, 0.006, 10)[1::2], np.geomspace(3e-3, 12e-3, 10)[::2], np.linspace(-0.07, -0.045, 10)[1::2]
+    ):
+        there = {OFFSET: e, "finger.rod.bending_stiffness": stiffness, "finger.base.position[1]": y}
+        grasp = cg.optimize_grasp(scene.changed(there), raise_on_failure=False)
+        costs.append(grasp.tension + 4000.0 * e if grasp.solved else math.inf)
+    assert found.best.cost <= min(costs)
