@@ -136,16 +136,16 @@ def _without_two(kind: str, row: dict[str, Any], scene: GraspScene) -> Outcome:
     result, out = _run(scene, " and ".join(row["causes"]), row["seed"])
     if result is None or _found(result, out):
         return out
-    shape = row["causes"][0]
-    seconds = {second for _, second in PAIRS}
-    named = {reason.name: reason for reason in result.reasons}
-    if set(named) <= {REASONS.get(shape, shape), *seconds} and REASONS.get(shape, shape) in named and len(named) == 2:
-        out.right = True
-        least = {name: float(reason.needed) for name, reason in named.items()}
-        (second,) = set(named) - {REASONS.get(shape, shape)}
-        pair = (least[REASONS.get(shape, shape)], second, least[second])
-        out.number = _enough(row, *pair, 1.0 + NUMBERS) and not _enough(row, *pair, 1.0 - NUMBERS)
-        out.note = "; ".join(f"{name} {needed:.5g}" for name, needed in least.items())
+    shape, seconds = REASONS.get(row["causes"][0], row["causes"][0]), {second for _, second in PAIRS}
+    for k, reason in enumerate(result.reasons):
+        pair = {each.name: float(each.needed) for each in (reason, *getattr(reason, "also", ()))}
+        second = next(iter(set(pair) & seconds), "")
+        if set(pair) == {shape, second}:
+            out.right, out.first = True, k == 0
+            least = pair[shape], second, pair[second]
+            out.number = _enough(row, *least, 1.0 + NUMBERS) and not _enough(row, *least, 1.0 - NUMBERS)
+            out.note = "; ".join(f"{name} {needed:.5g}" for name, needed in pair.items())
+            break
     return out
 
 

@@ -85,13 +85,19 @@ class Fingers:
     def clothoids(self, count: int = 180) -> list[Posture]:
         """Shapes of two clothoids that touch with middle and tip, for many places of the middle contact."""
         u = np.arange(count) / count
-        found = []
-        for side in (1, -1):
-            first = self._first(u, side)
-            if first:
-                places, ends, lengths = (np.array(v) for v in zip(*first, strict=True))
-                found += self._ended(places, side, ends, lengths, bends=False)
-        return found
+        return self.at_places(u, 1) + self.at_places(u, -1)
+
+    def at_places(self, u: Array, side: int) -> list[Posture]:
+        """All shapes at some places of the curves: of the middle contact, or first curvatures times the length."""
+        if not self.hand.middle:
+            lengths = self._fixed_lengths()
+            first = np.repeat((u / lengths[0])[:, None], 2, axis=1)
+            return self._ended(u, side, first, np.full(len(u), lengths[0]), bends=True)
+        found = self._first(u, side)
+        if not found:
+            return []
+        places, ends, l1 = (np.array(v) for v in zip(*found, strict=True))
+        return self._ended(places, side, ends, l1, bends=False)
 
     def free_arcs(self, count: int = 400) -> list[Posture]:
         """Shapes of two arcs of given lengths that touch with the tip alone, for many first and many second curvatures.
@@ -100,8 +106,7 @@ class Fingers:
         """
         lengths = self._fixed_lengths()
         turns = np.linspace(-MOST, MOST, count)
-        first = np.repeat((turns / lengths[0])[:, None], 2, axis=1)
-        found = self._ended(turns, 1, first, np.full(count, lengths[0]), bends=True)
+        found = self.at_places(turns, 1)
 
         def gap(bend: Array, second: Array) -> Array:
             joint = self.base + walk(hand.angle, bend / lengths[0], bend / lengths[0], lengths[0])

@@ -1,9 +1,9 @@
 """What the oracles say of the random scenes, stored in files beside this one.
 
 Run ``python -m benchmarks.grasp_oracle.truth one`` (or ``two``, ``three``, ``none``, ``both``) in the root of the
-repository; it resumes after an interruption. ``--again`` asks once more about scenes that have an answer and retains
-the better one. Scenes are drawn anew from their seeds, so that only seeds and answers are stored; the first line of a
-file has a digest of the scenes, and answers to other scenes are refused.
+repository; it resumes after an interruption. ``--again`` asks once more about scenes that have an answer, or about
+those whose seeds are given, and retains the better answer. Scenes are drawn anew from their seeds, so that only seeds
+and answers are stored; the first line of a file has a digest of the scenes, and answers to other scenes are refused.
 """
 
 from __future__ import annotations
@@ -29,6 +29,10 @@ AHEAD = 4
 """Scenes asked about at a time, per process: those beyond the last answer that is wanted are few."""
 SLACK = 1e-3
 """Sum of tensions, per sum of the greatest ones, up to which the bases press: not a pinch that is asked for."""
+SAME = 1e-5
+"""Relative difference of tensions up to which a newer answer replaces an older one."""
+TWICE = 999
+"""The answer of ``one`` whose scene is the first with two tightened limits; earlier ones follow."""
 Row = dict[str, Any]
 
 
@@ -67,8 +71,8 @@ def none(number: int) -> Row | None:
 
 
 def both(number: int) -> Row | None:
-    """The same by two limits, each of which is too tight whatever the other is; answers from the last one on."""
-    seed = answers("one")[-1 - number]["seed"]
+    """The same by two limits, each of which is too tight whatever the other is."""
+    seed = answers("one")[TWICE - number]["seed"]
     row = tighten_two(seed, number)
     return None if row is None else {"scene": seed, "seed": number, **row}
 
@@ -121,7 +125,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kind", choices=sorted(KINDS))
     parser.add_argument("--count", type=int)
-    parser.add_argument("--again", action="store_true", help="ask once more about scenes that have an answer")
+    parser.add_argument("--again", type=int, nargs="*", metavar="SEED", help="ask once more about these scenes, or all")
     parser.add_argument("--jobs", type=int, default=cores())
     arguments = parser.parse_args()
     ask, count = KINDS[arguments.kind]
@@ -132,16 +136,18 @@ def main() -> None:
     pool = ProcessPool(arguments.jobs)
     began = saved = time.monotonic()
     try:
-        if arguments.again:
-            seeds = [row["seed"] for row in rows[:count]]
-            for done, (k, future) in enumerate(pool.as_completed(ask, seeds), 1):
+        if arguments.again is not None:
+            best = {row["seed"]: row for row in rows}
+            seeds = arguments.again or list(best)
+            for done, (_, future) in enumerate(pool.as_completed(ask, seeds), 1):
                 new = future.result()
-                if new is not None and new["tension"] < rows[k]["tension"]:
-                    rows[k] = new
+                if new is not None and new["tension"] < best.get(new["seed"], new)["tension"] * (1.0 + SAME):
+                    best[new["seed"]] = new
                 if time.monotonic() - saved > SAVED or done == len(seeds):
-                    _write(file, arguments.kind, head["asked"], list(rows))
+                    _write(file, arguments.kind, head["asked"], list(best.values()))
                     saved = time.monotonic()
                     print(f"{done} of {len(seeds)}, {saved - began:.0f} s", flush=True)
+            return
         while len(rows) < count:
             seeds = list(range(head["asked"], head["asked"] + AHEAD * arguments.jobs))
             found = [future.result() for _, future in pool.as_completed(ask, seeds)]
