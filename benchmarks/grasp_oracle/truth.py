@@ -100,6 +100,11 @@ def _digest(kind: str, rows: list[Row]) -> str:
     return digest("one" if of_one else kind, [row["scene" if of_one else "seed"] for row in rows])
 
 
+def _least(row: Row) -> float:
+    """What makes one answer better than another; of limits the newer one."""
+    return float(row.get("tension", 0.0))
+
+
 def _read(file: Path) -> tuple[Row, list[Row]]:
     if not file.exists():
         return {"asked": 0, "scenes": ""}, []
@@ -141,7 +146,7 @@ def main() -> None:
             seeds = arguments.again or list(best)
             for done, (_, future) in enumerate(pool.as_completed(ask, seeds), 1):
                 new = future.result()
-                if new is not None and new["tension"] < best.get(new["seed"], new)["tension"] * (1.0 + SAME):
+                if new is not None and _least(new) <= _least(best.get(new["seed"], new)) * (1.0 + SAME):
                     best[new["seed"]] = new
                 if time.monotonic() - saved > SAVED or done == len(seeds):
                     _write(file, arguments.kind, head["asked"], list(best.values()))

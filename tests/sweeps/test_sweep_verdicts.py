@@ -15,7 +15,6 @@ from tests.sweep_cases import ROOT
 # Twenty scenes, about a third of which have no grasp: what is computed for those takes the longest.
 SCENES = {
     "scene": str(ROOT / "configs" / "grasp" / "mug.yaml"),
-    "set": {"solver.seeds": 1},
     "vary": {
         "finger.tendons.offset": {"from": 0.0025, "to": 0.0055, "count": 5},
         "object.mass": {"values": [0.2, 0.4, 0.6, 0.8]},
