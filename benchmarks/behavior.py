@@ -33,6 +33,7 @@ import yaml
 
 import continuum_grasp as cg
 from benchmarks import bench_dynamics, bench_grasp
+from benchmarks.grasp_outcomes import outcome
 from benchmarks.machine import describe
 from benchmarks.report import Report
 
@@ -237,8 +238,7 @@ def sources(family: str) -> Values:
 
 def random_grasps(kind: str, first: int) -> Values:
     """A hundred random scenes of ``bench_grasp``: how many are solved, and every status and tension."""
-    rows = bench_grasp.answers(kind)[first : first + 100]
-    found = [bench_grasp.none(row) if kind == "none" else bench_grasp.held(kind, row) for row in rows]
+    found = [outcome(kind, row) for row in bench_grasp.known(kind)[first : first + 100]]
     values = {name: sum(getattr(o, name) for o in found) for name in ("good", "better", "false", "right", "number")}
     values |= {f"{o.seed}.status": o.status for o in found}
     return values | {f"{o.seed}.tension": float(f"{o.tension:.{DIGITS}g}") for o in found if math.isfinite(o.tension)}

@@ -1,4 +1,9 @@
-"""Scenes without a grasp, each made from one that has some by tightening a single limit below what the oracle needs."""
+"""Scenes without a grasp, made from ones that have some by tightening limits below what the oracle needs: one, or two.
+
+Of two limits the first bounds the shape (strain or bend), and is below what the least of all touching shapes has,
+whatever the forces; the second bounds forces, and is below what the best of all shapes needs. So no change of one limit
+is enough.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +20,15 @@ from benchmarks.grasp_oracle.scenes import one_finger
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["CAUSES", "tighten", "tightened"]
+__all__ = ["CAUSES", "tighten", "tighten_two", "tightened"]
 
 Array = NDArray[Any]
 CAUSES = ("tension", "friction", "mass", "strain", "reach", "clearance", "tension", "friction", "mass", "bend")
 """Taken in turn."""
+PAIRS = (("strain", "tension"), ("strain", "friction"), ("strain", "tension"), ("strain", "mass"), ("bend", "tension"))
+"""Taken in turn."""
+TIGHT = (0.6, 0.92)
+"""Of what is needed, the limit."""
 ENOUGH = 1e5
 """Stands for no limit."""
 
@@ -30,13 +39,43 @@ def tighten(seed: int, number: int) -> dict[str, Any] | None:
     random = np.random.default_rng([3, seed])
     search = Search(numbers(scene))
     found = _NEEDS[cause](search, scene, random)
-    return None if found is None else {"seed": seed, "cause": cause, **found}
+    return None if found is None else {"cause": cause, **found}
+
+
+def tighten_two(seed: int, number: int) -> dict[str, Any] | None:
+    """The same by two limits: both causes, what each needs when the other is no limit, and the limits to set."""
+    scene, (shape, force) = one_finger(seed), PAIRS[number % len(PAIRS)]
+    random = np.random.default_rng([5, seed])
+    search = Search(numbers(scene))
+    if shape == "bend" and search.hand.family != "arc":
+        return None
+    free = search.numbers.limited(strain=math.inf, bend=2.0 * math.pi)
+    second = _NEEDS[force](Search(free), scene, random)
+    least = search.least_shape(search.strain if shape == "strain" else search.bend)
+    if second is None or least is None:
+        return None
+    row: dict[str, Any] = {}
+    if shape == "strain":
+        row["diameter"] = scene.setups[0].finger.rod.diameter or 0.3 * scene.setups[0].finger.thickness_radius
+        least *= 0.5 * row["diameter"] / (search.hand.radius or search.hand.length)
+    if shape == "strain" and least > 0.5:
+        return None
+    needs, limits = [least, second["needed"]], [least * random.uniform(*TIGHT), second["limit"]]
+    return {"causes": [shape, force], "needed": needs, "limits": limits, **row}
 
 
 def tightened(row: dict[str, Any]) -> GraspScene:
     """The scene of a row."""
-    data = one_finger(row["scene"]).model_dump()
-    cause, limit = row["cause"], row["limit"]
+    scene = one_finger(row["scene"])
+    causes = row["causes"] if "causes" in row else [row["cause"]]
+    limits = row["limits"] if "limits" in row else [row["limit"]]
+    for cause, limit in zip(causes, limits, strict=True):
+        scene = _changed(scene, cause, limit, row)
+    return scene
+
+
+def _changed(scene: GraspScene, cause: str, limit: float, row: dict[str, Any]) -> GraspScene:
+    data = scene.model_dump()
     if cause == "tension":
         data["finger"]["tendons"]["max_tension"] = limit
     elif cause == "friction":
@@ -59,7 +98,7 @@ def tightened(row: dict[str, Any]) -> GraspScene:
 
 def _tension(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
     best = search.best("tension", search.numbers.limited(tension=ENOUGH))
-    limit = 0.0 if best is None else best.value * random.uniform(0.6, 0.92)
+    limit = 0.0 if best is None else best.value * random.uniform(*TIGHT)
     if best is None or limit <= 1.02 * scene.setups[0].finger.tendons.min_tension:
         return None
     return {"needed": best.value, "limit": limit}
@@ -88,14 +127,14 @@ def _strain(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | 
     needed = 0.5 * diameter * best.value
     if needed > 0.5:
         return None
-    return {"needed": needed, "limit": needed * random.uniform(0.6, 0.92), "diameter": diameter}
+    return {"needed": needed, "limit": needed * random.uniform(*TIGHT), "diameter": diameter}
 
 
 def _bend(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
     if search.hand.family != "arc":
         return None
     best = search.least_measure(search.bend, search.numbers)
-    return None if best is None else {"needed": best.value, "limit": best.value * random.uniform(0.6, 0.92)}
+    return None if best is None else {"needed": best.value, "limit": best.value * random.uniform(*TIGHT)}
 
 
 def _reach(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:

@@ -187,13 +187,12 @@ class Forces:
             cost[:first] = 1.0
         else:
             cost[-1] = -1.0 if aim == "mass" else 1.0
-        least = [t for hand in numbers.hands for t in hand.least]
-        used = [u for hand in numbers.hands for u in hand.used]
-        most_tension = np.inf if aim == "tension" else limits.tension
         most_normal = np.inf if aim == "normal" else limits.normal
-        bounds: list[tuple[Any, Any]] = [
-            (t / scale, (most_tension / scale) if u else t / scale) for t, u in zip(least, used, strict=True)
-        ]
+        bounds: list[tuple[Any, Any]] = []
+        for hand in numbers.hands:
+            most_tension = np.inf if aim == "tension" else numbers.most_tension(hand)
+            for t, used in zip(hand.least, hand.used, strict=True):
+                bounds.append((t / scale, (most_tension if used else t) / scale))
         spatial = numbers.lift != 0.0
         bounds += [(0.0, most_normal / scale), (None, None), (None, None) if spatial else (0.0, 0.0)] * count
         bounds.append((0.0, 0.0) if aim == "sum" else (0.0, None))

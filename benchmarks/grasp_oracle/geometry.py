@@ -23,8 +23,8 @@ from benchmarks.grasp_oracle.roots import refine
 Array = NDArray[Any]
 MOST = 2.0 * math.pi
 """Greatest bend of an element: its length times its greatest curvature [rad]."""
-CLEARANCE = 1e-7
-"""Depth that counts as none, as a part of the finger's length: that of the roots themselves."""
+CLEARANCE = 1e-6
+"""Depth that counts as none, per length of the finger: roots and distances to superellipses are good to 2e-7."""
 
 
 @dataclass(frozen=True)
@@ -85,20 +85,56 @@ class Fingers:
     def clothoids(self, count: int = 180) -> list[Posture]:
         """Shapes of two clothoids that touch with middle and tip, for many places of the middle contact."""
         u = np.arange(count) / count
-        found = []
-        for side in (1, -1):
-            first = self._first(u, side)
-            if first:
-                places, ends, lengths = (np.array(v) for v in zip(*first, strict=True))
-                found += self._ended(places, side, ends, lengths, bends=False)
-        return found
+        return self.at_places(u, 1) + self.at_places(u, -1)
+
+    def at_places(self, u: Array, side: int) -> list[Posture]:
+        """All shapes at some places of the curves: of the middle contact, or first curvatures times the length."""
+        if not self.hand.middle:
+            lengths = self._fixed_lengths()
+            first = np.repeat((u / lengths[0])[:, None], 2, axis=1)
+            return self._ended(u, side, first, np.full(len(u), lengths[0]), bends=True)
+        found = self._first(u, side)
+        if not found:
+            return []
+        places, ends, l1 = (np.array(v) for v in zip(*found, strict=True))
+        return self._ended(places, side, ends, l1, bends=False)
 
     def free_arcs(self, count: int = 400) -> list[Posture]:
-        """Shapes of two arcs of given lengths that touch with the tip alone, for many first curvatures."""
+        """Shapes of two arcs of given lengths that touch with the tip alone, for many first and many second curvatures.
+
+        Both, since curves of shapes turn back in either.
+        """
         lengths = self._fixed_lengths()
         turns = np.linspace(-MOST, MOST, count)
-        first = np.repeat((turns / lengths[0])[:, None], 2, axis=1)
-        return self._ended(turns, 1, first, np.full(count, lengths[0]), bends=True)
+        found = self.at_places(turns, 1)
+
+        def gap(bend: Array, second: Array) -> Array:
+            joint = self.base + walk(hand.angle, bend / lengths[0], bend / lengths[0], lengths[0])
+            ahead = second / lengths[1]
+            return np.asarray(self.outline.gap(joint + walk(hand.angle + bend, ahead, ahead, lengths[1])))
+
+        hand = self.hand
+        grid = np.linspace(-MOST, MOST, 281)
+        table = gap(grid[:, None], turns[None, :])
+        k, column = np.nonzero(np.sign(table[:-1]) != np.sign(table[1:]))
+        roots = refine(lambda bend: gap(bend, turns[column]), grid[k], grid[k + 1], tolerance=1e-14)
+        for bend, second in zip(roots, turns[column], strict=True):
+            ends = np.repeat([[bend / lengths[0]], [second / lengths[1]]], 2, axis=1)
+            found.append(Posture(float(bend), 1, ends, lengths))
+        return found
+
+    def unloaded(self, count: int = 800) -> list[Posture]:
+        """Shapes of one curvature that touch with the tip: those of a finger without weight and contact force."""
+        lengths = self._fixed_lengths()
+        grid = np.linspace(-MOST, MOST, count) / lengths.max()
+
+        def gap(curvature: Array) -> Array:
+            return np.asarray(self.outline.gap(self.base + walk(self.hand.angle, curvature, curvature, lengths.sum())))
+
+        values = gap(grid)
+        k = np.nonzero(np.sign(values[:-1]) != np.sign(values[1:]))[0]
+        roots = refine(gap, grid[k], grid[k + 1], tolerance=1e-14) if len(k) else np.empty(0)
+        return [Posture(float(c * lengths[0]), 1, np.full((2, 2), c), lengths) for c in roots]
 
     # -- one shape from a near one ----------------------------------------------------------------------------
 
@@ -192,7 +228,7 @@ class Fingers:
         grid = np.linspace(-MOST, MOST, 121)
         for whole in (0.0, -2.0 * math.pi, 2.0 * math.pi):
             bend = small + whole
-            some = (np.abs(bend) <= 1.6 * math.pi) & (distance <= self.hand.bounds[1])
+            some = (np.abs(bend) <= MOST) & (distance <= self.hand.bounds[1])
             if not some.any():
                 continue
             where, b, c = u[some], bend[some], chord[some]

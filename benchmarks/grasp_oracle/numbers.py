@@ -26,8 +26,6 @@ TOUCH = 1e-6
 class Limits:
     """What may be changed to find out what a grasp takes."""
 
-    tension: float
-    """Greatest tension [N]."""
     friction: float
     """Coefficient of fingers and walls alike [1], unless a wall has its own."""
     normal: float
@@ -38,6 +36,8 @@ class Limits:
     """Greatest bending strain [1]."""
     bend: float = 2.0 * math.pi
     """Greatest bend of an element [rad]."""
+    tension: float | None = None
+    """Greatest tension of every finger in place of its own [N]."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,8 @@ class Hand:
     offset: float
     least: tuple[float, float]
     """Least tensions [N]."""
+    most: float
+    """Greatest tension [N]."""
     used: tuple[bool, bool]
     """Which tendons there are."""
     base: tuple[float, float]
@@ -114,6 +116,10 @@ class Numbers:
         """A force that matters [N]."""
         return max(h.force_scale for h in self.hands)
 
+    def most_tension(self, hand: Hand) -> float:
+        """Greatest tension of a finger's tendons [N]."""
+        return hand.most if self.limits.tension is None else self.limits.tension
+
     def limited(self, **changes: float) -> Numbers:
         """The same with other limits."""
         return replace(self, limits=replace(self.limits, **changes))
@@ -139,7 +145,6 @@ def numbers(scene: GraspScene) -> Numbers:
     finger = scene.setups[0]
     strains = [s.finger.strain_limit for s in scene.setups if s.finger.strain_limit is not None]
     limits = Limits(
-        tension=finger.finger.tendons.max_tension,
         friction=finger.friction,
         normal=scene.contacts.normal_force_max,
         mass=body.mass,
@@ -168,6 +173,7 @@ def _hand(setup: Any) -> Hand:
         radius=0.5 * (finger.rod.diameter or 0.0),
         offset=tendons.offset,
         least=tuple(tendons.min_tension if u else 0.0 for u in used),
+        most=tendons.max_tension,
         used=used,
         base=finger.base.position,
         angle=finger.base.angle,

@@ -1,8 +1,14 @@
-"""Random grasp scenes in a natural range of sizes; whether there is a grasp is not known beforehand."""
+"""Random grasp scenes in a natural range of sizes; whether there is a grasp is not known beforehand.
+
+Each is drawn as plain data, from which the digest of a kind is computed, and then made a scene.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +16,7 @@ import numpy as np
 
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["one_finger", "two_fingers"]
+__all__ = ["DRAWN", "digest", "one_finger", "scene_of", "three_fingers", "two_fingers"]
 
 G = 9.81
 
@@ -34,6 +40,31 @@ class _View:
 
 def one_finger(seed: int) -> GraspScene:
     """One finger of two elements, a convex object, and mostly a palm."""
+    return scene_of("one", seed)
+
+
+def two_fingers(seed: int) -> GraspScene:
+    """Two fingers of two matched clothoids that pinch a convex object with their tips."""
+    return scene_of("two", seed)
+
+
+def three_fingers(seed: int) -> GraspScene:
+    """Three fingers of two matched clothoids that hold a convex object with their tips, a third of them on a palm."""
+    return scene_of("three", seed)
+
+
+def scene_of(kind: str, seed: int) -> GraspScene:
+    """The scene of a seed; what the oracles do not ask for is not asked of the package either."""
+    return GraspScene.model_validate(DRAWN[kind](seed) | UNASKED)
+
+
+def digest(kind: str, seeds: Iterable[int]) -> str:
+    """What changes when the scenes of these seeds do."""
+    text = json.dumps([DRAWN[kind](seed) for seed in seeds], sort_keys=True, default=float)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _one(seed: int) -> dict[str, Any]:
     random = np.random.default_rng([1, seed])
     view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
     length = 10 ** random.uniform(-1.0, -0.4)
@@ -57,8 +88,7 @@ def one_finger(seed: int) -> GraspScene:
     return _scene(random, finger, body, size, supports if contacts != "no palm" else {}, contacts, family)
 
 
-def two_fingers(seed: int) -> GraspScene:
-    """Two fingers of two matched clothoids that pinch a convex object with their tips."""
+def _two(seed: int) -> dict[str, Any]:
     random = np.random.default_rng([2, seed])
     view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
     length = 10 ** random.uniform(-1.0, -0.4)
@@ -68,11 +98,7 @@ def two_fingers(seed: int) -> GraspScene:
     fingers = {}
     model = _finger(random, length, size, sign=view.flip)
     for name, side in (("upper", 1.0), ("lower", -1.0)):
-        finger = dict(model) if random.random() < 0.5 else _finger(random, length, size, sign=view.flip)
-        finger["rest_curvature"] = 0.0
-        finger["tendons"] = dict(finger["tendons"]) | {"min_tension": 0.0}
-        finger["tendons_used"] = "both"
-        finger.pop("strain_limit", None)
+        finger = _plain(dict(model) if random.random() < 0.5 else _finger(random, length, size, sign=view.flip))
         apart = max(extent + finger["half_thickness"] * 1.2, 0.0) + length * random.uniform(0.0, 0.25)
         finger["base"] = {
             "position": view.point(0.0, side * apart),
@@ -82,6 +108,47 @@ def two_fingers(seed: int) -> GraspScene:
     body["position"] = view.point(ahead, length * random.uniform(-0.03, 0.03))
     body["angle"] = view.angle(body.get("angle", 0.0))
     return _scene(random, fingers, body, size, {}, "no middle", "matched_clothoid")
+
+
+def _three(seed: int) -> dict[str, Any]:
+    random = np.random.default_rng([4, seed])
+    view = _View(random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0]))
+    length = 10 ** random.uniform(-1.0, -0.4)
+    size = length * random.uniform(0.1, 0.3)
+    body, reach, extent = _object(random, size, aligned=random.random() < 0.7)
+    kind = random.choice(["around", "thumb", "palm"])
+    # Where each finger comes from, seen from the object [rad], and on which side it passes.
+    hand = random.choice([-1.0, 1.0])
+    around = [(k * 2.0 * math.pi / 3.0 + random.uniform(-0.2, 0.2), hand) for k in range(3)]
+    places = around if kind == "around" else [(0.0, 1.0), (0.0, -1.0), (math.pi, hand)]
+    model = _finger(random, length, size, sign=view.flip)
+    fingers = {}
+    for name, (turn, side) in zip(("first", "second", "third"), places, strict=True):
+        finger = _plain(dict(model) if random.random() < 0.5 else _finger(random, length, size, sign=view.flip))
+        half = finger["half_thickness"]
+        away = length * random.uniform(0.55, 0.85)
+        if kind == "palm" and turn == 0.0:
+            away = reach - half * random.uniform(1.0, 1.5)
+        aside = side * (max(size, extent) + half * 1.2 + length * random.uniform(0.0, 0.25))
+        c, s = math.cos(turn), math.sin(turn)
+        finger["base"] = {
+            "position": view.point(-c * away - s * aside, -s * away + c * aside),
+            "angle": math.remainder(view.angle(turn + random.uniform(-0.3, 0.3)) - 0.5 * math.pi, 2.0 * math.pi),
+        }
+        fingers[name] = finger
+    body["position"] = view.point(0.0, 0.0)
+    body["angle"] = view.angle(body.get("angle", 0.0))
+    supports = {"palm": {"type": "palm", "point": view.point(-reach, 0.0), "normal_angle": view.angle(0.0)}}
+    return _scene(random, fingers, body, size, supports if kind == "palm" else {}, "no middle", "matched_clothoid")
+
+
+def _plain(finger: dict[str, Any]) -> dict[str, Any]:
+    """A straight finger with two tendons that may be slack."""
+    finger["rest_curvature"] = 0.0
+    finger["tendons"] = dict(finger["tendons"]) | {"min_tension": 0.0}
+    finger["tendons_used"] = "both"
+    finger.pop("strain_limit", None)
+    return finger
 
 
 def _object(random: np.random.Generator, size: float, aligned: bool) -> tuple[dict[str, Any], float, float]:
@@ -144,7 +211,7 @@ def _scene(
     supports: dict[str, Any],
     contacts: str,
     family: str,
-) -> GraspScene:
+) -> dict[str, Any]:
     some = fingers if "rod" in fingers else next(iter(fingers.values()))
     grip = some["tendons"]["max_tension"] * some["tendons"]["offset"] / size
     body["mass"] = grip / G * 10 ** random.uniform(-1.7, 0.3)
@@ -156,21 +223,24 @@ def _scene(
     elif mode == "out_of_plane":
         balanced = contacts == "all" and random.random() < 0.7
         gravity |= {"magnitude": G, "tilt": "balance" if balanced else "ignore"}
-    return GraspScene.model_validate(
-        {
-            ("finger" if "rod" in fingers else "fingers"): fingers,
-            "object": body,
-            "supports": supports,
-            "contacts": {
-                "friction": random.uniform(0.25, 1.2),
-                "normal_force_max": random.uniform(10.0, 40.0) * max(body["mass"] * G, grip),
-                "middle": "off" if contacts == "no middle" else "on",
-                "tip": "on",
-            },
-            "gravity": gravity,
-            # The oracle knows equilibrium and friction alone.
-            "stability": "ignore",
-            "overlap": "allow",
-            "fidelity": {"family": family, "elements": 2, "bending_range": 2.0 * math.pi},
-        }
-    )
+    return {
+        ("finger" if "rod" in fingers else "fingers"): fingers,
+        "object": body,
+        "supports": supports,
+        "contacts": {
+            "friction": random.uniform(0.25, 1.2),
+            "normal_force_max": random.uniform(10.0, 40.0) * max(body["mass"] * G, grip),
+            "middle": "off" if contacts == "no middle" else "on",
+            "tip": "on",
+        },
+        "gravity": gravity,
+        "fidelity": {"family": family, "elements": 2, "bending_range": 2.0 * math.pi},
+    }
+
+
+DRAWN = {"one": _one, "two": _two, "three": _three}
+"""The plain data of a scene from its seed, by kind."""
+UNASKED = {
+    key: value for key, value in (("stability", "ignore"), ("overlap", "allow")) if key in GraspScene.model_fields
+}
+"""The oracles judge neither stability nor fingers that cross."""

@@ -16,12 +16,18 @@ from benchmarks.grasp_oracle.numbers import Numbers
 
 Array = NDArray[Any]
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-REFINED = 3
+REFINED = 6
 """Starts of the refinement."""
+SLIVERS = 12
+"""Shapes of the scan that nearly hold, near which one that holds is sought."""
 MANY = 120
 """Planes per cone from which on the search for the least friction begins anew with few."""
-NEARLY = 0.15
-"""Excess over the limits up to which a shape between two of the scan may keep them all."""
+DENSE = 31
+"""Places of a last scan next to the best."""
+NEARLY = 5.0
+"""Excess of forces over their limits up to which a shape between two of the scan may keep them all."""
+NARROW = 0.15
+"""The same of depth (per 2 % of the length), bend and strain, which change less from one shape to the next."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,9 @@ class Search:
         else:
             raise ValueError("clothoids that touch with the tip alone have shapes of two parameters")
         self.depths = self.fingers.depth(self.postures) if self.postures else np.empty(0)
+        # Single shapes, between those of the scan: the finger touches, and nobody pushes.
+        weightless = numbers.lift == 0.0 and not any(numbers.gravity)
+        self.unloaded = self.fingers.unloaded() if weightless and self.hand.tip and not self.hand.middle else []
         self._balances: dict[int, tuple[Posture, Balance]] = {}
         self._cuts: dict[str, list[float]] = {}
 
@@ -142,6 +151,24 @@ class Search:
             if deep <= clearance and self.allowed(p, numbers.limits)
         ]
         return self._over(good, value, numbers, clearance, 1.0)
+
+    def least_shape(self, measure: Callable[[Posture], float]) -> float | None:
+        """Least of a measure over all shapes that touch and pass through nothing, whatever the forces."""
+
+        def value(posture: Posture, exact: bool = True) -> tuple[float, Array]:
+            return measure(posture), np.empty(0)
+
+        clearance = CLEARANCE * self.hand.length
+        good = [p for p, deep in zip(self.postures, self.depths, strict=True) if deep <= clearance]
+        free = self.numbers.limited(strain=math.inf, bend=2.0 * math.pi)
+        found = []
+        for posture in good:
+            found.append((measure(posture), posture, None))
+        found.sort(key=lambda f: f[0])
+        if not found or self.isolated:
+            return found[0][0] if found else None
+        refined = [r for _, start, _ in self._apart(found) for r in self._refined(start, value, free, clearance)]
+        return float(min(r[0] for r in refined))
 
     def least_friction(self, numbers: Numbers, low: float = 0.0) -> float:
         """Least friction coefficient with which any shape has forces that hold; infinite without one."""
@@ -217,6 +244,11 @@ class Search:
         if self.isolated:
             return Best(sign * found[0][0], found[0][1], found[0][2]) if found else None
         results = []
+        for posture in self.unloaded:
+            if self.fingers.depth([posture])[0] <= clearance and self.allowed(posture, numbers.limits):
+                got = value(posture)
+                if got is not None:
+                    results.append((got[0], posture, got[1]))
         for _, start, _ in self._apart(found):
             results += self._refined(start, value, numbers, clearance)
         for start in self._slivers([f[1] for f in found], numbers, clearance):
@@ -224,6 +256,14 @@ class Search:
         if not results:
             return None
         best = min(results, key=lambda r: r[0])
+        # Where two shapes of a curve merge, walking along it misses the last ones.
+        near = best[1].u + self.step * np.linspace(-0.75, 0.75, DENSE)
+        again = [p for p in self.fingers.at_places(near, best[1].side) if _alike(p, best[1])]
+        for posture in again:
+            if self.fingers.depth([posture])[0] <= clearance and self.allowed(posture, numbers.limits):
+                got = value(posture)
+                if got is not None and got[0] < best[0]:
+                    best = (got[0], posture, got[1])
         return Best(sign * best[0], best[1], best[2])
 
     def _slivers(self, found: list[Posture], numbers: Numbers, clearance: float) -> list[Posture]:
@@ -237,27 +277,39 @@ class Search:
             over = max((deep - clearance) / (0.02 * length), self.bend(posture) / numbers.limits.bend - 1.0)
             if math.isfinite(numbers.limits.strain):
                 over = max(over, self.strain(posture) / numbers.limits.strain - 1.0)
-            if over > NEARLY:
-                return math.inf if over > 5.0 * NEARLY else float(over)
+            if over > NARROW:
+                return math.inf
             got = forces.least(self._balance(posture), "slack", exact=False)
             return math.inf if got is None else float(max(over, (got[0] - 1e-9 * unit) / unit))
 
         known = {id(p) for p in found}
+        values = np.array(
+            [0.0 if id(p) in known else excess(p, d) for p, d in zip(self.postures, self.depths, strict=True)]
+        )
         ranked = [
-            (excess(p, d), p, None) for p, d in zip(self.postures, self.depths, strict=True) if id(p) not in known
+            (v, self.postures[k], None) for k, v in enumerate(values) if 0.0 < v < NEARLY and self._low(k, values)
         ]
-        ranked = sorted((r for r in ranked if r[0] < NEARLY), key=lambda r: r[0])
+        ranked.sort(key=lambda r: r[0])
         held = []
-        for _, start, _ in self._apart(ranked)[:2]:
+        for _, start, _ in self._apart(ranked, SLIVERS):
             walked = [start]
 
             def at(u: float, walked: list[Posture] = walked) -> float:
                 near = self._from_nearest(walked, u)
                 return math.inf if near is None else excess(near)
 
-            _golden(at, start.u - self.step, start.u + self.step, 22, enough=0.0)
+            _golden(at, start.u - self.step, start.u + self.step, 26, enough=0.0)
             held += [p for p in walked if excess(p) <= 0.0][:1]
         return held
+
+    def _low(self, k: int, values: Array) -> bool:
+        """Whether no neighbor of a shape of the scan has a lower value."""
+        p = self.postures[k]
+        return all(
+            values[j] >= values[k]
+            for j, q in enumerate(self.postures)
+            if abs(q.u - p.u) < 1.5 * self.step and q.side == p.side and _alike(p, q)
+        )
 
     def _from_nearest(self, walked: list[Posture], u: float) -> Posture | None:
         """The shape at a place, from the nearest of those known; it is stored with them."""
@@ -269,15 +321,15 @@ class Search:
             walked.append(near)
         return near
 
-    def _apart(self, found: list[Any]) -> list[Any]:
-        """The best, each the best of its neighbourhood."""
+    def _apart(self, found: list[Any], most: int = REFINED) -> list[Any]:
+        """The best, each the best of its neighborhood."""
         chosen: list[Any] = []
         for item in found:
             p = item[1]
             near = (abs(q.u - p.u) < 4.5 * self.step and q.side == p.side and _alike(p, q) for _, q, _ in chosen)
             if not any(near):
                 chosen.append(item)
-            if len(chosen) == REFINED:
+            if len(chosen) == most:
                 break
         return chosen
 

@@ -1,7 +1,9 @@
 """What the oracles say of the random scenes, stored in files beside this one.
 
-Run ``python -m benchmarks.grasp_oracle.truth one`` (or ``two``, ``none``) in the root of the repository; it resumes
-after an interruption. Scenes are made anew from their seeds, so that only seeds and answers are stored.
+Run ``python -m benchmarks.grasp_oracle.truth one`` (or ``two``, ``three``, ``none``, ``both``) in the root of the
+repository; it resumes after an interruption. ``--again`` asks once more about scenes that have an answer, or about
+those whose seeds are given, and retains the better answer. Scenes are drawn anew from their seeds, so that only seeds
+and answers are stored; the first line of a file has a digest of the scenes, and answers to other scenes are refused.
 """
 
 from __future__ import annotations
@@ -9,78 +11,112 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.grasp_oracle.causes import tighten
+from benchmarks.grasp_oracle.causes import tighten, tighten_two
 from benchmarks.grasp_oracle.numbers import numbers
-from benchmarks.grasp_oracle.pairs import Pinches
-from benchmarks.grasp_oracle.scenes import one_finger, two_fingers
+from benchmarks.grasp_oracle.pinches import Pinches
+from benchmarks.grasp_oracle.scenes import digest, scene_of
 from benchmarks.grasp_oracle.search import Search
+from continuum_grasp.workers import ProcessPool, cores
 
 FOLDER = Path(__file__).with_name("answers")
+SAVED = 20.0
+"""Time between two writings of a file [s]."""
+AHEAD = 4
+"""Scenes asked about at a time, per process: those beyond the last answer that is wanted are few."""
+SLACK = 1e-3
+"""Sum of tensions, per sum of the greatest ones, up to which the bases press: not a pinch that is asked for."""
+SAME = 1e-5
+"""Relative difference of tensions up to which a newer answer replaces an older one."""
+TWICE = 999
+"""The answer of ``one`` whose scene is the first with two tightened limits; earlier ones follow."""
 Row = dict[str, Any]
 
 
-def one(seed: int) -> Row:
+def one(seed: int) -> Row | None:
     """The least sum of tensions of one finger, and the shape that has it."""
-    search = Search(numbers(one_finger(seed)))
-    best = search.best()
+    best = Search(numbers(scene_of("one", seed))).best()
     if best is None:
-        return {"seed": seed}
+        return None
     shape = {"u": best.posture.u, "side": best.posture.side, "ends": best.posture.ends.ravel().tolist()}
     return {"seed": seed, "tension": best.value, **shape, "lengths": best.posture.lengths.tolist()}
 
 
-def two(seed: int) -> Row:
+def two(seed: int) -> Row | None:
     """A sum of tensions with which two fingers pinch, and their shapes."""
-    best = Pinches(numbers(two_fingers(seed))).best()
-    if best is None:
-        return {"seed": seed}
+    return _pinched("two", seed)
+
+
+def three(seed: int) -> Row | None:
+    """The same of three fingers."""
+    return _pinched("three", seed)
+
+
+def _pinched(kind: str, seed: int) -> Row | None:
+    said = numbers(scene_of(kind, seed))
+    best = Pinches(said).best()
+    if best is None or best.value <= SLACK * sum(map(said.most_tension, said.hands)):
+        return None
     return {"seed": seed, "tension": best.value, "ends": [p.ends.ravel().tolist() for p in best.postures]}
 
 
-def answers(kind: str) -> list[Row]:
-    """The rows of one kind that have an answer."""
-    return [row for row in _rows(FOLDER / f"{kind}.jsonl") if len(row) > 1]
+def none(number: int) -> Row | None:
+    """What makes the scene of the so manieth answer of ``one`` infeasible."""
+    seed = answers("one")[number]["seed"]
+    row = tighten(seed, number)
+    return None if row is None else {"scene": seed, "seed": number, **row}
 
 
-def _rows(file: Path) -> list[Row]:
+def both(number: int) -> Row | None:
+    """The same by two limits, each of which is too tight whatever the other is."""
+    seed = answers("one")[TWICE - number]["seed"]
+    row = tighten_two(seed, number)
+    return None if row is None else {"scene": seed, "seed": number, **row}
+
+
+KINDS: dict[str, tuple[Callable[[int], Row | None], int]] = {
+    "one": (one, 1100),
+    "two": (two, 300),
+    "three": (three, 100),
+    "none": (none, 200),
+    "both": (both, 60),
+}
+"""How each kind is answered, and how many answers there are."""
+
+
+def answers(kind: str, folder: Path = FOLDER) -> list[Row]:
+    """The answers of one kind, by increasing seed; empty where nobody has asked."""
+    head, rows = _read(folder / f"{kind}.jsonl")
+    if rows and head["scenes"] != _digest(kind, rows):
+        raise RuntimeError(f"answers/{kind}.jsonl answers other scenes than are drawn now: remove it, and ask anew")
+    return rows
+
+
+def _digest(kind: str, rows: list[Row]) -> str:
+    of_one = kind in ("none", "both")
+    return digest("one" if of_one else kind, [row["scene" if of_one else "seed"] for row in rows])
+
+
+def _least(row: Row) -> float:
+    """What makes one answer better than another; of limits the newer one."""
+    return float(row.get("tension", 0.0))
+
+
+def _read(file: Path) -> tuple[Row, list[Row]]:
     if not file.exists():
-        return []
-    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+        return {"asked": 0, "scenes": ""}, []
+    head, *rows = (json.loads(line) for line in file.read_text(encoding="utf-8").splitlines())
+    return head, rows
 
 
-def _seeds(done: list[Row]) -> Iterator[int]:
-    first = 1 + max((row["seed"] for row in done), default=-1)
-    while True:
-        yield first
-        first += 1
-
-
-def main() -> None:
-    """Append answers until there are enough."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", choices=sorted(KINDS))
-    parser.add_argument("--count", type=int)
-    arguments = parser.parse_args()
-    ask, count = KINDS[arguments.kind]
-    file = FOLDER / f"{arguments.kind}.jsonl"
-    FOLDER.mkdir(exist_ok=True)
-    done = _rows(file)
-    found = sum(len(row) > 1 for row in done)
-    began = time.monotonic()
-    with file.open("a", encoding="utf-8") as out:
-        for seed in _seeds(done):
-            if found >= (arguments.count or count):
-                break
-            row = ask(seed)
-            found += len(row) > 1
-            out.write(json.dumps({k: _short(v) for k, v in row.items()}) + "\n")
-            out.flush()
-            if seed % 50 == 0:
-                print(f"seed {seed}: {found} found, {time.monotonic() - began:.0f} s", flush=True)
+def _write(file: Path, kind: str, asked: int, rows: list[Row]) -> None:
+    rows.sort(key=lambda row: row["seed"])
+    lines = [json.dumps({"asked": asked, "scenes": _digest(kind, rows)})]
+    lines += [json.dumps({k: _short(v) for k, v in row.items()}) for row in rows]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _short(value: Any) -> Any:
@@ -89,14 +125,45 @@ def _short(value: Any) -> Any:
     return [_short(v) for v in value] if isinstance(value, list) else value
 
 
-def none(number: int) -> Row:
-    """What makes the scene of the so manieth answer of ``one`` infeasible."""
-    seed = answers("one")[number]["seed"]
-    row = tighten(seed, number)
-    return {"seed": number} if row is None else {"scene": row.pop("seed"), "seed": number, **row}
-
-
-KINDS: dict[str, tuple[Callable[[int], Row], int]] = {"one": (one, 1000), "two": (two, 300), "none": (none, 200)}
+def main() -> None:
+    """Add answers until there are enough."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("kind", choices=sorted(KINDS))
+    parser.add_argument("--count", type=int)
+    parser.add_argument("--again", type=int, nargs="*", metavar="SEED", help="ask once more about these scenes, or all")
+    parser.add_argument("--jobs", type=int, default=cores())
+    arguments = parser.parse_args()
+    ask, count = KINDS[arguments.kind]
+    count = arguments.count or count
+    file = FOLDER / f"{arguments.kind}.jsonl"
+    answers(arguments.kind)  # refuses those of other scenes
+    head, rows = _read(file)
+    pool = ProcessPool(arguments.jobs)
+    began = saved = time.monotonic()
+    try:
+        if arguments.again is not None:
+            best = {row["seed"]: row for row in rows}
+            seeds = arguments.again or list(best)
+            for done, (_, future) in enumerate(pool.as_completed(ask, seeds), 1):
+                new = future.result()
+                if new is not None and _least(new) <= _least(best.get(new["seed"], new)) * (1.0 + SAME):
+                    best[new["seed"]] = new
+                if time.monotonic() - saved > SAVED or done == len(seeds):
+                    _write(file, arguments.kind, head["asked"], list(best.values()))
+                    saved = time.monotonic()
+                    print(f"{done} of {len(seeds)}, {saved - began:.0f} s", flush=True)
+            return
+        while len(rows) < count:
+            seeds = list(range(head["asked"], head["asked"] + AHEAD * arguments.jobs))
+            found = [future.result() for _, future in pool.as_completed(ask, seeds)]
+            rows += [row for row in found if row is not None]
+            head["asked"] = seeds[-1] + 1
+            if time.monotonic() - saved > SAVED or len(rows) >= count:
+                _write(file, arguments.kind, head["asked"], rows)
+                saved = time.monotonic()
+                print(f"{len(rows)} of {head['asked']}, {saved - began:.0f} s", flush=True)
+    finally:
+        pool.close(True)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
-"""Pinches by the tips of several fingers: shapes and forces together, by sequential quadratic programming.
+"""Pinches by the tips of several fingers, also against walls: shapes and forces together, by SQP.
 
 Each finger has two elements of equal length whose curvature is linear, with the tip's curvature given by the balance
-of moments there. Unknowns: three curvatures, two tensions and three forces per finger. Many starts; what comes out need
-not be the very best, but it holds: every answer is checked with the equations of `forces`.
+of moments there. Unknowns: three curvatures and two tensions per finger, three forces per contact. Many starts; what
+comes out need not be the very best, but it holds: every answer is checked with the equations of `forces`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,14 +19,20 @@ from scipy.optimize import minimize
 from benchmarks.grasp_oracle.forces import Balance
 from benchmarks.grasp_oracle.geometry import Fingers, Posture
 from benchmarks.grasp_oracle.numbers import Hand, Numbers
-from benchmarks.grasp_oracle.pair_tables import starts
-from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, section
+from benchmarks.grasp_oracle.pinch_tables import starts
+from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, section, walk
 
 Array = NDArray[Any]
 STARTS = 6
 MOST_STEPS = 80
 EXACT = 1e-8
 """Greatest residual of an answer, as a part of the force scale or the length."""
+GUARDED = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
+"""Places along a finger, per its length, that are kept out of the object and the walls from the start."""
+ROUNDS = 5
+"""How often a solution is made again, clear also at the places where it passed through something."""
+DEPTH = 1e-6
+"""Depth in the object or a wall that counts as none, as a part of the length."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,7 @@ class Pinch:
 
 
 class Pinches:
-    """Pinches of one scene: tips of all fingers, no other contacts."""
+    """Pinches of one scene: tips of all fingers, and the walls on which the object lies."""
 
     def __init__(self, numbers: Numbers) -> None:
         self.numbers = numbers
@@ -59,56 +66,80 @@ class Pinches:
         )
         self.pull = max(h.stiffness / (h.length * h.offset) for h in self.hands)
         self.spatial = numbers.lift != 0.0
+        self.rests = numbers.rests
+        self.contacts = len(self.hands) + len(self.rests)
+        own = [rest.friction for rest in self.rests]
+        self.friction = [numbers.limits.friction] * len(self.hands)
+        self.friction += [numbers.limits.friction if f is None else f for f in own]
 
     def best(self, count: int = STARTS) -> Pinch | None:
         """The least sum of tensions over all starts; None where no start leads to a pinch."""
-        found = [self._solve(*start) for start in starts(self, count)]
+        found = [self.solve(*start) for start in starts(self, count)]
         return min((f for f in found if f is not None), key=lambda p: p.value, default=None)
 
     # -- equations ---------------------------------------------------------------------------------------------
 
-    def _solve(self, shapes: Array, nets: Array, borne: Array) -> Pinch | None:
-        count = len(self.hands)
-        forces = np.zeros((count, 3))
+    def solve(self, shapes: Array, nets: Array, borne: Array) -> Pinch | None:
+        """The pinch next to a start; solved once more with clearance where a finger passes through something."""
+        forces = np.zeros((self.contacts, 3))
         forces[:, :2] = borne / self.force
-        forces[:, 2] = 1.0 / count if self.spatial else 0.0
+        forces[:, 2] = self.numbers.limits.mass * self.numbers.lift / self.force / self.contacts
         pulls = np.stack([np.maximum(nets, 0.0), np.maximum(-nets, 0.0)], axis=1) / self.pull
         x = np.concatenate([shapes, pulls.ravel(), forces.ravel()])
-        bounds = self._bounds(count)
-        x = np.clip(x, *np.array(bounds).T)
-        memory: dict[bytes, tuple[Array, Array]] = {}
+        x = np.clip(x, *np.array(self._bounds()).T)
+        guarded = [np.array(GUARDED) for _ in self.hands]
+        for _ in range(ROUNDS):
+            x = self._minimized(x, guarded)
+            if self._residual(x) > EXACT:
+                return None
+            if self._depth(x) <= DEPTH:
+                return self._checked(x)
+            guarded = [np.append(g, more) for g, more in zip(guarded, self._valleys(x), strict=True)]
+        return None
+
+    def _minimized(self, x: Array, guarded: list[Array]) -> Array:
+        count, bounds = len(self.hands), self._bounds()
+
+        @lru_cache(maxsize=1)
+        def equated(key: bytes) -> tuple[Array, Array]:
+            return self._equations(np.frombuffer(key))
+
+        @lru_cache(maxsize=1)
+        def cleared(key: bytes) -> tuple[Array, Array]:
+            return self._gaps(np.frombuffer(key), guarded)
 
         def equations(v: Array) -> tuple[Array, Array]:
-            key = v.tobytes()
-            if key not in memory:
-                memory.clear()
-                memory[key] = self._equations(v)
-            return memory[key]
+            return equated(v.tobytes())
+
+        def gaps(v: Array) -> tuple[Array, Array]:
+            return cleared(v.tobytes())
 
         cost = np.zeros(x.size)
         cost[3 * count : 5 * count] = 1.0
+        constraints = [
+            {"type": "eq", "fun": lambda v: equations(v)[0], "jac": lambda v: equations(v)[1]},
+            {"type": "ineq", "fun": lambda v: self._cones(v)[0], "jac": lambda v: self._cones(v)[1]},
+            {"type": "ineq", "fun": lambda v: gaps(v)[0], "jac": lambda v: gaps(v)[1]},
+        ]
         found = minimize(
             lambda v: float(cost @ v),
             x,
             jac=lambda v: cost,
             bounds=bounds,
             method="SLSQP",
-            constraints=[
-                {"type": "eq", "fun": lambda v: equations(v)[0], "jac": lambda v: equations(v)[1]},
-                {"type": "ineq", "fun": lambda v: self._cones(v)[0], "jac": lambda v: self._cones(v)[1]},
-            ],
+            constraints=constraints,
             options={"maxiter": MOST_STEPS, "ftol": 1e-11},
         )
-        return self._checked(found.x)
+        return np.asarray(found.x)
 
-    def _bounds(self, count: int) -> list[tuple[float, float]]:
-        limits = self.numbers.limits
+    def _bounds(self) -> list[tuple[float, float]]:
+        limits, count = self.numbers.limits, len(self.hands)
         bounds = [(-2.0 * math.pi * 2.0, 2.0 * math.pi * 2.0)] * (3 * count)
         for hand in self.hands:
             for least, used in zip(hand.least, hand.used, strict=True):
-                bounds.append((least / self.pull, (limits.tension if used else least) / self.pull))
+                bounds.append((least / self.pull, (self.numbers.most_tension(hand) if used else least) / self.pull))
         far = 1e4
-        for _ in range(count):
+        for _ in range(self.contacts):
             bounds += [(0.0, limits.normal / self.force), (-far, far)]
             bounds.append((-far, far) if self.spatial else (0.0, 0.0))
         return bounds
@@ -197,9 +228,12 @@ class Pinches:
         numbers, count = self.numbers, len(self.hands)
         first = 5 * count
         mass = numbers.limits.mass
-        forces = v[first:].reshape(count, 3)
+        forces = v[first:].reshape(self.contacts, 3)
+        rest_points = np.array([rest.point for rest in self.rests]).reshape(-1, 2)
+        rest_normals = np.array([rest.normal for rest in self.rests]).reshape(-1, 2)
 
         def value(p: Array, n: Array, f: Array) -> Array:
+            p, n = np.concatenate([p, rest_points]), np.concatenate([n, rest_normals])
             t = np.stack([-n[:, 1], n[:, 0]], axis=-1)
             load = f[:, :1] * n + f[:, 1:2] * t
             arm = (p - np.array(numbers.com)) / numbers.size
@@ -224,16 +258,16 @@ class Pinches:
                     for i in (1 + j, 4 + j)
                 )
                 slope[:, 3 * k + j] = (ahead - behind) / 2e-6
-                unit = np.zeros((count, 3))
-                unit[k, j] = 1.0
-                slope[:, first + 3 * k + j] = value(points[:, 0], normals[:, 0], forces + unit) - here
+        for k, j in np.ndindex(self.contacts, 3):
+            unit = np.zeros((self.contacts, 3))
+            unit[k, j] = 1.0
+            slope[:, first + 3 * k + j] = value(points[:, 0], normals[:, 0], forces + unit) - here
         return here, slope
 
     def _cones(self, v: Array) -> tuple[Array, Array]:
-        count, mu = len(self.hands), self.numbers.limits.friction
-        first = 5 * count
+        first = 5 * len(self.hands)
         values, slopes = [], []
-        for k in range(count):
+        for k, mu in enumerate(self.friction):
             n, f, lift = v[first + 3 * k : first + 3 * k + 3]
             at = slice(first + 3 * k, first + 3 * k + 3)
             if self.spatial:
@@ -247,28 +281,91 @@ class Pinches:
                 slopes.append(row)
         return np.array(values), np.array(slopes)
 
+    def _gaps(self, v: Array, guarded: list[Array]) -> tuple[Array, Array]:
+        """Gaps of the guarded places to the object and the walls, per length; how much the tips face the object."""
+        step = 1e-6
+        values, slopes = [], []
+        for k, hand in enumerate(self.hands):
+            shape = v[3 * k : 3 * k + 3]
+            moved = np.concatenate([[shape], shape + step * np.eye(3), shape - step * np.eye(3)])
+            ends = np.stack([moved[:, [0, 1]], moved[:, [1, 2]]], axis=1) / hand.length
+            gaps = [g / hand.length for g in self._clearances(k, places_on(hand, ends, np.append(guarded[k], 1.0)))]
+            gaps[0] = gaps[0][:, :-1]  # the tip touches the object
+            tips = places_on(hand, ends, np.array([1.0]))
+            angle = hand.angle + 0.25 * hand.length * ends.sum(axis=(1, 2))
+            normal = self.fingers[k].outline.nearest(tips)[1][:, 0]
+            gaps.append((np.sin(angle) * normal[:, 0] - np.cos(angle) * normal[:, 1])[:, None])
+            gap = np.concatenate(gaps, axis=1)
+            slope = np.zeros((gap.shape[1], v.size))
+            slope[:, 3 * k : 3 * k + 3] = ((gap[1:4] - gap[4:7]) / (2 * step)).T
+            values.append(gap[0])
+            slopes.append(slope)
+        return np.concatenate(values), np.vstack(slopes)
+
+    def _clearances(self, k: int, places: Array) -> list[Array]:
+        """Gaps of a finger's places to the object and to each wall [m]."""
+        finger = self.fingers[k]
+        gaps = [finger.outline.gap(places)]
+        for point, normal in self.numbers.walls:
+            gaps.append((places - np.array(point)) @ np.array(normal) - finger.allowed(point, normal))
+        return gaps
+
+    def _valleys(self, v: Array) -> list[Array]:
+        """Where each finger is deepest in something, per its length."""
+        found = []
+        line = np.linspace(0.0, 1.0, 401)
+        for k, (hand, posture) in enumerate(zip(self.hands, self._postures(v), strict=True)):
+            places: list[float] = []
+            for gap in self._clearances(k, places_on(hand, posture.ends[None], line)):
+                before, here, after = gap[0, :-2], gap[0, 1:-1], gap[0, 2:]
+                places += list(line[1:-1][(here <= before) & (here <= after) & (here < 0.0)])
+            found.append(np.array(places))
+        return found
+
     # -- check -------------------------------------------------------------------------------------------------
 
-    def _checked(self, v: Array) -> Pinch | None:
-        count = len(self.hands)
-        bounds = np.array(self._bounds(count))
-        if not np.isfinite(v).all() or np.abs(self._equations(v)[0]).max() > EXACT:
-            return None
-        if self._cones(v)[0].min() < -EXACT or (v < bounds[:, 0] - EXACT).any() or (v > bounds[:, 1] + EXACT).any():
-            return None
-        postures = []
+    def _residual(self, v: Array) -> float:
+        return float(np.abs(self._equations(v)[0]).max()) if np.isfinite(v).all() else math.inf
+
+    def _postures(self, v: Array) -> list[Posture]:
+        found = []
         for k, hand in enumerate(self.hands):
             shape = v[3 * k : 3 * k + 3] / hand.length
             ends = np.array([[shape[0], shape[1]], [shape[1], shape[2]]])
-            posture = Posture(0.0, 1, ends, np.full(2, 0.5 * hand.length))
-            if self.fingers[k].depth([posture])[0] > 1e-6 * hand.length:
-                return None
-            if np.abs(ends * 0.5 * hand.length).max() > self.numbers.limits.bend:
-                return None
-            postures.append(posture)
+            found.append(Posture(0.0, 1, ends, np.full(2, 0.5 * hand.length)))
+        return found
+
+    def _depth(self, v: Array) -> float:
+        """Deepest that any finger passes through something, per its length."""
+        pairs = zip(self.fingers, self._postures(v), strict=True)
+        return max(float(finger.depth([posture])[0]) / finger.hand.length for finger, posture in pairs)
+
+    def _checked(self, v: Array) -> Pinch | None:
+        count = len(self.hands)
+        bounds = np.array(self._bounds())
+        if self._residual(v) > EXACT or self._depth(v) > DEPTH:
+            return None
+        if self._cones(v)[0].min() < -EXACT or (v < bounds[:, 0] - EXACT).any() or (v > bounds[:, 1] + EXACT).any():
+            return None
+        postures = self._postures(v)
+        if max(float(np.abs(p.ends * p.lengths[:, None]).max()) for p in postures) > self.numbers.limits.bend:
+            return None
         x = np.concatenate([v[3 * count : 5 * count] * self.pull, v[5 * count :] * self.force])
         balance = Balance(self.numbers, postures)
         left = balance.rows @ x - balance.right - self.numbers.limits.mass * balance.weight
         if np.abs(left).max() > 10 * EXACT * self.force:
             return None
         return Pinch(float(x[: 2 * count].sum()), postures, x)
+
+
+def places_on(hand: Hand, ends: Array, at: Array) -> Array:
+    """Points of backbones of two equal elements, curvatures (n, 2, 2), at parts of the length: (n, places, 2) [m]."""
+    half = 0.5 * hand.length
+    (a, b), (c, d) = (ends[:, k, :, None].transpose(1, 0, 2) for k in (0, 1))
+    first, second = np.clip(2.0 * at, 0.0, 1.0), np.clip(2.0 * at - 1.0, 0.0, 1.0)
+    joint = hand.angle + 0.5 * half * (a + b)
+    return np.asarray(
+        np.array(hand.base)
+        + walk(hand.angle, a, a + (b - a) * first, half * first)
+        + walk(joint, c, c + (d - c) * second, half * second)
+    )
