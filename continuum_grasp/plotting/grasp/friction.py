@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from continuum_grasp.plotting.drawing.axes import new_axes
-from continuum_grasp.plotting.drawing.style import GRAY, INK, SLATE
+from continuum_grasp.plotting.drawing.style import GRAY, SLATE
 from continuum_grasp.plotting.grasp.view import GraspView
 
 if TYPE_CHECKING:
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 DISCS = 4
 """Discs side by side."""
+_LETTERS = 13
+"""Of a contact's name that fit below a disc."""
 _PITCH, _TALL = 2.5, 3.1
 """Width and height of what one takes, with its name below, in radii of a disc."""
 
@@ -50,7 +52,9 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
     ax.set_aspect("equal", adjustable="box", anchor="NW")
     ax.set_xlim(0.0, DISCS * _PITCH)
     ax.set_ylim(-max(rows, 1) * _TALL, 0.75)
-    ax.text(0.0, 0.35, "friction: sideways in the plane, up lift; rim: slips", fontsize=8, color=SLATE, va="center")
+    if rows:
+        words = "friction: sideways in the plane, up lift; rim: slips"
+        ax.text(0.0, 0.35, words, fontsize=8, color=SLATE, va="center")
     for k, contact in enumerate(view.contacts):
         row, column = divmod(k, DISCS)
         x, y = (column + 0.5) * _PITCH, -row * _TALL - 1.25
@@ -65,7 +69,8 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
             end = x + across / beyond, y + lift / beyond
             ax.plot([x, end[0]], [y, end[1]], color=color, linewidth=1.6, solid_capstyle="round")
             ax.plot(*end, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8)
-        ax.text(x, y - 1.4, contact.name, fontsize=7, color=color if most > 0.0 else INK, ha="center", va="center")
+        name = contact.name if len(contact.name) <= _LETTERS else contact.name.replace(".", ".\n")
+        ax.text(x, y - 1.15, name, fontsize=7, color=color, ha="center", va="top", linespacing=1.0)
     return ax
 
 
