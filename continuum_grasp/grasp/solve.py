@@ -39,11 +39,13 @@ def optimize_grasp(
     ----------
     scene : GraspScene or path-like
         The scene, or its YAML file. Where it has a ``fidelity.tolerance``, the cheapest model that satisfies it is
-        found by comparison with a fine one, and the result's scene has it.
+        found by comparison with a fine one, and the result's scene has it. Where it has ``robust``, the grasp holds for
+        all those errors, and ``robustness`` of the result says how it fares in trials.
     raise_on_failure : bool, optional
         Raise where there is no verified grasp; False: return the result with its ``status``.
     fine : bool, optional
         Solve once more with a fine model and report in the result's ``fine`` what that changes; takes some seconds.
+        Not for a scene with ``robust``.
 
     Returns
     -------

@@ -104,6 +104,8 @@ def test_an_object_on_a_support_is_moved_back_to_it() -> None:
     lies = InError(scene, arrays)
     assert lies.pose_in_error(np.array([0.002, 0.003, 0.1, 0.05, 0.0, 0.0])) == pytest.approx((0.042, 0.003, 0.1))
     assert lies.left == (1, 2)  # x follows
+    # Offsets across the palm change nothing.
+    assert len(lies.distinct(corners(Robust(position=0.002, radius=0.05, mass=0.1)))) == 8
 
 
 @pytest.mark.parametrize("name", ["mug", "pinch", "oval_flask", "mug_handle", "groove"])

@@ -92,6 +92,13 @@ class InError:
             )
         return pose
 
+    def distinct(self, errors: Array) -> Array:
+        """Errors (K, 6) without those that the supports make equal to another, such as offsets across a palm."""
+        lies = np.array([self.pose_in_error(error) for error in errors]).reshape(-1, 3)
+        rows = np.concatenate([lies / [*[self.scene.object.size] * 2, 1.0], errors[:, 3:]], axis=1)
+        _, first = np.unique(np.round(rows, 9), axis=0, return_index=True)
+        return errors[np.sort(first)]
+
     def scene_with(self, error: Array, *, yields: bool) -> GraspScene:
         """The scene with an error; its object ``yields`` to the fingers, or stays where it lies."""
         friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])

@@ -21,7 +21,7 @@ from continuum_grasp.grasp.problem.solver_run import DEEP, ROUNDS, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
-from continuum_grasp.grasp.robust.errors import corners
+from continuum_grasp.grasp.robust.errors import InError, corners
 from continuum_grasp.grasp.robust.problem import robust_problem
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.starts.values import Start
@@ -78,7 +78,7 @@ class Found:
 
 def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
     """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
-    every = corners(bounds)
+    every = InError(scene, arrays).distinct(corners(bounds))
     chosen: list[int] = []
     iterations, optimal = 0, True
     first: Sequence[Response] = ()
