@@ -253,9 +253,6 @@ def _support_values(scene: GraspScene, units: Units) -> Values:
     for k, wall in enumerate(planes):
         values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": units.point(wall.point)}
         values[f"plane_{k}.angle"] = wall.normal_angle
-    lines = (wall for wall in scene.walls if math.isfinite(wall.half_length))
-    for k, wall in enumerate(lines):
-        values[f"line_{k}.ends"] = [c for end in wall.ends for c in units.point(end)]
     for k, peg in enumerate(scene.pegs):
         values |= {f"peg_{k}.position": units.point(peg.position), f"peg_{k}.radius": peg.radius / units.length}
     return values
