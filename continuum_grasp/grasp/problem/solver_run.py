@@ -175,7 +175,7 @@ class GraspSolverRun:
         return attempts, numbers
 
     def _looked(self, scene: GraspScene, x: Array, numbers: Array, values: dict[str, Any]) -> tuple[float, Array]:
-        """How deep fingers are at a point, and numbers with the guarded places and separating lines of that point."""
+        """How deep fingers are at a point, and numbers with the guarded places and circles of that point."""
         sight = self._near.look(scene, x, numbers)
         return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
