@@ -32,14 +32,14 @@ _SETS: dict[OptionSet, dict[str, Any]] = {
 
 
 class Method(Solver):
-    """Options of IPOPT; ``tuning`` may set any of them, and ``near_push`` in place of 1e-4."""
+    """Options of IPOPT; ``tuning`` may set any of them, and ``near`` in place of 1e-4."""
 
     plugin = "ipopt"
 
     def options(self, problem: NLP, approach: Approach) -> dict[str, Any]:
         """See `Solver`."""
         settings, tuning = self.settings, dict(self.settings.tuning.get("ipopt", {}))
-        push = tuning.pop("near_push", _NEAR)
+        near = tuning.pop("near", _NEAR)
         own = {
             "print_level": 0,
             "sb": "yes",  # no banner
@@ -51,8 +51,8 @@ class Method(Solver):
         }
         if approach.warm:
             # The first barrier parameter counts for the monotone strategy alone.
-            own |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": _NEAR}
-            own |= {f"warm_start_{name}": push for name in _PUSHES}
+            own |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": near}
+            own |= {f"warm_start_{name}": near for name in _PUSHES}
         elif approach.barrier is not None:
             own |= {"mu_strategy": "monotone", "mu_init": approach.barrier}
             own |= dict.fromkeys(_PUSHES[:4], _CLOSE)

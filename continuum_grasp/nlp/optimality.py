@@ -2,7 +2,7 @@
 
 Karush, Kuhn and Tucker: with the multipliers lam of constraints and z of bounds, which are negative at lower ends,
 
-    grad f + J' lam + z = 0,    lower <= g <= upper,    low <= x <= high,    each multiplier times the room that is
+    grad f + J' lam + z = 0,    lower <= g <= upper,    low <= x <= high,    each multiplier times the slack that is
                                                                              left to its end = 0
 
 The error is that of IPOPT (A. Waechter, L. T. Biegler, doi:10.1007/s10107-004-0559-y, equations 5 and 6, section 3.8):
@@ -59,13 +59,13 @@ def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipli
     primal = scale * np.maximum(np.maximum(low - at, at - high), 0.0)
     # A multiplier whose end is infinite has the wrong sign.
     push = np.stack([np.maximum(-pressed, 0.0), np.maximum(pressed, 0.0)])
-    # Beyond its end a point has no room; by how much counts as primal.
-    room = np.maximum(np.stack([at - low, high - at]), 0.0) * scale
-    bounded = np.isfinite(room) & (low != high)
+    # Beyond its end a point has no slack; by how much counts as primal.
+    slack = np.maximum(np.stack([at - low, high - at]), 0.0) * scale
+    bounded = np.isfinite(slack) & (low != high)
     mean = np.abs(pressed).mean() if pressed.size else 0.0
     share = max(_GREATEST, float(mean)) / _GREATEST
-    dual = np.concatenate([by_f * np.abs(slope[~fixed]), push[~np.isfinite(room)]]) / share
-    gap = push * np.where(bounded, room, 0.0) / share
+    dual = np.concatenate([by_f * np.abs(slope[~fixed]), push[~np.isfinite(slack)]]) / share
+    gap = push * np.where(bounded, slack, 0.0) / share
     return float(max(dual.max(initial=0.0), primal.max(initial=0.0), gap.max(initial=0.0)))
 
 

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.fine import with_elements
+from continuum_grasp.grasp.problem.solver_run import RUNGS
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search, contact_modes
@@ -329,3 +330,38 @@ def test_no_gravity_needs_no_more_than_the_bend():
     result = optimize_grasp(make_scene(gravity=WEIGHTLESS, supports=PALM))
     assert result.certificate.passed
     assert result.tension < optimize_grasp(make_scene()).tension
+
+
+# -- solver runs ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rung", range(len(RUNGS)))
+def test_every_rung_leads_back_from_next_to_a_grasp(rung):
+    scene = make_scene("arc")
+    search = Search(scene, Budget.of(scene.solver))
+    search.run()
+    best = search.best
+    start = start_from(scene, best.arrays)
+    x0 = best.attempt.x * (1.0 + 1e-3 * np.random.default_rng(0).standard_normal(best.attempt.x.size))
+    budget = Budget(left=500)
+    again = best.solver.run(scene, start, budget, rung=rung, features=best.attempt.features, x0=x0)
+    assert again.optimal
+    assert again.objective == pytest.approx(best.attempt.objective, rel=1e-5)
+    assert budget.left >= 500 - 2 * RUNGS[rung][1]
+
+
+def test_an_object_that_slides_along_its_support_alone_is_no_dependent_equation():
+    """Free along the palm, the egg cannot leave it: equations for its contact would be one too many."""
+    result = optimize_grasp(load(CONFIGS / "egg.yaml"))
+    assert result.status == "optimal"
+    assert result.statistics["interrupted"] is False
+
+
+def test_the_tip_does_not_come_from_within():
+    """Of the bar in the groove the tip touches with its side: the finger there is along the surface, and no deeper."""
+    result = optimize_grasp(load(CONFIGS / "groove.yaml"))
+    tip = next(contact for contact in result.contacts if contact.name == "finger.tip")
+    along = np.array([-math.sin(angle := result.arrays["finger.backbone"][-1, 3]), math.cos(angle)])
+    assert along @ np.asarray(tip.normal) <= 2e-3
+    depth = next(check for check in result.certificate.checks if check.name.startswith("penetration into the object"))
+    assert depth.value < 3e-6

@@ -29,7 +29,8 @@ Values = dict[str, Any]
 APEX = 2e-4
 """Rounding e of the apex of spatial friction cones, as a part of the weight: (mu N)^2 >= f^2 + l^2 + e^2 in place of
 (mu N)^2 >= f^2 + l^2, all inside the true cone, which the certificate checks. A contact that carries nothing presses by
-e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relatively."""
+e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relatively: 2e-8 of the tension in the median of
+99 random scenes and 0.02 % at most; 2e-7 where the finger is stiff and presses by much more than the weight needs."""
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
 _FINE = 65
@@ -256,9 +257,6 @@ def _support_values(scene: GraspScene, units: Units) -> Values:
     for k, wall in enumerate(planes):
         values |= {f"plane_{k}.normal": wall.normal, f"plane_{k}.point": units.point(wall.point)}
         values[f"plane_{k}.angle"] = wall.normal_angle
-    lines = (wall for wall in scene.walls if math.isfinite(wall.half_length))
-    for k, wall in enumerate(lines):
-        values[f"line_{k}.ends"] = [c for end in wall.ends for c in units.point(end)]
     for k, peg in enumerate(scene.pegs):
         values |= {f"peg_{k}.position": units.point(peg.position), f"peg_{k}.radius": peg.radius / units.length}
     return values

@@ -74,7 +74,7 @@ def _relax(
     if search.budget.over:
         return None
     solver, usual = search.solver(start), [(limit, limit.start(scene)) for limit in limits]
-    attempt = solver.run(scene, start, search.budget, relaxed=usual, iterations=HASTY, **options)
+    attempt = solver.run(scene, start, search.budget, rung=2, relaxed=usual, iterations=HASTY, **options)
     if not np.isfinite(attempt.x).all() or attempt.violations:
         return None
     amounts = {limit: solver.given(scene, attempt.x, limit) for limit in limits}
