@@ -27,7 +27,7 @@ _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _SWEEPS = 8
 """Sweeps of coordinate descent to the nearest forces of supports: it ranks sets, it does not balance them."""
-_PRICE = 0.1
+_COST = 0.1
 """What the tensions of a set count, per those of likely sets, beside its relative imbalance."""
 
 
@@ -60,7 +60,7 @@ def matched_sets(
         cost = np.abs(pull) / high
         if len(candidates) > most:
             pick = np.array(
-                spread_order(alone + _PRICE * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
+                spread_order(alone + _COST * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
             )
         else:
             pick = np.arange(len(candidates))
@@ -79,7 +79,7 @@ def matched_sets(
     wrong = np.sqrt((off**2).sum(axis=1) + short**2) / size + total[:, 4]
     cost = total[:, 5]
     likely = np.argpartition(wrong, min(_LIKELY, len(wrong) - 1))[:_LIKELY]
-    score = wrong + _PRICE * cost / max(float(np.median(cost[likely])), 1e-9)
+    score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
     features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)

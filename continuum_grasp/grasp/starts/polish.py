@@ -2,7 +2,8 @@
 
 One contact leaves no choice of forces: shapes fix them. So for a set of fingers what is missing for balance, and what
 it costs, are smooth functions of their curvatures along the curves whose tips touch, of the places of free bases, of
-the lifts, and of the forces at supports. Gauss-Newton steps bring it down for many sets at once, first under a price.
+the lifts, and of the forces at supports. Gauss-Newton steps bring it down for many sets at once, at first with a weight
+on what it costs.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
 Array = NDArray[Any]
 
-_PRICES = (0.0, *(0.1,) * 6, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0)
+_COSTS = (0.0, *(0.1,) * 6, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0)
 """Weight of the tensions, or of the normal forces, per those to begin with, in each step: they fall along what is
 nearly in balance, and the last steps balance it."""
 _FREE = 10
@@ -81,19 +82,19 @@ def polished(
     x = [finger.unknowns for finger in fingers] + [balance.guess(len(some[0]))]
     ends = np.cumsum([part.shape[1] for part in x])[:-1]
     best, least = [part.copy() for part in x], np.full(len(x[0]), np.inf)
-    for step, price in enumerate(_PRICES):
+    for step, weight in enumerate(_COSTS):
         looks = [finger.look(mine) for finger, mine in zip(fingers, x, strict=False)]
         if step == 0:
             balance.start(looks)
-        rest, slope = balance.missing(looks, x[-1], price)
-        priced = balance.priced
-        size = np.sqrt((rest[:, priced:] ** 2).sum(axis=1))
-        # Of the last steps, which have no price, the best counts.
+        rest, slope = balance.missing(looks, x[-1], weight)
+        first = balance.costs
+        size = np.sqrt((rest[:, first:] ** 2).sum(axis=1))
+        # Of the last steps, which have no such weight, the best counts.
         better = size < least if step >= _FREE else np.ones(len(size), bool)
         least = np.where(better, size if step >= _FREE else np.inf, least)
         for k, part in enumerate(x):
             best[k][better] = part[better]
-        if step == len(_PRICES) - 1 or least.max() < _ENOUGH:
+        if step == len(_COSTS) - 1 or least.max() < _ENOUGH:
             break
         square = np.einsum("kri,krj->kij", slope, slope) + _DAMPING * np.eye(slope.shape[2])
         change = -np.linalg.solve(square, np.einsum("kri,kr->ki", slope, rest)[..., None])[..., 0]
@@ -135,10 +136,10 @@ class _Balance:
         self._high = np.array([most - low if used != "right" else 0.0 for low, most, used in limits]) / loads.force
         self._low = -np.array([most - low if used != "left" else 0.0 for low, most, used in limits]) / loads.force
         self._aims_at_forces = scene.objective == "least_normal_force"
-        self.priced = self._count + self._held if self._aims_at_forces else self._count
+        self.costs = self._count + self._held if self._aims_at_forces else self._count
 
     def start(self, looks: list[_Look]) -> None:
-        """Prices are per the tensions, or forces, of these sets."""
+        """Costs are per the tensions, or forces, of these sets."""
         first = np.stack([look.known[:, 0] for look in looks], axis=1)
         cost = first[:, :, 3:5].sum(axis=2) if self._aims_at_forces else first[:, :, 5]
         self._usual = np.abs(cost).mean(axis=1) + 1e-3
@@ -151,10 +152,10 @@ class _Balance:
             [np.full((count, 2 * self._held), 0.1), np.full((count, contacts if self._lifts else 0), lift)], axis=1
         )
 
-    def missing(self, looks: list[_Look], free: Array, price: float) -> tuple[Array, Array]:
-        """Residuals (K, R), of which the first ones are the price, and their slopes (K, R, n)."""
+    def missing(self, looks: list[_Look], free: Array, weight: float) -> tuple[Array, Array]:
+        """Residuals (K, R), of which the first ones are the cost, and their slopes (K, R, n)."""
         base = [look.known[:, 0] for look in looks]
-        here = self._common(base, free, price)
+        here = self._common(base, free, weight)
         own = [look.own[:, 0] for look in looks]
         columns, blocks = [], []
         for k, look in enumerate(looks):
@@ -162,11 +163,11 @@ class _Balance:
             blocks.append(np.swapaxes(look.own[:, 1:] - look.own[:, :1], 1, 2) / _STEP)
             for j in range(width):
                 moved = [look.known[:, 1 + j] if i == k else b for i, b in enumerate(base)]
-                columns.append((self._common(moved, free, price) - here) / _STEP)
+                columns.append((self._common(moved, free, weight) - here) / _STEP)
         for j in range(free.shape[1]):
             step = np.zeros(free.shape[1])
             step[j] = _STEP
-            columns.append((self._common(base, free + step, price) - here) / _STEP)
+            columns.append((self._common(base, free + step, weight) - here) / _STEP)
         common = np.stack(columns, axis=2)
         slope = np.zeros((len(free), here.shape[1] + sum(b.shape[1] for b in blocks), common.shape[2]))
         slope[:, : here.shape[1]] = common
@@ -176,8 +177,8 @@ class _Balance:
             row, column = row + block.shape[1], column + block.shape[2]
         return np.concatenate([here, *own], axis=1), slope
 
-    def _common(self, known: list[Array], free: Array, price: float) -> Array:
-        """The price, balances of the object, and what is outside of limits (K, R)."""
+    def _common(self, known: list[Array], free: Array, weight: float) -> Array:
+        """The cost, balances of the object, and what is outside of limits (K, R)."""
         pressed = free[:, : 2 * self._held]
         tips = np.stack(known, axis=1)
         edges = np.concatenate([tips[:, :, 3:5], pressed.reshape(len(free), self._held, 2)], axis=1)
@@ -185,7 +186,7 @@ class _Balance:
         pull = tips[:, :, 5]
         off = tips[:, :, :3].sum(axis=1) + pressed @ self._onto.T - self.loads.target[:3]
         cost = normal if self._aims_at_forces else np.sqrt(pull**2 + 1e-8)
-        rows = [price * cost / self._usual[:, None], off]
+        rows = [weight * cost / self._usual[:, None], off]
         side = np.abs(across)
         if self._lifts:
             lifts = free[:, 2 * self._held :]
