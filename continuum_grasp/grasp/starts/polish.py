@@ -37,6 +37,8 @@ _ENOUGH = 1e-3
 """Relative imbalance that is balance: IPOPT needs a start, no solution."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
+_SHALLOW = 1e-3
+"""What is in the way, in lengths of the finger, that the weights leave at the best posture beside an object."""
 _TOUCHES = 1e-9
 """Gap at which a tip touches [L]."""
 
@@ -245,7 +247,8 @@ class _Finger:
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
         found, gap = self._postures(x, np.arange(len(x)), touching=True)
-        return replace(found, violation=self._in_the_way(found) + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
+        wrong = np.maximum(self._in_the_way(found) - _SHALLOW, 0.0)
+        return replace(found, violation=wrong + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
 
     def _in_the_way(self, found: Candidates) -> Array:
         """By how much each posture penetrates, or breaks a limit, from where its base is."""
