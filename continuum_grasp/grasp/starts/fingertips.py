@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
-from continuum_grasp.grasp.starts.polish import shape_forces
+from continuum_grasp.grasp.starts.polish import pressed, shape_forces
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.scene.grasp import GraspScene
@@ -25,8 +25,6 @@ _PAIRS = 160
 """Postures per finger of two that are matched where there are supports, which cost more."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
-_SWEEPS = 8
-"""Sweeps of coordinate descent to the nearest forces of supports: it ranks sets, it does not balance them."""
 _COST = 0.1
 """What the tensions of a set count, per those of likely sets, beside its relative imbalance."""
 
@@ -95,12 +93,7 @@ def _supported(
         return off, np.zeros(len(off))
     friction = np.array([scene.friction(name) for name in touched])
     columns = [loads.edges * k + edge for k, mu in enumerate(friction) for edge in cone_edges(loads, mu)]
-    effects = block.onto[0][:3, columns].T
-    force = np.zeros((len(off), len(columns)))
-    for _ in range(_SWEEPS):
-        for k, effect in enumerate(effects):
-            new = np.maximum(force[:, k] - off @ effect / (effect @ effect), 0.0)
-            off = off + (new - force[:, k])[:, None] * effect
-            force[:, k] = new
+    effects = block.onto[0][:3, columns]
+    force = pressed(effects, off)
     pairs = force.reshape(len(off), -1, 2)
-    return off, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)
+    return off + force @ effects.T, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)
