@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -76,9 +77,7 @@ class Search:
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
-        # Least normal force: what no grasp is below [N], and how many starts were left out or led to no grasp.
-        self.bound = least_normal_force_bound(scene) if scene.objective == "least_normal_force" else None
-        self.open = 0
+        self.open = 0  # starts that were left out, or led to no grasp
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
@@ -118,6 +117,11 @@ class Search:
                     self.open += 1
         if not self.proven:
             self.slide()
+
+    @cached_property
+    def bound(self) -> float | None:
+        """What no grasp's greatest normal force is below [N], where that is what is minimized."""
+        return least_normal_force_bound(self.scene) if self.scene.objective == "least_normal_force" else None
 
     @property
     def excess(self) -> float:
