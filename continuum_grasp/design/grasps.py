@@ -150,7 +150,7 @@ class CaseGrasps:
         solver, budget = solver_for(spec), Budget.of(scene.solver)
         before: HeldGrasp | None = None
         for _ in range(_RUNS):
-            attempt = solver.run(scene, start, budget, **options)
+            attempt = solver.run(scene, start, budget, rung=2, **options)
             self.effort.solves += 1
             self.effort.iterations += attempt.iterations
             if not attempt.converged or not np.isfinite(attempt.x).all():

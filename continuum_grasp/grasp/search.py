@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -158,8 +159,6 @@ class Search:
         self._modes = self._alike = 0
         self._scans: list[Scan] = []
         self.basins: list[Basin] = []
-        # Least normal force: what no grasp is below [N].
-        self.bound = least_normal_force_bound(scene) if scene.objective == "least_normal_force" else None
         self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
@@ -308,6 +307,11 @@ class Search:
                 held.add(branch)
             if not math.isnan(start.estimate):
                 self.basins.append(Basin(start, True, branch in held))
+
+    @cached_property
+    def bound(self) -> float | None:
+        """What no grasp's greatest normal force is below [N], where that is what is minimized."""
+        return least_normal_force_bound(self.scene) if self.scene.objective == "least_normal_force" else None
 
     @property
     def excess(self) -> float:

@@ -115,6 +115,7 @@ class Responder:
             scene,
             start,
             self._budget,
+            rung=2,
             iterations=ITERATIONS,
             pinned=pinned,
             # More than what holds is not asked for: the tensions change as little as they can.

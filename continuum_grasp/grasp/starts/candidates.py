@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.scan.bent import bent_by_tip
 from continuum_grasp.grasp.starts.scan.joint import first_joint, moved_joint, next_joint
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task, violation
-from continuum_grasp.grasp.starts.scan.tip import bent_by_tip, moved_tip, tip_only, with_tip
+from continuum_grasp.grasp.starts.scan.tip import moved_tip, tip_only, with_tip
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
-from continuum_grasp.grasp.starts.polish import shape_forces
+from continuum_grasp.grasp.starts.polish import pressed, shape_forces
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.scene.grasp import GraspScene
@@ -25,9 +25,7 @@ _PAIRS = 160
 """Postures per finger of two that are matched where there are supports, which cost more."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
-_SWEEPS = 8
-"""Sweeps of coordinate descent to the nearest forces of supports: it ranks sets, it does not balance them."""
-_PRICE = 0.1
+_COST = 0.1
 """What the tensions of a set count, per those of likely sets, beside its relative imbalance."""
 
 
@@ -60,7 +58,7 @@ def matched_sets(
         cost = np.abs(pull) / high
         if len(candidates) > most:
             pick = np.array(
-                spread_order(alone + _PRICE * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
+                spread_order(alone + _COST * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
             )
         else:
             pick = np.arange(len(candidates))
@@ -79,7 +77,7 @@ def matched_sets(
     wrong = np.sqrt((off**2).sum(axis=1) + short**2) / size + total[:, 4]
     cost = total[:, 5]
     likely = np.argpartition(wrong, min(_LIKELY, len(wrong) - 1))[:_LIKELY]
-    score = wrong + _PRICE * cost / max(float(np.median(cost[likely])), 1e-9)
+    score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
     features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
@@ -95,12 +93,7 @@ def _supported(
         return off, np.zeros(len(off))
     friction = np.array([scene.friction(name) for name in touched])
     columns = [loads.edges * k + edge for k, mu in enumerate(friction) for edge in cone_edges(loads, mu)]
-    effects = block.onto[0][:3, columns].T
-    force = np.zeros((len(off), len(columns)))
-    for _ in range(_SWEEPS):
-        for k, effect in enumerate(effects):
-            new = np.maximum(force[:, k] - off @ effect / (effect @ effect), 0.0)
-            off = off + (new - force[:, k])[:, None] * effect
-            force[:, k] = new
+    effects = block.onto[0][:3, columns]
+    force = pressed(effects, off)
     pairs = force.reshape(len(off), -1, 2)
-    return off, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)
+    return off + force @ effects.T, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)

@@ -2,7 +2,8 @@
 
 One contact leaves no choice of forces: shapes fix them. So for a set of fingers what is missing for balance, and what
 it costs, are smooth functions of their curvatures along the curves whose tips touch, of the places of free bases, of
-the lifts, and of the forces at supports. Gauss-Newton steps bring it down for many sets at once, first under a price.
+the lifts, and of the forces at supports. Gauss-Newton steps bring it down for many sets at once, at first with a weight
+on what it costs.
 """
 
 from __future__ import annotations
@@ -24,18 +25,20 @@ from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
 Array = NDArray[Any]
 
-_PRICES = (0.0, *(0.1,) * 6, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0)
+_COSTS = (0.0, 0.0, *(0.1,) * 6, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0, 0.0)
 """Weight of the tensions, or of the normal forces, per those to begin with, in each step: they fall along what is
 nearly in balance, and the last steps balance it."""
-_FREE = 10
-"""The first of these last steps."""
 _STEP, _MOST, _DAMPING = 1e-4, 0.8, 1e-4
 """Difference for slopes, whose error is far below the imbalance sought; greatest change of a curvature in one
 step [1/L]; damping of the normal equations, which may be singular."""
 _ENOUGH = 1e-3
 """Relative imbalance that is balance: IPOPT needs a start, no solution."""
+_SWEEPS = 8
+"""Sweeps of coordinate descent to the nearest forces of supports, with which Gauss-Newton steps begin."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
+_SHALLOW = 1e-3
+"""What is in the way, in lengths of the finger, that the weights leave at the best posture beside an object."""
 _TOUCHES = 1e-9
 """Gap at which a tip touches [L]."""
 
@@ -78,29 +81,44 @@ def polished(
     """
     fingers = [_Finger(scene, loads, setup, pose, mine) for setup, mine in zip(scene.setups, some, strict=True)]
     balance = _Balance(scene, loads, *supports)
-    x = [finger.unknowns for finger in fingers] + [balance.guess(len(some[0]))]
+    looks = [finger.look(finger.unknowns) for finger in fingers]
+    x = [*(finger.unknowns for finger in fingers), balance.start(looks)]
     ends = np.cumsum([part.shape[1] for part in x])[:-1]
-    best, least = [part.copy() for part in x], np.full(len(x[0]), np.inf)
-    for step, price in enumerate(_PRICES):
-        looks = [finger.look(mine) for finger, mine in zip(fingers, x, strict=False)]
-        if step == 0:
-            balance.start(looks)
-        rest, slope = balance.missing(looks, x[-1], price)
-        priced = balance.priced
-        size = np.sqrt((rest[:, priced:] ** 2).sum(axis=1))
-        # Of the last steps, which have no price, the best counts.
-        better = size < least if step >= _FREE else np.ones(len(size), bool)
-        least = np.where(better, size if step >= _FREE else np.inf, least)
-        for k, part in enumerate(x):
-            best[k][better] = part[better]
-        if step == len(_PRICES) - 1 or least.max() < _ENOUGH:
+    point = np.concatenate(x, axis=1)
+    rest, slope = balance.missing(looks, x[-1])
+    damping = np.full(len(point), _DAMPING)
+    for cost in _COSTS:
+        weight = np.ones(rest.shape[1])
+        weight[: balance.costs] = cost
+        size = ((weight * rest) ** 2).sum(axis=1)
+        if size.max() < _ENOUGH**2:
             break
-        square = np.einsum("kri,krj->kij", slope, slope) + _DAMPING * np.eye(slope.shape[2])
-        change = -np.linalg.solve(square, np.einsum("kri,kr->ki", slope, rest)[..., None])[..., 0]
+        tall = weight[:, None] * slope
+        square = np.einsum("kri,krj->kij", tall, tall) + damping[:, None, None] * np.eye(point.shape[1])
+        change = -np.linalg.solve(square, np.einsum("kri,kr->ki", tall, weight * rest)[..., None])[..., 0]
         bent = np.abs(change[:, : ends[-1]]).max(axis=1)
         change *= np.minimum(1.0, _MOST / np.maximum(bent, 1e-300))[:, None]
-        x = [part + more for part, more in zip(x, np.split(change, ends, axis=1), strict=True)]
-    return [finger.candidates(part) for finger, part in zip(fingers, best, strict=False)]
+        x = np.split(point + change, ends, axis=1)
+        looks = [finger.look(mine) for finger, mine in zip(fingers, x, strict=False)]
+        new, steep = balance.missing(looks, x[-1])
+        # Steps that lead to more are not taken, and the next one is shorter.
+        good = ((weight * new) ** 2).sum(axis=1) < size
+        point[good], rest[good], slope[good] = (point + change)[good], new[good], steep[good]
+        damping = np.where(good, np.maximum(0.2 * damping, _DAMPING), 20.0 * damping)
+    return [finger.candidates(part) for finger, part in zip(fingers, np.split(point, ends, axis=1), strict=False)]
+
+
+def pressed(onto: Array, off: Array) -> Array:
+    """Forces (S, E) along the edges of the cones of supports, with effects ``onto`` (3, E), that leave the least of
+    imbalances (S, 3), nearly.
+    """
+    force, left = np.zeros((len(off), onto.shape[1])), off.copy()
+    for _ in range(_SWEEPS):
+        for k, effect in enumerate(onto.T):
+            new = np.maximum(force[:, k] - left @ effect / (effect @ effect), 0.0)
+            left += (new - force[:, k])[:, None] * effect
+            force[:, k] = new
+    return force
 
 
 @dataclass(frozen=True)
@@ -135,26 +153,27 @@ class _Balance:
         self._high = np.array([most - low if used != "right" else 0.0 for low, most, used in limits]) / loads.force
         self._low = -np.array([most - low if used != "left" else 0.0 for low, most, used in limits]) / loads.force
         self._aims_at_forces = scene.objective == "least_normal_force"
-        self.priced = self._count + self._held if self._aims_at_forces else self._count
+        self.costs = self._count + self._held if self._aims_at_forces else self._count
 
-    def start(self, looks: list[_Look]) -> None:
-        """Prices are per the tensions, or forces, of these sets."""
+    def start(self, looks: list[_Look]) -> Array:
+        """Forces along the edges of supports, and lifts as far as friction has them to spare (K, m). What is paid from
+        here on is per the tensions, or forces, of these sets.
+        """
         first = np.stack([look.known[:, 0] for look in looks], axis=1)
         cost = first[:, :, 3:5].sum(axis=2) if self._aims_at_forces else first[:, :, 5]
         self._usual = np.abs(cost).mean(axis=1) + 1e-3
+        held = pressed(self._onto, first[:, :, :3].sum(axis=1) - self.loads.target[:3])
+        if not self._lifts:
+            return held
+        edges = np.concatenate([first[:, :, 3:5], held.reshape(len(held), self._held, 2)], axis=1)
+        spare = 2.0 * self._friction * np.sqrt(np.maximum(edges[:, :, 0] * edges[:, :, 1], 1e-6))
+        share = self.loads.lift / self.loads.force / spare.sum(axis=1, keepdims=True)
+        return np.concatenate([held, share * spare], axis=1)
 
-    def guess(self, count: int) -> Array:
-        """Forces along the edges of supports, and equal lifts (K, m)."""
-        contacts = self._count + self._held
-        lift = self.loads.lift / self.loads.force / contacts
-        return np.concatenate(
-            [np.full((count, 2 * self._held), 0.1), np.full((count, contacts if self._lifts else 0), lift)], axis=1
-        )
-
-    def missing(self, looks: list[_Look], free: Array, price: float) -> tuple[Array, Array]:
-        """Residuals (K, R), of which the first ones are the price, and their slopes (K, R, n)."""
+    def missing(self, looks: list[_Look], free: Array) -> tuple[Array, Array]:
+        """Residuals (K, R), of which the first ones are the cost, and their slopes (K, R, n)."""
         base = [look.known[:, 0] for look in looks]
-        here = self._common(base, free, price)
+        here = self._common(base, free)
         own = [look.own[:, 0] for look in looks]
         columns, blocks = [], []
         for k, look in enumerate(looks):
@@ -162,11 +181,11 @@ class _Balance:
             blocks.append(np.swapaxes(look.own[:, 1:] - look.own[:, :1], 1, 2) / _STEP)
             for j in range(width):
                 moved = [look.known[:, 1 + j] if i == k else b for i, b in enumerate(base)]
-                columns.append((self._common(moved, free, price) - here) / _STEP)
+                columns.append((self._common(moved, free) - here) / _STEP)
         for j in range(free.shape[1]):
             step = np.zeros(free.shape[1])
             step[j] = _STEP
-            columns.append((self._common(base, free + step, price) - here) / _STEP)
+            columns.append((self._common(base, free + step) - here) / _STEP)
         common = np.stack(columns, axis=2)
         slope = np.zeros((len(free), here.shape[1] + sum(b.shape[1] for b in blocks), common.shape[2]))
         slope[:, : here.shape[1]] = common
@@ -176,8 +195,8 @@ class _Balance:
             row, column = row + block.shape[1], column + block.shape[2]
         return np.concatenate([here, *own], axis=1), slope
 
-    def _common(self, known: list[Array], free: Array, price: float) -> Array:
-        """The price, balances of the object, and what is outside of limits (K, R)."""
+    def _common(self, known: list[Array], free: Array) -> Array:
+        """The cost, balances of the object, and what is outside of limits (K, R)."""
         pressed = free[:, : 2 * self._held]
         tips = np.stack(known, axis=1)
         edges = np.concatenate([tips[:, :, 3:5], pressed.reshape(len(free), self._held, 2)], axis=1)
@@ -185,7 +204,7 @@ class _Balance:
         pull = tips[:, :, 5]
         off = tips[:, :, :3].sum(axis=1) + pressed @ self._onto.T - self.loads.target[:3]
         cost = normal if self._aims_at_forces else np.sqrt(pull**2 + 1e-8)
-        rows = [price * cost / self._usual[:, None], off]
+        rows = [cost / self._usual[:, None], off]
         side = np.abs(across)
         if self._lifts:
             lifts = free[:, 2 * self._held :]
@@ -244,7 +263,8 @@ class _Finger:
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
         found, gap = self._postures(x, np.arange(len(x)), touching=True)
-        return replace(found, violation=self._in_the_way(found) + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
+        wrong = np.maximum(self._in_the_way(found) - _SHALLOW, 0.0)
+        return replace(found, violation=wrong + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
 
     def _in_the_way(self, found: Candidates) -> Array:
         """By how much each posture penetrates, or breaks a limit, from where its base is."""

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of, touch
-from continuum_grasp.grasp.starts.scan.elastica import elastica_table, projection
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
-from continuum_grasp.grasp.starts.scan.two_clothoids import two_clothoids
 from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
@@ -22,8 +20,6 @@ _TIP_REACH, _TIP_GRID = 8.0, 33
 """Greatest end curvature [1/L] and size of the grid of clothoids whose tips may touch: 0.5 1/L apart."""
 _ARCS_REACH, _ARCS_GRID = 13.0, 53
 """The same of two arcs, each of which has a part of the length for its bend."""
-_BESIDE_CONE = 0.15
-"""Angle outside the friction cone up to which a start is used [rad]: half a spacing of the directions of `elastica`."""
 _BESIDE = 0.01
 """Cosine between tangent and normal up to which a tip still touches with its front."""
 _ROUGHLY = 0.4
@@ -156,44 +152,6 @@ def _cuts(
             curve[:, columns] += (share * (grids[axis][1] - grids[axis][0]))[:, None]
             groups.append(touching(knots, curve, columns, part, shape, walk))
     return groups
-
-
-def bent_by_tip(task: FingerTask) -> Postures | None:
-    """Fingers bent by a force at their tips, which touch; of more than two elements, with the force in the friction
-    cone.
-    """
-    knots = np.array(task.nodes)
-    groups: list[Postures | None] = []
-    clothoids = tip_only(task)
-    if clothoids is not None:  # the same curves, whose curvature is linear all along, with more knots
-        first, last = clothoids.curvatures[:, :1], clothoids.curvatures[:, 1:]
-        bent = first + (last - first) * knots
-        groups.append(replace(clothoids, knots=np.broadcast_to(knots, bent.shape), curvatures=bent))
-    groups.append(two_clothoids(task) if len(knots) == 3 else _elastica(task))
-    found = join([group for group in groups if group is not None])
-    return None if found is None else unique(found)
-
-
-def _elastica(task: FingerTask) -> Postures | None:
-    """Shapes that a rod takes under a force at its tip in the friction cone."""
-    table = elastica_table()
-    knots = np.array(task.nodes)
-    groups = []
-    cone = math.atan(task.friction) + _BESIDE_CONE
-    for part, shape in enumerate(task.shapes):
-        # Neighbors in the table are up to 0.7 apart (99 % are closer): farther away no crossing is to be expected.
-        near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
-        gap = np.full(table.tips.shape, np.nan)
-        gap[near] = shape.distance(table.tips[near]) - task.half
-        i, j, share, walk = crossings(shape, gap, table.tips, table.turns, table.sane, front=0.1)
-        pushed = np.cos(table.directions[i] - shape.walk(walk).angle) > math.cos(cone)
-        retained = pushed | (table.forces[i] == 0.0)
-        i, j, share, walk = i[retained], j[retained], share[retained], walk[retained]
-        if len(i):
-            bent = table.curvatures[i, j] + share[:, None] * (table.curvatures[i, j + 1] - table.curvatures[i, j])
-            every = tuple(range(len(knots)))
-            groups.append(touching(knots, bent @ projection(task.nodes).T, every, part, shape, walk))
-    return join(groups)
 
 
 def touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, shape: Outline, walk: Array) -> Postures:
