@@ -192,5 +192,5 @@ class _Solve:
         return last, self.solver.arrays_at(self.scene, self.start, x, used)
 
 
-_IPOPT = {"mu_strategy": "monotone", "mu_init": 1e-2, "bound_relax_factor": 0.0, "near_push": 1e-5}
+_IPOPT = {"mu_strategy": "monotone", "mu_init": 1e-2, "bound_relax_factor": 0.0}
 """As for a single grasp, which the errors begin next to."""
