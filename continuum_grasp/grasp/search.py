@@ -20,7 +20,6 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -115,7 +114,6 @@ class Search:
                 found = self.attempt(start, iterations=ITERATION_CAP if self.good else None)
                 if found is not None and found in self.good:
                     held.add(branch)
-        stabilize(self)
         self.slide()
 
     def _from_least_tension(self) -> None:

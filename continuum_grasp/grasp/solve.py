@@ -18,6 +18,7 @@ from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
+from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
@@ -132,6 +133,7 @@ class _Verdict:
             return self._infeasible([far], None)
         search = self.search
         search.run()
+        stabilize(search)
         best = self._best()
         if best is not None:
             return self._solved(best)
