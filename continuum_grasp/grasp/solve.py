@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status
 from continuum_grasp.grasp.search import Search, Tried
@@ -139,8 +139,8 @@ class _Verdict:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
-        if not reasons and self._best() is None and not self.budget.cut:
-            reasons = find_pairs(self.scene, search)
+        if all(is_rare(reason) for reason in reasons) and self._best() is None and not self.budget.cut:
+            reasons = [*find_pairs(self.scene, search), *reasons]
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
