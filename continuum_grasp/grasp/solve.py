@@ -140,7 +140,9 @@ class _Verdict:
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
         if all(is_rare(reason) for reason in reasons) and self._best() is None and not self.budget.cut:
-            reasons = [*find_pairs(self.scene, search), *reasons]
+            alone = {reason.name for reason in reasons}  # needs no second one
+            pairs = find_pairs(self.scene, search)
+            reasons = [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
