@@ -13,6 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from continuum_grasp.grasp.result import Reason
 from continuum_grasp.scene.grasp import GraspScene
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +53,7 @@ def held(scene: GraspScene) -> Held:
     if mass == BROKEN:
         raise ZeroDivisionError("a bug")
     if mass == STUCK:
-        return Held(scene, "infeasible", (SimpleNamespace(name="too heavy", limit=mass, needed=0.5),))
+        return Held(scene, "infeasible", (Reason("too heavy", "object.mass", "kg", mass, 0.5, "", ""),))
     return Held(scene)
 
 

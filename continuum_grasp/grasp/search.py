@@ -24,7 +24,6 @@ from continuum_grasp.grasp.starts.basins import Scan
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -196,7 +195,6 @@ class Search:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
-            stabilize(self)
             self.slide()
 
     @property

@@ -13,12 +13,13 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
+from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
@@ -151,13 +152,16 @@ class _Verdict:
             return self._infeasible([far], None)
         search = self.search
         search.run()
+        stabilize(search)
         best = self._best()
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
-        if not reasons and self._best() is None and not self.budget.cut:
-            reasons = find_pairs(self.scene, search)
+        if all(is_rare(reason) for reason in reasons) and self._best() is None and not self.budget.cut:
+            alone = {reason.name for reason in reasons}  # needs no second one
+            pairs = find_pairs(self.scene, search)
+            reasons = [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)

@@ -8,7 +8,7 @@ linearization: J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 1
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.scene.grasp import GraspScene
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.search import Search, Tried
 
 Array = NDArray[Any]
 

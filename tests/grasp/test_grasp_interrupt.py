@@ -68,7 +68,7 @@ def test_after_a_grasp_that_is_the_result(tmp_path):
     done = python(CLI.format(run=2), CONFIGS / "mug.yaml", "--out", tmp_path / "run")
     assert done.returncode == 130, done.stderr
     assert "interrupted" in done.stdout.splitlines()[0]
-    assert done.stdout.startswith("optimal")
+    assert done.stdout.startswith("feasible")
     assert "all checks passed" in done.stdout
     assert "warning: the search was interrupted" in done.stderr
 
@@ -83,7 +83,7 @@ def test_an_interrupted_start_does_not_count():
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     """
     done = python(code, CONFIGS / "mug_arcs.yaml")
-    assert done.stdout.split() == ["optimal", "1", "True"], done.stderr
+    assert done.stdout.split() == ["feasible", "1", "True"], done.stderr
 
 
 def test_an_interrupted_diagnosis_is_no_verdict():
@@ -126,7 +126,7 @@ def test_ctrl_c_from_outside():
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate()
     assert process.returncode == 0, errors
-    assert rest.splitlines()[-1] == "optimal True"
+    assert rest.splitlines()[-1] == "feasible True"
 
 
 @pytest.mark.parametrize("given", [5, None, 2.5, b"mug.yaml", ["mug.yaml"], {"finger": 1}, object()])

@@ -112,10 +112,14 @@ def rank(reason: Reason) -> tuple[bool, float, int]:
     a friction that few surfaces have comes after them.
     """
     order = [relaxation.name for relaxation in RELAXATIONS].index(reason.name)
-    rare = reason.name == "friction" and reason.needed > RARE
-    if rare or reason.limit <= 0.0 or reason.needed <= 0.0:
+    if is_rare(reason) or reason.limit <= 0.0 or reason.needed <= 0.0:
         return True, 0.0, order
     return False, round(abs(math.log(reason.needed / reason.limit)), 2), order
+
+
+def is_rare(reason: Reason) -> bool:
+    """Whether it asks for a friction that few surfaces have."""
+    return reason.name == "friction" and reason.needed > RARE
 
 
 @dataclass(frozen=True)

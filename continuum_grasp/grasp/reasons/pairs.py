@@ -46,7 +46,9 @@ def find_pairs(scene: GraspScene, search: Search) -> list[Reason]:
     """
     limits = [relaxation for relaxation in RELAXATIONS if relaxation.applies(scene)]
     known = [t.attempt.start for t in sorted(search.tried, key=lambda t: t.attempt.badness)]
-    seeds = _best(scene, search, limits, known)[:SEEDS]
+    # With clearance or balance given up, postures would lie where no other limit helps.
+    seeds = _best(scene, search, [limit for limit in limits if limit.limit is not None], known)[:SEEDS]
+    seeds = seeds or _best(scene, search, limits, known)[:SEEDS]
     tried: list[_Relaxed] = []
     for pair in combinations(limits, 2):
         again = [_relax(scene, search, pair, s.attempt.start, x0=s.attempt.x.copy()) for s in seeds]

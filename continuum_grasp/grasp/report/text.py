@@ -154,8 +154,8 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.reasons:
         lines += ["", "Why there is no grasp; any one of these repairs it:"]
         for r in result.reasons:
-            unit = "" if r.unit in ("", "1") else f" {r.unit}"
-            lines += [f"  {r.text}", f"    {r.repair}   ({r.key}, now {r.limit:.4g}{unit})"]
+            now = ((each.key, each.limit, "" if each.unit in ("", "1") else f" {each.unit}") for each in (r, *r.also))
+            lines += [f"  {r.text}", f"    {r.repair}   ({'; '.join(f'{k}, now {v:.4g}{u}' for k, v, u in now)})"]
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:

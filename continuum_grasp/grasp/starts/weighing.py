@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, near_candidates
+from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.fingertips import matched_sets
 from continuum_grasp.grasp.starts.force import Block, Loads, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.polish import polished
@@ -123,6 +124,7 @@ class Weighing:
         ]
         index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found], paired)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
+        wrong += overlaps(self.scene, found, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
