@@ -39,7 +39,7 @@ _SHRINK, _KEPT = 0.3, 0.5
 _PROMISES = 1.3
 """Score per that of the best basin up to which the exact refinement is worth its time."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
-"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]; the steps of the scan."""
+"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]."""
 _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 """Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
 the normal turns by a right angle in less."""
