@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
-from continuum_grasp.grasp.starts.force import PRICE, Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import TENSION_WEIGHT, Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
 from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
@@ -34,7 +34,7 @@ _NEARLY, _HOPEFUL = 0.05, 0.15
 may be between it and the next one."""
 _WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_SHRINK, _KEPT = 0.3, 0.5
+_SHRINK, _BETTER = 0.3, 0.5
 """What a round of that leaves of the window: where no neighbor was better, and where one was."""
 _PROMISES = 1.3
 """Score per that of the best basin up to which the exact refinement is worth its time."""
@@ -53,14 +53,14 @@ _PER_EXCESS = 10.0
 class _Accuracy:
     """How exactly forces are balanced."""
 
-    price: float  # of the tensions in the least squares
-    balanced: float  # relative imbalance that this price leaves
+    weight: float  # of the tensions in the least squares
+    balanced: float  # relative imbalance that this weight leaves
     per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
     rounds: int  # of the refinement
     window: float  # its first, per that of the scan
 
 
-_ROUGH = _Accuracy(PRICE, 1e-3, 30.0, 2, 1.0)
+_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0, 2, 1.0)
 _EXACT = _Accuracy(5e-5, 2e-4, 100.0, 3, 0.2)
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
@@ -220,7 +220,7 @@ class Basins:
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
         count = len(block.needed)
         blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index, self._accuracy.price)
+        return imbalance(self.loads, blocks, index, self._accuracy.weight)
 
     def _finer_block(self, candidates: Candidates) -> Block:
         return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
@@ -249,7 +249,7 @@ class Basins:
 
     def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
         """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
-        and a lower price of the tensions, and the order then.
+        and a lower weight of the tensions, and the order then.
         """
         if near is not None:
             best = self._moved(best, near, window)
@@ -277,7 +277,7 @@ class Basins:
             moved = best_of(judged.score, rows[clear], len(size))
             better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
             best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
-            size = np.where(better, _KEPT, _SHRINK) * size
+            size = np.where(better, _BETTER, _SHRINK) * size
         return best
 
 
@@ -285,8 +285,7 @@ Near = Callable[[Branch, Array], tuple[Branch, Array]]
 
 
 def _merged(one: Scored, two: Scored) -> Scored:
-    candidates = join([one.candidates, two.candidates])
-    assert candidates is not None
+    candidates = join([one.candidates, two.candidates]) or one.candidates
     names = ("forces", "left", "wrong", "score", "estimate")
     values = (np.concatenate([getattr(one, name), getattr(two, name)]) for name in names)
     return Scored(together([one.branch, two.branch]), candidates, *values)
