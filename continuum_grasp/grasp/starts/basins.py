@@ -26,9 +26,9 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-_PLACES, _MORE_PLACES, _FEW = 128, 512, 10
-"""Places of the middle contact on each part's outline, and where fewer than 10 postures are left: short feasible
-pieces may lie between two places."""
+_PLACES, _DENSE, _FEW = 128, 0.25, 10
+"""Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
+10 postures are left: short feasible pieces may lie between two places."""
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
@@ -131,15 +131,20 @@ class Basins:
 
     def _along_outline(self) -> Scored | None:
         task, isolated = self.task, self.task.one_arc_to_joint
-        some, ring = self._scan(_MORE_PLACES if self._dense else _PLACES)
-        if not isolated and not self._dense and len(some) < _FEW:
-            some, ring = self._scan(_MORE_PLACES)
-        self.places = ring.count * len(task.shapes)
+        ring = Ring(task, _PLACES)
+        some = self._passable(scanned(task, ring))
+        few: list[int] = []
+        if not isolated:
+            few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
+        if few:
+            dense = self._passable(scanned(task, ring, tuple(few), _DENSE))
+            some = together([some.take(~np.isin(some.side, few)), dense])
+        self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
         if not len(some):
             return None
         clear = self._depth(some) <= STRICT
         scored = self._judged(some.take(clear))
-        if not isolated and ring.count == _PLACES:
+        if not isolated:
             # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
             some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
@@ -157,10 +162,9 @@ class Basins:
 
         return self._refined(best, None if isolated else near, _PLACE_WINDOW)
 
-    def _scan(self, count: int) -> tuple[Branch, Ring]:
-        ring = Ring(self.task, count)
-        found = scanned(self.task, ring)
-        return found.take(self._depth(found) <= LOOSE), ring
+    def _passable(self, found: Branch) -> Branch:
+        """Those next to which there may be a posture that is clear of everything."""
+        return found.take(self._depth(found) <= LOOSE)
 
     def _of_arcs(self) -> Scored | None:
         some = scanned_arcs(self.task)
