@@ -138,3 +138,10 @@ def test_the_scan_is_the_same_each_time():
     one, two = (Basins(scene, on).found() for _ in range(2))
     assert np.array_equal(one.estimate, two.estimate)
     assert np.array_equal(one.branch.ends, two.branch.ends)
+
+
+def test_no_posture_is_no_basin():
+    """An object out of reach of the first curve leaves nothing to scan."""
+    scene = make_scene("matched_clothoid", UPRIGHT)
+    far = scene.replaced(contacts=scene.contacts.model_copy(update={"middle_range": (1e-3, 2e-3)}))
+    assert Basins(far, frozenset({"finger.middle", "finger.tip", "palm"})).found() is None
