@@ -102,7 +102,7 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
 def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
     monkeypatch.setattr("continuum_grasp.grasp.search.branch_of", id)  # every start counts
     jump_after(monkeypatch, 2)
-    result = solved(GraspSolver(), **HELD)
+    result = solved(GraspSolver(effort="thorough"), **HELD)
     assert result.status is Status.FEASIBLE
     assert "clock" in result.message
     assert any("cut short" in warning for warning in result.warnings)
@@ -125,6 +125,6 @@ def test_the_rows_of_a_sweep_do_not_depend_on_how_busy_its_worker_is(monkeypatch
         return [{key: value for key, value in row.items() if key not in ("seconds", "check")} for row in found]
 
     calm = rows()
-    hurry(monkeypatch, 2.0)
+    hurry(monkeypatch)
     assert rows() == calm
     assert [row["status"] for row in calm] == ["optimal", "infeasible"]

@@ -37,7 +37,7 @@ STEADY = 1e-5
 RUNGS = (
     (nlp.OptionSet.REFINED, 40),
     (nlp.OptionSet.REFINED_MONOTONE, 60),
-    (nlp.OptionSet.DEFAULT, 80),
+    (nlp.OptionSet.DEFAULT, 200),
 )
 """How a start is solved from, boldest first: options, and the most iterations of one solver run."""
 DEEP = 1.1

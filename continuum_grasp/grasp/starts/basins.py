@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
-from continuum_grasp.grasp.starts.force import PRICE, Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import TENSION_WEIGHT, Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
 from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
@@ -26,20 +26,20 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-_PLACES, _MORE_PLACES, _FEW = 128, 512, 10
-"""Places of the middle contact on each part's outline, and where fewer than 10 postures are left: short feasible
-pieces may lie between two places."""
+_PLACES, _DENSE, _FEW = 128, 0.25, 10
+"""Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
+10 postures are left: short feasible pieces may lie between two places."""
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
 _WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_SHRINK, _KEPT = 0.3, 0.5
+_SHRINK, _BETTER = 0.3, 0.5
 """What a round of that leaves of the window: where no neighbor was better, and where one was."""
 _PROMISES = 1.3
 """Score per that of the best basin up to which the exact refinement is worth its time."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
-"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]; the steps of the scan."""
+"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]."""
 _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 """Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
 the normal turns by a right angle in less."""
@@ -53,14 +53,14 @@ _PER_EXCESS = 10.0
 class _Accuracy:
     """How exactly forces are balanced."""
 
-    price: float  # of the tensions in the least squares
-    balanced: float  # relative imbalance that this price leaves
+    weight: float  # of the tensions in the least squares
+    balanced: float  # relative imbalance that this weight leaves
     per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
     rounds: int  # of the refinement
     window: float  # its first, per that of the scan
 
 
-_ROUGH = _Accuracy(PRICE, 1e-3, 30.0, 2, 1.0)
+_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0, 2, 1.0)
 _EXACT = _Accuracy(5e-5, 2e-4, 100.0, 3, 0.2)
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
@@ -131,15 +131,20 @@ class Basins:
 
     def _along_outline(self) -> Scored | None:
         task, isolated = self.task, self.task.one_arc_to_joint
-        some, ring = self._scan(_MORE_PLACES if self._dense else _PLACES)
-        if not isolated and not self._dense and len(some) < _FEW:
-            some, ring = self._scan(_MORE_PLACES)
-        self.places = ring.count * len(task.shapes)
+        ring = Ring(task, _PLACES)
+        some = self._passable(scanned(task, ring))
+        few: list[int] = []
+        if not isolated:
+            few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
+        if few:
+            dense = self._passable(scanned(task, ring, tuple(few), _DENSE))
+            some = together([some.take(~np.isin(some.side, few)), dense])
+        self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
         if not len(some):
             return None
         clear = self._depth(some) <= STRICT
         scored = self._judged(some.take(clear))
-        if not isolated and ring.count == _PLACES:
+        if not isolated:
             # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
             some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
@@ -157,10 +162,9 @@ class Basins:
 
         return self._refined(best, None if isolated else near, _PLACE_WINDOW)
 
-    def _scan(self, count: int) -> tuple[Branch, Ring]:
-        ring = Ring(self.task, count)
-        found = scanned(self.task, ring)
-        return found.take(self._depth(found) <= LOOSE), ring
+    def _passable(self, found: Branch) -> Branch:
+        """Those next to which there may be a posture that is clear of everything."""
+        return found.take(self._depth(found) <= LOOSE)
 
     def _of_arcs(self) -> Scored | None:
         some = scanned_arcs(self.task)
@@ -220,7 +224,7 @@ class Basins:
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
         count = len(block.needed)
         blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index, self._accuracy.price)
+        return imbalance(self.loads, blocks, index, self._accuracy.weight)
 
     def _finer_block(self, candidates: Candidates) -> Block:
         return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
@@ -249,7 +253,7 @@ class Basins:
 
     def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
         """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
-        and a lower price of the tensions, and the order then.
+        and a lower weight of the tensions, and the order then.
         """
         if near is not None:
             best = self._moved(best, near, window)
@@ -277,7 +281,7 @@ class Basins:
             moved = best_of(judged.score, rows[clear], len(size))
             better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
             best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
-            size = np.where(better, _KEPT, _SHRINK) * size
+            size = np.where(better, _BETTER, _SHRINK) * size
         return best
 
 
@@ -285,8 +289,7 @@ Near = Callable[[Branch, Array], tuple[Branch, Array]]
 
 
 def _merged(one: Scored, two: Scored) -> Scored:
-    candidates = join([one.candidates, two.candidates])
-    assert candidates is not None
+    candidates = join([one.candidates, two.candidates]) or one.candidates
     names = ("forces", "left", "wrong", "score", "estimate")
     values = (np.concatenate([getattr(one, name), getattr(two, name)]) for name in names)
     return Scored(together([one.branch, two.branch]), candidates, *values)

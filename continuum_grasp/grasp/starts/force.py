@@ -31,7 +31,7 @@ _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-PRICE, _STEPS = 3e-4, 15
+TENSION_WEIGHT, _STEPS = 3e-4, 15
 """Weight of the tensions (per their limits) beside the squared imbalance, and steps of the interior point method: the
 barrier falls by 0.3 each, to 3e-13."""
 _RIGID, _ENOUGH = 1e-9, 1e-6
@@ -272,7 +272,7 @@ def contact_forces(
 
 
 def imbalance(
-    loads: Loads, blocks: list[Block], index: list[Array], price: float = PRICE
+    loads: Loads, blocks: list[Block], index: list[Array], tension_weight: float = TENSION_WEIGHT
 ) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
@@ -292,11 +292,11 @@ def imbalance(
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
     low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
-    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), price)
+    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), tension_weight)
 
 
 def _boxed(
-    system: Array, right: Array, low: Array, high: Array, cost: Array, price: float
+    system: Array, right: Array, low: Array, high: Array, cost: Array, tension_weight: float
 ) -> tuple[Array, Array, Array]:
     """Least squares within bounds for many systems at once, by an interior point method: what is left, the cost, and
     the unknowns.
@@ -308,7 +308,7 @@ def _boxed(
     span = np.maximum(high - low, 1e-12)
     scaled = system * span
     right = right - system @ low
-    weight, enough = price * cost * span + 1e-8, _ENOUGH * price
+    weight, enough = tension_weight * cost * span + 1e-8, _ENOUGH * tension_weight
     x = np.full((len(right), len(low)), 0.1)
     zl, zu = np.full(x.shape, 0.05), np.full(x.shape, 0.05)
     across = np.ascontiguousarray(np.swapaxes(scaled, 1, 2))

@@ -91,7 +91,7 @@ def sample(knots: Array, curvatures: Array, at: Array) -> Array:
     """Points (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
     step = np.diff(at, axis=1)
     inner = at[:, :-1, None] + step[..., None] * _TWO
-    angle = turning(knots, curvatures, inner.reshape(len(inner), -1)).reshape(inner.shape)
+    angle = turning(knots, curvatures, inner.reshape(len(inner), 2 * step.shape[1])).reshape(inner.shape)
     move = 0.5 * step * (1j * np.exp(1j * angle)).sum(axis=2)
     return np.concatenate([np.zeros((len(move), 1), complex), np.cumsum(move, axis=1)], axis=1)
 

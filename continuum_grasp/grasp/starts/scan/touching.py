@@ -103,16 +103,16 @@ def together(groups: list[Branch]) -> Branch:
     return Branch(**{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
-def scanned(task: FingerTask, ring: Ring) -> Branch:
-    """All postures with a middle contact at the places of a ring."""
-    count = ring.count
-    parts = np.repeat(np.arange(len(task.shapes)), count)
-    places = np.tile(np.arange(float(count)), len(task.shapes))
+def scanned(task: FingerTask, ring: Ring, sides: tuple[int, ...] = (1, -1), step: float = 1.0) -> Branch:
+    """All postures with a middle contact at the places of a ring, on some sides, of clothoids in any steps."""
+    even = np.arange(0.0, ring.count, step)
+    parts = np.repeat(np.arange(len(task.shapes)), len(even))
+    places = np.tile(even, len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
         first = _arcs(task, ring, parts, places, point, normal)
     else:
-        first = _clothoids(task, parts, places, point, normal)
+        first = _clothoids(task, sides, parts, places, point, normal)
     return _onwards(task, _clear_first(task, first))
 
 
@@ -155,18 +155,20 @@ def _next_to(angle: Array, old: Array) -> Array:
     return np.asarray(old + np.remainder(angle - old + math.pi, math.tau) - math.pi)
 
 
-def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
+def _clothoids(
+    task: FingerTask, which: tuple[int, ...], parts: Array, places: Array, point: Array, normal: Array
+) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
     rows: list[Array] = []
     sides: list[Array] = []
     turns: list[Array] = []
-    for which in (1, -1):
-        angle = _wrapped(normal[near] + (0.0 if which > 0 else math.pi))
+    for one in which:
+        angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
             fits = np.flatnonzero(np.abs(angle + winding) < MOST_TURN)
             rows.append(near[fits])
-            sides.append(np.full(len(fits), which))
+            sides.append(np.full(len(fits), one))
             turns.append(angle[fits] + winding)
     row, side, turn = (np.concatenate(part) for part in (rows, sides, turns))
     index, guess = bends_to(point[row], turn)

@@ -1,0 +1,147 @@
+"""The scan of one finger's postures, against curves traced finely and linear programming at single postures."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from grasp_scenes import UPRIGHT, make_scene
+from scipy.optimize import brentq, linprog
+
+from continuum_grasp.grasp.search import Basin, Search
+from continuum_grasp.grasp.starts.basins import Basins
+from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
+from continuum_grasp.grasp.starts.scan.chords import bends_to, chords, exact_bends
+from continuum_grasp.grasp.starts.scan.touching import bracketed_root
+from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.outline import Frame
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.parts import SuperellipsePart
+
+
+def ends(bend, turn, steps=4000):
+    """End of a clothoid of length one by the midpoint rule."""
+    s = (np.arange(steps) + 0.5) / steps
+    return (1j * np.exp(1j * (bend * s + (turn - bend) * s**2))).mean()
+
+
+def test_chords_are_those_of_clothoids():
+    rng = np.random.default_rng(0)
+    bend, turn = rng.uniform(-9.0, 9.0, 40), rng.uniform(-6.0, 6.0, 40)
+    chord, slope = chords(bend, turn)
+    assert chord == pytest.approx([ends(b, t) for b, t in zip(bend, turn, strict=True)], abs=1e-6)
+    step = 1e-5
+    assert slope == pytest.approx((chords(bend + step, turn)[0] - chords(bend - step, turn)[0]) / (2 * step), abs=1e-7)
+
+
+def test_all_curves_in_a_direction_are_found():
+    """Every sign change of a fine scan over the first curvature is among those from the table."""
+    rng = np.random.default_rng(1)
+    aims, turns = np.exp(1j * rng.uniform(0.0, math.tau, 25)), rng.uniform(-6.0, 6.0, 25)
+    rows, guess = bends_to(aims, turns)
+    bend, length, good = exact_bends(aims[rows], turns[rows], guess, 0.4)
+    fine = np.linspace(-11.0, 11.0, 4001)
+    for row, (aim, turn) in enumerate(zip(aims, turns, strict=True)):
+        off = chords(fine, np.full(fine.shape, turn))[0] * np.conj(aim)
+        at = np.flatnonzero((off.imag[:-1] * off.imag[1:] < 0.0) & (off.real[:-1] > 0.05))
+        for k in at:
+            root = brentq(lambda a, aim=aim, turn=turn: (ends(a, turn) * np.conj(aim)).imag, fine[k], fine[k + 1])
+            mine = good & (rows == row) & (np.abs(bend - root) < 1e-4)
+            # Two that nearly merge may lie between two lines of the table.
+            assert mine.any() or (np.abs(at - k) < 60).sum() > 1
+            if mine.any():
+                assert length[mine][0] == pytest.approx(1.0 / abs(ends(root, turn)), rel=1e-5)
+
+
+def test_bracketed_roots_stay_in_their_brackets():
+    low, high = np.array([0.0, 2.0, -3.0]), np.array([2.0, 4.0, -0.5])
+
+    def gap(x):
+        return np.sin(1.7 * x) + 0.1
+
+    found = bracketed_root(gap, low, high, gap(low), gap(high))
+    for a, b, x in zip(low, high, found, strict=True):
+        if gap(a) * gap(b) < 0.0:
+            assert x == pytest.approx(brentq(gap, a, b), abs=1e-6)
+
+
+@pytest.mark.parametrize(("exponent", "axes"), [*product([2.0, 2.3, 4.0, 8.0], [(0.2, 0.2), (0.2, 0.05)])])
+def test_rough_distances_are_nearly_those(exponent, axes):
+    part = SuperellipsePart(axes, exponent)
+    shape = surface_of(part).outline(part, Frame(), 0.02)
+    rng = np.random.default_rng(2)
+    at = shape.walk(rng.uniform(0.0, math.tau, 400))
+    points = at.point + rng.uniform(-0.03, 0.2, 400) * np.exp(1j * at.angle)
+    assert shape.rough_distance(points) == pytest.approx(shape.distance(points), abs=3e-3 * axes[0])
+
+
+def test_forces_are_those_of_linear_programming():
+    """Where balance is possible, the least tensions; tensions act on the sections alone, as those of a finger do."""
+    rng = np.random.default_rng(3)
+    loads = Loads(1.0, 1.0, -1j, 0.0, -1j, False)
+    found, wanted = [], []
+    for _ in range(40):
+        onto, moments = rng.normal(size=(1, 3, 8)), rng.normal(size=(1, 2, 8))
+        onto[..., -2:] = 0.0
+        force = rng.uniform(0.1, 2.0, 8)
+        # The last contact force closes the balance of the object.
+        onto[0, :, 5] = (loads.target - onto[0, :, :5] @ force[:5]) / force[5]
+        needed = moments @ force
+        block = Block(onto, moments, needed, np.zeros(8), np.full(8, 5.0), np.array([0.0] * 6 + [1.0, 1.0]))
+        rows = np.concatenate([onto[0], moments[0]])
+        right = np.concatenate([loads.target, needed[0]])
+        exact = linprog(block.cost, A_eq=rows, b_eq=right, bounds=[(0.0, 5.0)] * 8)
+        if exact.status == 0:
+            left, cost, _ = imbalance(loads, [block], [np.zeros(1, int)], 1e-5)
+            assert left[0] < 1e-3
+            found.append(cost[0] * 10.0)
+            wanted.append(exact.fun)
+    assert len(found) > 5
+    assert found == pytest.approx(wanted, abs=0.02)
+
+
+@pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
+def test_the_best_basin_is_the_grasp(family):
+    """The estimate of the best basin is the tension that the solver, which shares no equation with it, ends at."""
+    scene = make_scene(family, UPRIGHT, max_tension=60.0)
+    search = Search(scene, Budget())
+    search.run()
+    assert search.basins[0].start.estimate == pytest.approx(search.best.arrays["finger.tensions"].sum(), rel=0.05)
+    assert not search.exploration.open
+    assert search.exploration.postures > 0
+
+
+def test_an_open_basin_is_counted():
+    """A basin that promises half of the tension and leads nowhere leaves the search incomplete."""
+    scene = make_scene("arc", UPRIGHT, max_tension=60.0)
+    search = Search(scene, Budget())
+    search.run()
+    best = search.best
+    tension = float(best.arrays["finger.tensions"].sum())
+    start = best.attempt.start
+    search.basins.append(
+        Basin(Start("scan", start.object_pose, {}, start.contacts, estimate=0.5 * tension), tried=True)
+    )
+    assert search.exploration.open == 1
+    assert search.exploration.best_open == pytest.approx(0.5 * tension)
+    search.basins[-1].start = Start("scan", start.object_pose, {}, start.contacts, estimate=0.99 * tension)
+    assert search.exploration.open == 0
+    assert math.isnan(search.exploration.best_open)
+
+
+def test_the_scan_is_the_same_each_time():
+    scene = make_scene("matched_clothoid", UPRIGHT)
+    on = frozenset({"finger.middle", "finger.tip", "palm"})
+    one, two = (Basins(scene, on).found() for _ in range(2))
+    assert np.array_equal(one.estimate, two.estimate)
+    assert np.array_equal(one.branch.ends, two.branch.ends)
+
+
+def test_no_posture_is_no_basin():
+    """An object out of reach of the first curve leaves nothing to scan."""
+    scene = make_scene("matched_clothoid", UPRIGHT)
+    far = scene.replaced(contacts=scene.contacts.model_copy(update={"middle_range": (1e-3, 2e-3)}))
+    assert Basins(far, frozenset({"finger.middle", "finger.tip", "palm"})).found() is None
