@@ -38,6 +38,8 @@ _SHRINK = 0.25
 """Part of the box around the best design that is searched next where a step lost the grasp."""
 _SMALLEST = 0.02
 """Half width of that box, in coordinates, below which the search ends."""
+_MOST_LOST = 5
+"""Designs without a grasp after which a run of the optimizer ends: each takes a full search."""
 _VERTICES = 6
 """Tolerated numbers up to which all combinations of their greatest errors are tried: 64."""
 _FIRST_ORDER = 0.02
@@ -239,17 +241,11 @@ class _DesignSearch:
     def _improve(self, number: int) -> None:
         """Improve the best design until it stays; a step that loses the grasp makes the region smaller."""
         self._round, half = number + 1, 1.0
-        while half >= _SMALLEST:
-            before = self._best
-            lost = self._descend(half)
-            if not lost:
+        while self._descend(half):
+            half *= _SHRINK
+            if half < _SMALLEST:
+                self._ended, self._converged = "beside this design grasps are lost", False
                 return
-            self.problem.restore(self._grasps)
-            moved = float(np.abs(self._best.coordinates - before.coordinates).max())
-            half = max(_SHRINK * half, moved if moved > 2.0 * _SMALLEST else 0.0) if moved < half else half
-            if moved == 0.0 or half <= moved:
-                half *= _SHRINK
-        self._ended, self._converged = "grasps are lost beside this design", True
 
     def _descend(self, half: float) -> bool:
         """One run of SLSQP within a box around the best design; whether a grasp was lost."""
@@ -276,6 +272,8 @@ class _DesignSearch:
                 except LostGrasp:
                     memo[key], lost = None, True
                     self.problem.restore(self._grasps)
+                    if sum(one is None for one in memo.values()) >= _MOST_LOST:
+                        raise
             return memo[key]
 
         def cost(z: Array) -> float:
@@ -310,7 +308,10 @@ class _DesignSearch:
         if epigraph or start.limits:
             given["constraints"] = [{"type": "ineq", "fun": limits, "jac": limits_slope}]
         options = {"maxiter": self.options.max_iterations, "ftol": self.options.tolerance}
-        found = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **given)
+        try:
+            found = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **given)
+        except LostGrasp:
+            return True
         # 8: no descent along the step any more, which ends a search at a kink or at rounding.
         self._converged = found.status in (0, 8)
         self._ended = str(found.message)

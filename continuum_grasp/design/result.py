@@ -139,7 +139,7 @@ class DesignResult(Result):
     )
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "design.report:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("design", "plotting.design:plot_design", needs="grasps", panels=True),
+        Picture("design", "plotting.design:plot_design", needs="cases", panels=True),
     )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "design.report:page"),)
 

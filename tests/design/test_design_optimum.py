@@ -97,11 +97,13 @@ def test_errors_of_manufacture(moment):
     assert found.best.cost == pytest.approx(worst.cost, rel=1e-9)
 
 
-def test_grasps_may_be_lost_on_the_way():
-    """Below 3.4 mm the tendons are too weak: minimizing the offset alone ends there, at the tendon's limit."""
+def test_grasps_may_be_lost_on_the_way(moment):
+    """Below M / 59 N the tendons are too weak: minimizing the offset alone ends just above."""
     found = designed(minimize="e", variables={OFFSET: {"min": 0.001, "max": 0.006, "name": "e"}})
-    assert found.statistics["designs_without_grasp"] > 0
-    assert found.cases["scene"]["tension_max"] > 0.97 * 60.0
+    assert found.status is Status.FEASIBLE
+    assert 0 < found.statistics["designs_without_grasp"] <= 20
+    least = moment / (60.0 - LEAST)
+    assert least < found.values[OFFSET] < 1.01 * least
     assert all(grasp.solved for grasp in found.grasps.values())
 
 
