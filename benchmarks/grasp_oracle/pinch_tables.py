@@ -31,8 +31,8 @@ SEEN = 20_000
 """Of those the best, among which starts are chosen that differ."""
 APART = 1.5
 """Least difference of two starts: curvatures times lengths, the greatest of each finger, added up."""
-PRICE = 0.1
-"""What all tensions at their limits cost, per imbalance as great as the forces."""
+TENSION_WEIGHT = 0.1
+"""Weight of all tensions at their limits, per imbalance as great as the forces."""
 
 
 @dataclass
@@ -84,7 +84,7 @@ def starts(pinches: Pinches, count: int) -> list[tuple[Array, Array, Array]]:
         [np.linalg.norm(p.wrenches[k], axis=1) for p, k in zip(parts, choice, strict=True)]
     )
     pull = sum(np.abs(p.pulls[k]) for p, k in zip(parts, choice, strict=True))[:, None] + np.abs(last.pulls)[which]
-    cost = near / size[:, None] + PRICE * pull / sum(map(numbers.most_tension, pinches.hands))
+    cost = near / size[:, None] + TENSION_WEIGHT * pull / sum(map(numbers.most_tension, pinches.hands))
     if pinches.spatial:
         mus = [*friction[: len(every) - 1], *friction[len(every) :]]
         able = sum(_liftable(p, mu)[k] for p, k, mu in zip(parts, choice, mus, strict=True))[:, None]
@@ -120,12 +120,12 @@ def _thinned(table: Table, most: int, unit: float) -> Table:
     place = np.column_stack([table.wrenches / size[:, None], np.log(size / unit)])[order]
     cell = 0.05
     while True:
-        kept = np.sort(np.unique(np.floor(place / cell).astype(int), axis=0, return_index=True)[1])
-        if len(kept) <= most:
+        chosen = np.sort(np.unique(np.floor(place / cell).astype(int), axis=0, return_index=True)[1])
+        if len(chosen) <= most:
             break
         cell *= 1.2
-    kept = order[kept]
-    return Table(table.shapes[kept], table.pulls[kept], table.forces[kept], table.wrenches[kept])
+    chosen = order[chosen]
+    return Table(table.shapes[chosen], table.pulls[chosen], table.forces[chosen], table.wrenches[chosen])
 
 
 def _pushes(numbers: Numbers, rest: Rest, mu: float, spread: float) -> Table:

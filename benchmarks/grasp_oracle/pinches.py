@@ -28,7 +28,7 @@ MOST_STEPS = 80
 EXACT = 1e-8
 """Greatest residual of an answer, as a part of the force scale or the length."""
 GUARDED = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
-"""Places along a finger, per its length, that are kept out of the object and the walls from the start."""
+"""Places along a finger, per its length, that stay clear of the object and the walls from the start."""
 ROUNDS = 5
 """How often a solution is made again, clear also at the places where it passed through something."""
 DEPTH = 1e-6

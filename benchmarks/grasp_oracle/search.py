@@ -76,7 +76,7 @@ class Search:
         else:
             raise ValueError("clothoids that touch with the tip alone have shapes of two parameters")
         self.depths = self.fingers.depth(self.postures) if self.postures else np.empty(0)
-        # Single shapes, between those of the scan: the finger touches, and nobody pushes.
+        # Single shapes, between those of the scan: the finger touches without force.
         weightless = numbers.lift == 0.0 and not any(numbers.gravity)
         self.unloaded = self.fingers.unloaded() if weightless and self.hand.tip and not self.hand.middle else []
         self._balances: dict[int, tuple[Posture, Balance]] = {}

@@ -88,7 +88,7 @@ KINDS: dict[str, tuple[Callable[[int], Row | None], int]] = {
 
 
 def answers(kind: str, folder: Path = FOLDER) -> list[Row]:
-    """The answers of one kind, by increasing seed; empty where nobody has asked."""
+    """The answers of one kind, by increasing seed; empty where none were asked for."""
     head, rows = _read(folder / f"{kind}.jsonl")
     if rows and head["scenes"] != _digest(kind, rows):
         raise RuntimeError(f"answers/{kind}.jsonl answers other scenes than are drawn now: remove it, and ask anew")
