@@ -135,7 +135,7 @@ class CaseGrasps:
         options: dict[str, Any] = {}
         if before.relaxed:
             scene = _with_mass(scene, before.scene.object.mass)
-            options = {"relaxed": (MASS, 1.0 - before.quantities["payload"] / before.scene.object.mass)}
+            options = {"relaxed": [(MASS, 1.0 - before.quantities["payload"] / before.scene.object.mass)]}
         features = moved_features(before.scene, scene, before.attempt)
         guesses = ([] if guess is None else [guess]) + [before.attempt.x]
         for x0 in guesses:
@@ -202,7 +202,7 @@ class CaseGrasps:
         """The greatest mass from a grasp."""
         scene = result.scene
         heavy, start = _with_mass(scene, _FIRST_MASS * scene.object.mass), start_from(scene, dict(result.arrays))
-        found = self._run(heavy, start, relaxed=(MASS, 1.0 - 1.0 / _FIRST_MASS))
+        found = self._run(heavy, start, relaxed=[(MASS, 1.0 - 1.0 / _FIRST_MASS)])
         if found is None:
             raise LostGrasp(f"{self.name}: no payload was found from the grasp of {scene.object.mass:.3g} kg")
         return self._centered(found)
@@ -215,7 +215,7 @@ class CaseGrasps:
             mass, payload = found.scene.object.mass, found.quantities["payload"]
             more = payload * (_HEAVIER if payload < 0.999 * mass else _FIRST_MASS)
             scene = _with_mass(found.scene, more)
-            again = self._run(scene, found.attempt.start, relaxed=(MASS, 1.0 - payload / more))
+            again = self._run(scene, found.attempt.start, relaxed=[(MASS, 1.0 - payload / more)])
             if again is None:
                 break
             found = again

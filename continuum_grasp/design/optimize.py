@@ -110,7 +110,7 @@ def optimize_design(
     ...     }
     ... )
     >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
-    (0.00466, 'optimal')
+    (0.00465, 'optimal')
     """
     space = _space_of(design, overrides)
     search = _DesignSearch(space, progress or (lambda share, text: None))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.grasp.report.html import (
     badge,
@@ -41,8 +42,8 @@ def result_yaml(result: DesignResult) -> str:
     )
 
 
-def page(result: DesignResult) -> str:
-    """The design as an HTML page that refers to no other file or site."""
+def page(result: DesignResult, *, pictures: Mapping[str, Any] | None = None) -> str:
+    """The design as an HTML page that refers to no other file or site; ``pictures`` are those drawn, by name."""
     name = result.name or "design"
     given = result.scene.model_dump(mode="json", exclude_unset=True)
     warned = f'<div class="warning">{items(result.warnings)}</div>' if result.warnings else ""
@@ -50,7 +51,7 @@ def page(result: DesignResult) -> str:
         f"<h1>{escaped(name)}</h1>",
         f"<p>{badge(result.status.value, result.solved)} {escaped(result.message)}</p>",
         warned,
-        _picture(result),
+        _picture(result, (pictures or {}).get("design")),
         cards(_key_numbers(result)),
         section("Variables", _variables(result)),
         section("Cases", _cases(result)),
@@ -63,13 +64,14 @@ def page(result: DesignResult) -> str:
     return document(name, "\n".join(part for part in body if part))
 
 
-def _picture(result: DesignResult) -> str:
+def _picture(result: DesignResult, drawn: Any) -> str:
     if not result.drawable():
         return ""
     from continuum_grasp.plotting.design import plot_design
     from continuum_grasp.plotting.drawing.axes import inline_svg
 
-    drawing = inline_svg(plot_design(result)[0], "design", "grasp, costs of the designs tried, sensitivities")
+    first = plot_design(result)[0] if drawn is None else drawn.axes[0]
+    drawing = inline_svg(first, "design", "grasp, costs of the designs tried, sensitivities")
     caption = (
         "The grasp that decides, with the finger at the start as a dashed line; the cost of every design tried, open "
         "where a limit does not hold; and how the cost changes with each variable."

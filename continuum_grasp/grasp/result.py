@@ -300,7 +300,7 @@ class GraspResult(Result):
         asked = self.scene.closing
         if asked is None or not self.solved:
             return None
-        return closing_path(self, steps=asked.steps, table_friction=asked.table_friction)
+        return closing_path(self.scene, self.arrays, steps=asked.steps, table_friction=asked.table_friction)
 
     @property
     def greatest_normal_force(self) -> float:

@@ -36,7 +36,7 @@ class DesignVariable(Value):
     """Least value, in the unit of the key."""
     max: Annotated[Real, Unit(None), Field(examples=[0.006, "6 mm"])]
     """Greatest value, in the unit of the key."""
-    start: Annotated[Real, Unit(None)] | None = None
+    start: Annotated[Annotated[Real, Unit(None)] | None, Field(examples=[0.004, "4 mm"])] = None
     """Where the search starts, in the unit of the key; None: the scene's value."""
     spacing: Literal["linear", "log"] = "linear"
     """log: equal ratios count alike, for a number that may change by more than a factor of three."""
@@ -69,10 +69,10 @@ class Tolerance(Value):
 class QuantityLimit(Value):
     """Bounds of an expression, in SI units."""
 
-    min: Annotated[Real, Unit("SI unit of the expression")] | None = None
-    """Least value; None: none."""
-    max: Annotated[Real, Unit("SI unit of the expression")] | None = None
-    """Greatest value; None: none."""
+    min: Annotated[Annotated[Real, Unit("SI unit of the expression")] | None, Field(examples=[0.5])] = None
+    """Least value [SI unit of the expression]; None: none."""
+    max: Annotated[Annotated[Real, Unit("SI unit of the expression")] | None, Field(examples=[2.0])] = None
+    """Greatest value [SI unit of the expression]; None: none."""
 
     def _check(self) -> None:
         if self.min is None and self.max is None:
@@ -91,7 +91,7 @@ class DesignSolver(Value):
     """Iterations of the optimizer of designs between two full searches for grasps."""
     max_rounds: Annotated[int, Field(ge=1, le=20)] = 4
     """Full searches for grasps at the best design: where one finds a better grasp, the optimizer goes on from it."""
-    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2), Unit("1")] = 1e-6
+    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, examples=[1e-6]), Unit("1")] = 1e-6
     """Change of the cost, as a part of it, at which the optimizer stops [1]."""
 
 

@@ -192,7 +192,7 @@ class Robust(Value):
 
     position: Annotated[Distance, Field(examples=[0.002, "2 mm"])] = 0.0
     """Of the object's position, along x and along y [m], as far as the supports that it touches leave it."""
-    angle: Annotated[float, Field(ge=0.0, le=0.5, examples=[0.05, "3 deg"]), Unit("rad")] = 0.0
+    angle: Annotated[float, Field(ge=0.0, le=0.5, examples=[0.05235987755982989, "3 deg"]), Unit("rad")] = 0.0
     """Of the object's angle [rad], unless a face lies on a support."""
     radius: _Share = 0.0
     """Of the object's size, all lengths of its shape being too large or too small by the same share [1]."""

@@ -65,7 +65,8 @@ def test_before_any_grasp_the_command_says_so_and_exits_with_130(tmp_path):
 
 
 def test_after_a_grasp_that_is_the_result(tmp_path):
-    done = python(CLI.format(run=2), CONFIGS / "mug.yaml", "--out", tmp_path / "run")
+    thorough = ("--set", "solver.effort=thorough")
+    done = python(CLI.format(run=2), CONFIGS / "mug.yaml", *thorough, "--out", tmp_path / "run")
     assert done.returncode == 130, done.stderr
     assert "interrupted" in done.stdout.splitlines()[0]
     assert done.stdout.startswith("feasible")
@@ -76,9 +77,9 @@ def test_after_a_grasp_that_is_the_result(tmp_path):
 def test_an_interrupted_start_does_not_count():
     code = """
         press(run=2, iteration=2)
-        from continuum_grasp.grasp import optimize_grasp, search
-        search.branch_of = id
-        result = optimize_grasp(sys.argv[1])
+        from continuum_grasp.grasp import optimize_grasp
+        from continuum_grasp.scene.load import load
+        result = optimize_grasp(load(sys.argv[1], ["solver.effort=thorough"]))
         print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     """

@@ -187,6 +187,7 @@ def test_several_fingers_touch(shape):
             "b": finger_at(0.05, -0.12, 0.0),
             "c": finger_at(0.0, 0.16, math.pi, contacts={"middle": "off"}),
         },
+        overlap="allow",
     )
     starts = starts_of(scene)
     assert starts[0].label == "scan"

@@ -146,7 +146,7 @@ def gap(scene, start):
     return float(np.hypot(*(one[:, None] - other).transpose(2, 0, 1)).min()) - half
 
 
-@pytest.mark.parametrize("seed", [25, 44, 51])
+@pytest.mark.parametrize("seed", [7, 44, 51])
 def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
     scene, on = two_fingers(seed), frozenset({"upper.tip", "lower.tip"})
     for overlap in ("allow", "forbid"):

@@ -189,7 +189,8 @@ def written(value: Any, shape: Shape, path: tuple[str | int, ...], data: Any) ->
 def test_every_number_of_the_shipped_configurations_takes_its_unit(path):
     scene, document = load_placed(path)
     data = written(document.value, Shape(type(scene)), (), document.value)
-    assert data != document.value
+    # Numbers of designs belong to keys of the scene, whose units the design does not know.
+    assert data != document.value or path.parent.name == "design"
     assert type(scene).model_validate(data) == scene
 
 

