@@ -191,7 +191,7 @@ def test_every_number_of_the_shipped_configurations_takes_its_unit(path):
     data = written(document.value, Shape(type(scene)), (), document.value)
     # Numbers of designs belong to keys of the scene, whose units the design does not know.
     assert data != document.value or path.parent.name == "design"
-    assert type(scene).model_validate(data) == scene
+    assert type(scene).model_validate(data).model_dump() == scene.model_dump()  # a design also holds its file
 
 
 def test_set_and_python_take_units(file):
