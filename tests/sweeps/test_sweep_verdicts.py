@@ -12,15 +12,15 @@ import pytest
 from continuum_grasp import sweep
 from tests.sweep_cases import ROOT
 
-# Twenty scenes, about a third of which have no grasp: what is computed for those takes the longest.
+# Six scenes, some of which have no grasp: what is computed for those takes the longest.
 SCENES = {
     "scene": str(ROOT / "configs" / "grasp" / "mug.yaml"),
     "vary": {
-        "finger.tendons.offset": {"from": 0.0025, "to": 0.0055, "count": 5},
-        "object.mass": {"values": [0.2, 0.4, 0.6, 0.8]},
+        "finger.tendons.offset": {"values": [0.003, 0.0055]},
+        "object.mass": {"values": [0.2, 0.4, 0.8]},
     },
 }
-BUSY = 8
+BUSY = 3
 """Processes that take what the machine has."""
 
 
