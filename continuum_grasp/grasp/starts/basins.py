@@ -32,10 +32,10 @@ _PLACES, _DENSE, _FEW = 128, 0.25, 10
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
-_WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
+_WINDOW = 0.25 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_SHRINK, _BETTER = 0.3, 0.5
-"""What a round of that leaves of the window: where no neighbor was better, and where one was."""
+_ROUNDS, _SHRINK, _BETTER = 3, 0.25, 0.4
+"""Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
 _PROMISES = 1.3
 """Score per that of the best basin up to which the exact refinement is worth its time."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
@@ -56,12 +56,10 @@ class _Accuracy:
     weight: float  # of the tensions in the least squares
     balanced: float  # relative imbalance that this weight leaves
     per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
-    rounds: int  # of the refinement
-    window: float  # its first, per that of the scan
 
 
-_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0, 2, 1.0)
-_EXACT = _Accuracy(5e-5, 2e-4, 100.0, 3, 0.2)
+_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0)
+_EXACT = _Accuracy(5e-5, 2e-4, 100.0)
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
@@ -252,33 +250,29 @@ class Basins:
     # -- minima ------------------------------------------------------------------------------------------------
 
     def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
-        """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
-        and a lower weight of the tensions, and the order then.
+        """The basins with finer friction cones and a lower weight of the tensions, moved along their curves to where
+        they are best, and the order then.
         """
-        if near is not None:
-            best = self._moved(best, near, window)
-        best = best.take(np.argsort(best.score, kind="stable"))
         self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
         block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
         best = self._weighed(best.branch, best.candidates, block, best.wrong)
         if near is not None:
-            some = np.asarray(best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0)
-            moved = self._moved(best.take(some), near, window)
-            best = _merged(moved, best.take(~some)) if not some.all() else moved
+            best = self._moved(best, near, window)
         return best.take(np.argsort(best.score, kind="stable"))
 
     def _moved(self, best: Scored, near: Near, window: float) -> Scored:
-        """The best neighbors along the curves."""
-        size = np.full(len(best.score), window * self._accuracy.window)
-        for _ in range(self._accuracy.rounds):
-            found, rows = near(best.branch, size)
+        """The best neighbors along the curves; the last rounds are those of the most promising basins."""
+        size = np.full(len(best.score), window)
+        for number in range(_ROUNDS):
+            index = np.flatnonzero((number == 0) | (best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0))
+            found, rows = near(best.branch.take(index), size[index])
             wrong = self._depth(found)
             clear = wrong <= STRICT
             judged = self._judged(found.take(clear), wrong[clear])
             if judged is None:
                 size = _SHRINK * size
                 continue
-            moved = best_of(judged.score, rows[clear], len(size))
+            moved = best_of(judged.score, index[rows[clear]], len(size))
             better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
             best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
             size = np.where(better, _BETTER, _SHRINK) * size

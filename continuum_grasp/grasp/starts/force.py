@@ -31,7 +31,7 @@ _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-TENSION_WEIGHT, _STEPS = 3e-4, 20
+TENSION_WEIGHT, _STEPS = 3e-4, 15
 """Weight of the tensions (per their limits) beside the squared imbalance, and most steps of the interior point method:
 8 to 11 as a rule."""
 _RIGID, _ENOUGH = 1e-9, 1e-6
