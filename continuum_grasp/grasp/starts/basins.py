@@ -148,7 +148,7 @@ class Basins:
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
             some = some.take(left < _HOPEFUL)
             if len(some):
-                added, _ = beside(task, ring, some, gaps(some))
+                added, _ = beside(task, ring, some, gaps(some, np.where(np.isin(some.side, few), _DENSE, 1.0)))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
         if scored is None:
