@@ -32,6 +32,8 @@ branch, and the best grasp often is there."""
 _FIRST = np.linspace(0.0, 1.0, 17)
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
+_ROUNDED = 1e-10
+"""Gap that is none [L]."""
 _NEAR_FOLD = 0.05
 """Least gap of a parabola through three end curvatures, per its second difference, from which on both roots may lie
 between: the error of the parabola."""
@@ -163,20 +165,22 @@ def _clothoids(
 ) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
+    # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
+    limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1])
+    limit = 1.05 * min(limit, float(np.max(task.limits)) * (1.0 + _ABOVE) * high)
     rows: list[Array] = []
     sides: list[Array] = []
     turns: list[Array] = []
     for one in which:
         angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
-            fits = np.flatnonzero(np.abs(angle + winding) < MOST_TURN)
+            fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
             rows.append(near[fits])
             sides.append(np.full(len(fits), one))
             turns.append(angle[fits] + winding)
     row, side, turn = (np.concatenate(part) for part in (rows, sides, turns))
-    index, guess = bends_to(point[row], turn)
+    index, guess = bends_to(point[row], turn, limit)
     row, side, turn = row[index], side[index], turn[index]
-    limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1]) * 1.05
     some = (np.abs(guess) < limit) & (np.abs(2.0 * turn - guess) < limit)
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
     bend, length, good = exact_bends(point[row], turn, guess, 0.4)
@@ -361,4 +365,6 @@ def bracketed_root(gap: Any, low: Array, high: Array, at_low: Array, at_high: Ar
         # An end that stays counts half.
         a, fa = np.where(crossed, b, a), np.where(crossed, fb, 0.5 * fa)
         b, fb = x, fx
+        if np.abs(fx).max(initial=0.0) < _ROUNDED:
+            break
     return b
