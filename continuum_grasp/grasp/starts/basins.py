@@ -36,6 +36,8 @@ _WINDOW = 0.25 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
 _ROUNDS, _SHRINK, _BETTER = 3, 0.25, 0.4
 """Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
+_SETTLED = 3e-4
+"""Relative difference of the scores of the best two neighbors from which on a basin is refined no more."""
 _PROMISES = 1.3
 """Score per that of the best basin up to which the exact refinement is worth its time."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
@@ -196,6 +198,9 @@ class Basins:
         if not len(branch):
             return None
         self.postures += len(branch)
+        return self._scored(branch, wrong)
+
+    def _scored(self, branch: Branch, wrong: Array) -> Scored:
         candidates = self._candidates(branch, wrong)
         block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
         return self._weighed(branch, candidates, block, wrong)
@@ -251,32 +256,38 @@ class Basins:
 
     def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
         """The basins with finer friction cones and a lower weight of the tensions, moved along their curves to where
-        they are best, and the order then.
+        they are best, and the order then; the last rounds are those of the most promising basins.
         """
         self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
-        block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
-        best = self._weighed(best.branch, best.candidates, block, best.wrong)
-        if near is not None:
-            best = self._moved(best, near, window)
-        return best.take(np.argsort(best.score, kind="stable"))
-
-    def _moved(self, best: Scored, near: Near, window: float) -> Scored:
-        """The best neighbors along the curves; the last rounds are those of the most promising basins."""
-        size = np.full(len(best.score), window)
-        for number in range(_ROUNDS):
-            index = np.flatnonzero((number == 0) | (best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0))
-            found, rows = near(best.branch.take(index), size[index])
-            wrong = self._depth(found)
-            clear = wrong <= STRICT
-            judged = self._judged(found.take(clear), wrong[clear])
-            if judged is None:
-                size = _SHRINK * size
-                continue
-            moved = best_of(judged.score, index[rows[clear]], len(size))
-            better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
-            best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
+        count = len(best.score)
+        size, index = np.full(count, window), np.arange(count)
+        for number in range(_ROUNDS if near else 1):
+            branch, wrong, rows = best.branch, best.wrong, np.zeros(0, int)
+            if near:
+                found, rows = near(best.branch.take(index), size[index])
+                depth = self._depth(found)
+                clear = depth <= STRICT
+                rows = index[rows[clear]]
+                branch, wrong = together([branch, found.take(clear)]), np.concatenate([wrong, depth[clear]])
+                self.postures += len(rows)
+            if number == 0:  # until now they were judged roughly
+                judged = self._scored(branch, wrong)
+                best = judged.take(slice(count))
+            else:
+                new = branch.take(slice(count, None))
+                judged = _merged(best, self._scored(new, wrong[count:])) if len(new) else best
+            score = judged.score[count:]
+            moved = best_of(score, rows, count)
+            least = np.append(score, np.inf)[moved]
+            change = best.score - least
+            better = change > 0.0
+            best = judged.take(np.where(better, count + moved, np.arange(count)))
             size = np.where(better, _BETTER, _SHRINK) * size
-        return best
+            promising = best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0
+            index = np.flatnonzero(promising & ((moved < 0) | (np.abs(change) > _SETTLED * best.score)))
+            if not len(index):
+                break
+        return best.take(np.argsort(best.score, kind="stable"))
 
 
 Near = Callable[[Branch, Array], tuple[Branch, Array]]
