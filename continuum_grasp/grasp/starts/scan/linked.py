@@ -36,16 +36,24 @@ def gaps(some: Branch, spacing: Array) -> Array:
 
 def _linked(branch: Branch, apart: Array, near: float) -> Array:
     """Which pairs (P, P) of postures are alike and next to each other by a distance (P, P)."""
+    one, two = np.nonzero(np.abs(apart) <= near)
 
     def differ(values: Array) -> Array:
-        return np.asarray(np.abs(values[:, None] - values[None, :]))
+        return np.asarray(np.abs(values[one] - values[two]))
 
-    alike = (np.abs(apart) <= near) & (branch.side[:, None] == branch.side) & (branch.part[:, None] == branch.part)
-    alike &= differ(branch.joint) < _JOINT
+    alike = (branch.side[one] == branch.side[two]) & (branch.part[one] == branch.part[two])
+    alike &= (differ(branch.joint) < _JOINT) & _alike_normals(branch, one, two)
     for end in (0, 1, 3):
         values = branch.ends[:, end]
-        alike &= differ(values) < _CURVATURE + _STEEP * np.abs(values)
-    return np.asarray(alike & _alike_normals(branch))
+        alike &= differ(values) < _CURVATURE + _STEEP * np.abs(values[two])
+    return _pairs(len(branch), one[alike], two[alike])
+
+
+def _pairs(count: int, one: Array, two: Array) -> Array:
+    """A table (P, P) of pairs."""
+    out = np.zeros((count, count), bool)
+    out[one, two] = True
+    return out
 
 
 def along_outline(branch: Branch, count: int) -> Array:
@@ -58,12 +66,13 @@ def in_bends(branch: Branch) -> Array:
     """Which pairs (P, P) of postures of two arcs are neighbors."""
     one = branch.ends[:, 0] * branch.joint
     two = branch.ends[:, 2] * (1.0 - branch.joint)
-    near = np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR
-    return np.asarray(near & (branch.tip[:, None] == branch.tip) & _alike_normals(branch))
+    first, second = np.nonzero(np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR)
+    alike = (branch.tip[first] == branch.tip[second]) & _alike_normals(branch, first, second)
+    return _pairs(len(branch), first[alike], second[alike])
 
 
-def _alike_normals(branch: Branch) -> Array:
-    turned = np.remainder(branch.tip_normal[:, None] - branch.tip_normal + math.pi, math.tau) - math.pi
+def _alike_normals(branch: Branch, one: Array, two: Array) -> Array:
+    turned = np.remainder(branch.tip_normal[one] - branch.tip_normal[two] + math.pi, math.tau) - math.pi
     return np.asarray(np.abs(turned) < _NORMAL)
 
 
