@@ -132,18 +132,19 @@ class Basins:
     def _along_outline(self) -> Scored | None:
         task, isolated = self.task, self.task.one_arc_to_joint
         ring = Ring(task, _PLACES)
-        some = self._passable(scanned(task, ring))
+        some, wrong = self._passable(scanned(task, ring))
         few: list[int] = []
         if not isolated:
             few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
         if few:
-            dense = self._passable(scanned(task, ring, tuple(few), _DENSE))
-            some = together([some.take(~np.isin(some.side, few)), dense])
+            dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
+            others = ~np.isin(some.side, few)
+            some, wrong = together([some.take(others), dense]), np.concatenate([wrong[others], depth])
         self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
         if not len(some):
             return None
-        clear = self._depth(some) <= STRICT
-        scored = self._judged(some.take(clear))
+        clear = wrong <= STRICT
+        scored = self._judged(some.take(clear), wrong[clear])
         if not isolated:
             # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
             some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
@@ -162,9 +163,11 @@ class Basins:
 
         return self._refined(best, None if isolated else near, _PLACE_WINDOW)
 
-    def _passable(self, found: Branch) -> Branch:
-        """Those next to which there may be a posture that is clear of everything."""
-        return found.take(self._depth(found) <= LOOSE)
+    def _passable(self, found: Branch) -> tuple[Branch, Array]:
+        """Those next to which there may be a posture that is clear of everything, and by how much they are not."""
+        depth = self._depth(found)
+        near = depth <= LOOSE
+        return found.take(near), depth[near]
 
     def _of_arcs(self) -> Scored | None:
         some = scanned_arcs(self.task)
