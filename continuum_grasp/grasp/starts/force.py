@@ -329,7 +329,7 @@ def _boxed(
         left = (scaled @ x[..., None])[..., 0] - goal
         value = 0.5 * np.einsum("bn,bn->b", left, left) + x @ weight
         worse = value > least
-        best, least = np.where(worse[:, None], best, x), np.where(worse, least, value)
+        best, least = (np.where(worse[:, None], best, x) if worse.any() else x), np.minimum(value, least)
         gap = np.einsum("kbn,kbn->b", away, press) / (2 * size)
         going = gap > enough
         if 2 * np.count_nonzero(going) < len(rows):
@@ -348,8 +348,9 @@ def _boxed(
         newton = soft, slim, across, np.linalg.inv(unit + slim @ across)
         step = _step(*newton, slope) * _SIGNS
         change = -press - stiff * step
-        length = _longest(step, change, away, press)
-        after = np.einsum("kbn,kbn->b", away + length * step, press + length * change) / (2 * size)
+        length = _longest(step, change, away, press)[:, 0]
+        # To first order the products of both fall by the step's part.
+        after = (1.0 - length) * gap + length**2 * np.einsum("kbn,kbn->b", step, change) / (2 * size)
         barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), 0.1 * enough)[:, None]
         pull = (barrier - step * change) / away
         step = _step(*newton, slope - pull[0] + pull[1]) * _SIGNS
