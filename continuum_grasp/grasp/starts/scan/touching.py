@@ -304,12 +304,9 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     at, _ = tips(every, grid)
     gap = task.rough_distance(at) - task.half
     rows, columns = np.nonzero(gap[:, :-1] * gap[:, 1:] <= 0.0)
-    low, high, at_low, at_high = (
-        grid[rows, columns],
-        grid[rows, columns + 1],
-        gap[rows, columns],
-        gap[rows, columns + 1],
-    )
+    # Both ends of each bracket, and the gaps there.
+    after = columns + 1
+    ends = np.stack([grid[rows, columns], grid[rows, after], gap[rows, columns], gap[rows, after]])
     # Where the curves of both roots fold, they lie between two lines of the grid.
     row, column, least = folds(grid, gap)
     if len(row):
@@ -317,17 +314,14 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         two = between * gap[row, column] < 0.0
         row, column, least, between = row[two], column[two], least[two], between[two]
         rows = np.concatenate([rows, row, row])
-        low, high = (
-            np.concatenate([low, grid[row, column - 1], least]),
-            np.concatenate([high, least, grid[row, column + 1]]),
-        )
-        at_low = np.concatenate([at_low, gap[row, column - 1], between])
-        at_high = np.concatenate([at_high, between, gap[row, column + 1]])
+        left = np.stack([grid[row, column - 1], least, gap[row, column - 1], between])
+        right = np.stack([least, grid[row, column + 1], between, gap[row, column + 1]])
+        ends = np.concatenate([ends, left, right], axis=1)
 
     def miss(last: Array) -> Array:
         return np.asarray(task.rough_distance(tips(rows, last[:, None])[0])[:, 0] - task.half)
 
-    last = bracketed_root(miss, low, high, at_low, at_high)
+    last = bracketed_root(miss, *ends)
     tip, facing = (v[:, 0] for v in tips(rows, last[:, None]))
     part, point, normal = task.touched(tip)
     ahead = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
