@@ -14,7 +14,7 @@ from continuum_grasp.grasp.search import Basin, Search
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.chords import bends_to, chords, exact_bends
-from continuum_grasp.grasp.starts.scan.touching import bracketed_root
+from continuum_grasp.grasp.starts.scan.touching import bracketed_root, folds
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame
@@ -66,6 +66,17 @@ def test_bracketed_roots_stay_in_their_brackets():
     for a, b, x in zip(low, high, found, strict=True):
         if gap(a) * gap(b) < 0.0:
             assert x == pytest.approx(brentq(gap, a, b), abs=1e-6)
+
+
+def test_two_roots_between_two_lines_of_a_grid_are_not_missed():
+    """Parabolas with roots 0.1 and 0.2 apart, and one without, on a grid of spacing 0.5."""
+    grid = np.tile(np.linspace(-2.0, 2.0, 9), (3, 1))
+    square = (grid - 0.2) ** 2
+    gap = np.stack([square[0] - 0.05**2, 0.1**2 - square[1], square[2] + 0.2])
+    rows, columns, at = folds(grid, gap)
+    assert rows.tolist() == [0, 1]
+    assert columns.tolist() == [4, 4]
+    assert at == pytest.approx([0.2, 0.2])
 
 
 @pytest.mark.parametrize(("exponent", "axes"), [*product([2.0, 2.3, 4.0, 8.0], [(0.2, 0.2), (0.2, 0.05)])])

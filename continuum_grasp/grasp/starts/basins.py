@@ -32,10 +32,12 @@ _PLACES, _DENSE, _FEW = 128, 0.25, 10
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
-_WINDOW = np.array([-1.0, -0.5, 0.5, 1.0])
+_WINDOW = 0.25 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_SHRINK, _BETTER = 0.3, 0.5
-"""What a round of that leaves of the window: where no neighbor was better, and where one was."""
+_ROUNDS, _SHRINK, _BETTER = 3, 0.25, 0.4
+"""Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
+_SETTLED = 3e-4
+"""Relative difference of the scores of the best two neighbors from which on a basin is refined no more."""
 _PROMISES = 1.3
 """Score per that of the best basin up to which the exact refinement is worth its time."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
@@ -56,12 +58,10 @@ class _Accuracy:
     weight: float  # of the tensions in the least squares
     balanced: float  # relative imbalance that this weight leaves
     per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
-    rounds: int  # of the refinement
-    window: float  # its first, per that of the scan
 
 
-_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0, 2, 1.0)
-_EXACT = _Accuracy(5e-5, 2e-4, 100.0, 3, 0.2)
+_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0)
+_EXACT = _Accuracy(5e-5, 2e-4, 100.0)
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
@@ -132,25 +132,26 @@ class Basins:
     def _along_outline(self) -> Scored | None:
         task, isolated = self.task, self.task.one_arc_to_joint
         ring = Ring(task, _PLACES)
-        some = self._passable(scanned(task, ring))
+        some, wrong = self._passable(scanned(task, ring))
         few: list[int] = []
         if not isolated:
             few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
         if few:
-            dense = self._passable(scanned(task, ring, tuple(few), _DENSE))
-            some = together([some.take(~np.isin(some.side, few)), dense])
+            dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
+            others = ~np.isin(some.side, few)
+            some, wrong = together([some.take(others), dense]), np.concatenate([wrong[others], depth])
         self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
         if not len(some):
             return None
-        clear = self._depth(some) <= STRICT
-        scored = self._judged(some.take(clear))
+        clear = wrong <= STRICT
+        scored = self._judged(some.take(clear), wrong[clear])
         if not isolated:
             # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
             some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
             some = some.take(left < _HOPEFUL)
             if len(some):
-                added, _ = beside(task, ring, some, gaps(some))
+                added, _ = beside(task, ring, some, gaps(some, np.where(np.isin(some.side, few), _DENSE, 1.0)))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
         if scored is None:
@@ -162,9 +163,11 @@ class Basins:
 
         return self._refined(best, None if isolated else near, _PLACE_WINDOW)
 
-    def _passable(self, found: Branch) -> Branch:
-        """Those next to which there may be a posture that is clear of everything."""
-        return found.take(self._depth(found) <= LOOSE)
+    def _passable(self, found: Branch) -> tuple[Branch, Array]:
+        """Those next to which there may be a posture that is clear of everything, and by how much they are not."""
+        depth = self._depth(found)
+        near = depth <= LOOSE
+        return found.take(near), depth[near]
 
     def _of_arcs(self) -> Scored | None:
         some = scanned_arcs(self.task)
@@ -198,6 +201,9 @@ class Basins:
         if not len(branch):
             return None
         self.postures += len(branch)
+        return self._scored(branch, wrong)
+
+    def _scored(self, branch: Branch, wrong: Array) -> Scored:
         candidates = self._candidates(branch, wrong)
         block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
         return self._weighed(branch, candidates, block, wrong)
@@ -252,37 +258,39 @@ class Basins:
     # -- minima ------------------------------------------------------------------------------------------------
 
     def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
-        """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
-        and a lower weight of the tensions, and the order then.
+        """The basins with finer friction cones and a lower weight of the tensions, moved along their curves to where
+        they are best, and the order then; the last rounds are those of the most promising basins.
         """
-        if near is not None:
-            best = self._moved(best, near, window)
-        best = best.take(np.argsort(best.score, kind="stable"))
         self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
-        block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
-        best = self._weighed(best.branch, best.candidates, block, best.wrong)
-        if near is not None:
-            some = np.asarray(best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0)
-            moved = self._moved(best.take(some), near, window)
-            best = _merged(moved, best.take(~some)) if not some.all() else moved
-        return best.take(np.argsort(best.score, kind="stable"))
-
-    def _moved(self, best: Scored, near: Near, window: float) -> Scored:
-        """The best neighbors along the curves."""
-        size = np.full(len(best.score), window * self._accuracy.window)
-        for _ in range(self._accuracy.rounds):
-            found, rows = near(best.branch, size)
-            wrong = self._depth(found)
-            clear = wrong <= STRICT
-            judged = self._judged(found.take(clear), wrong[clear])
-            if judged is None:
-                size = _SHRINK * size
-                continue
-            moved = best_of(judged.score, rows[clear], len(size))
-            better = (moved >= 0) & (np.append(judged.score, np.inf)[moved] < best.score)
-            best = _merged(best, judged).take(np.where(better, len(size) + moved, np.arange(len(size))))
+        count = len(best.score)
+        size, index = np.full(count, window), np.arange(count)
+        for number in range(_ROUNDS if near else 1):
+            branch, wrong, rows = best.branch, best.wrong, np.zeros(0, int)
+            if near:
+                found, rows = near(best.branch.take(index), size[index])
+                depth = self._depth(found)
+                clear = depth <= STRICT
+                rows = index[rows[clear]]
+                branch, wrong = together([branch, found.take(clear)]), np.concatenate([wrong, depth[clear]])
+                self.postures += len(rows)
+            if number == 0:  # until now they were judged roughly
+                judged = self._scored(branch, wrong)
+                best = judged.take(slice(count))
+            else:
+                new = branch.take(slice(count, None))
+                judged = _merged(best, self._scored(new, wrong[count:])) if len(new) else best
+            score = judged.score[count:]
+            moved = best_of(score, rows, count)
+            least = np.append(score, np.inf)[moved]
+            change = best.score - least
+            better = change > 0.0
+            best = judged.take(np.where(better, count + moved, np.arange(count)))
             size = np.where(better, _BETTER, _SHRINK) * size
-        return best
+            promising = best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0
+            index = np.flatnonzero(promising & ((moved < 0) | (np.abs(change) > _SETTLED * best.score)))
+            if not len(index):
+                break
+        return best.take(np.argsort(best.score, kind="stable"))
 
 
 Near = Callable[[Branch, Array], tuple[Branch, Array]]

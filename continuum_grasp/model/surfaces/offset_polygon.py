@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
-from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import (
     TINY,
     Feature,
@@ -297,15 +297,15 @@ class _PolygonOutline(Outline):
         if len(self.corners) == 2:
             square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
         outside = np.argmin(square, axis=-1)
-        core = np.hypot(*(np.take_along_axis(part, outside[..., None], -1)[..., 0] for part in (beyond, out)))
+        core = np.hypot(*(picked(part, outside) for part in (beyond, out)))
         edge = outside
         if len(self.corners) > 2:
             depth = np.argmax(out, axis=-1)
-            deepest = np.take_along_axis(out, depth[..., None], -1)[..., 0]
+            deepest = picked(out, depth)
             inside = deepest < 0.0
             edge = np.where(inside, depth, outside)
             core = np.where(inside, deepest, core)
-        return core - self.radius, edge, np.take_along_axis(along, edge[..., None], -1)[..., 0]
+        return core - self.radius, edge, picked(along, edge)
 
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
         heights = (self.corners * np.conj(direction)).real

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Scalar, Vec, rotated
-from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
 
@@ -287,7 +287,7 @@ class _SuperellipseOutline(Outline):
         tangents = x[..., None] * normal.real + y[..., None] * normal.imag
         tangents -= reach
         best = np.argmax(tangents, axis=-1)
-        gap = np.take_along_axis(tangents, best[..., None], -1)[..., 0]
+        gap = picked(tangents, best)
         slide = (y - at.imag[best]) * normal.real[best] - (x - at.real[best]) * normal.imag[best]
         return np.asarray(gap + 0.5 * slide**2 / np.maximum(gap + radius[best], 4.0 * np.abs(slide) + 1e-12))
 

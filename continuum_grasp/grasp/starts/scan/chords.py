@@ -24,13 +24,14 @@ _RULES = np.stack([_WEIGHTS, _WEIGHTS * _EARLY], axis=1)
 
 
 @cache
-def _table() -> tuple[Array, Array, Array]:
-    """Turns, first curvatures, and chords by turn and first curvature."""
+def _table() -> tuple[Array, Array, Array, Array]:
+    """Turns, first curvatures, chords (2, turn, first curvature) by their parts, and their changes to the next turn."""
     turns = np.linspace(-MOST_TURN, MOST_TURN, _TURNS)
     bends = np.linspace(-_MOST_BEND, _MOST_BEND, _BENDS)
     grid = np.meshgrid(turns, bends, indexing="ij")
-    chord, _ = chords(grid[1].ravel(), grid[0].ravel())
-    return turns, bends, chord.reshape(grid[0].shape)
+    chord = chords(grid[1].ravel(), grid[0].ravel())[0].reshape(grid[0].shape)
+    parts = np.stack([chord.real, chord.imag])
+    return turns, bends, parts, np.diff(parts, axis=1)
 
 
 def chords(bend: Array, turn: Array) -> tuple[Array, Array]:
@@ -45,21 +46,27 @@ def chords(bend: Array, turn: Array) -> tuple[Array, Array]:
     return -across[:, 0] + 1j * along[:, 0], -along[:, 1] - 1j * across[:, 1]
 
 
-def bends_to(aims: Array, turns: Array) -> tuple[Array, Array]:
-    """All curves of length one whose chord has the direction of an aim (R,), given their turn (R,): row and first
-    curvature of each.
+def bends_to(aims: Array, turns: Array, limit: float = _MOST_BEND) -> tuple[Array, Array]:
+    """All curves of length one whose chord has the direction of an aim (R,), given their turn (R,), with first
+    curvatures up to a limit: row and first curvature of each.
     """
-    tabled, bends, table = _table()
+    tabled, bends, table, change = _table()
     at = (turns - tabled[0]) / (tabled[1] - tabled[0])
     index = np.clip(at.astype(int), 0, _TURNS - 2)
     share = (at - index)[:, None]
-    chord = table[index] * (1.0 - share) + table[index + 1] * share
-    off = chord * np.conj(aims / np.abs(aims))[:, None]
-    low, high = off[:, :-1], off[:, 1:]
-    rows, columns = np.nonzero((low.imag * high.imag <= 0.0) & (low.real + high.real > 0.0))
-    first, last = low.imag[rows, columns], high.imag[rows, columns]
-    guess = bends[columns] + (bends[1] - bends[0]) * first / np.where(first == last, 1.0, first - last)
-    return rows, guess
+    some = slice(max(int(np.searchsorted(bends, -limit)) - 1, 0), int(np.searchsorted(bends, limit)) + 1)
+    bends = bends[some]
+    x, y = (part[index, some] + step[index, some] * share for part, step in zip(table, change, strict=True))
+    back = np.conj(aims / np.abs(aims))[:, None]
+    off = x * back.imag + y * back.real
+    right = off < 0.0
+    rows, columns = np.nonzero(right[:, 1:] != right[:, :-1])
+    # Those in the direction of the aim, not against it.
+    middle = x[rows, columns] + x[rows, columns + 1], y[rows, columns] + y[rows, columns + 1]
+    ahead = middle[0] * back.real[rows, 0] > middle[1] * back.imag[rows, 0]
+    rows, columns = rows[ahead], columns[ahead]
+    first, last = off[rows, columns], off[rows, columns + 1]
+    return rows, bends[columns] + (bends[1] - bends[0]) * first / (first - last)
 
 
 def exact_bends(aims: Array, turns: Array, guess: Array, away: float) -> tuple[Array, Array, Array]:

@@ -25,25 +25,35 @@ _JOINT, _CURVATURE, _STEEP, _NORMAL = 0.08, 2.5, 0.15, 0.5
 [rad]."""
 
 
-def gaps(some: Branch) -> Array:
-    """Shifts by which places are added: on to the next place, and back where no posture lies before."""
-    before = _linked(some, some.place[None, :] - some.place[:, None] + 1.0, 0.01).any(axis=1)
+def gaps(some: Branch, spacing: Array) -> Array:
+    """Shifts by which places are added, given their spacings (P,): on to the next place, and back where no posture lies
+    before.
+    """
+    before = _linked(some, some.place[None, :] - some.place[:, None] + spacing[:, None], 0.01).any(axis=1)
     back = np.where(np.asarray(before)[:, None], np.nan, -_BETWEEN)
-    return np.concatenate([np.broadcast_to(_BETWEEN, back.shape), back], axis=1)
+    return np.concatenate([np.broadcast_to(_BETWEEN, back.shape), back], axis=1) * spacing[:, None]
 
 
 def _linked(branch: Branch, apart: Array, near: float) -> Array:
     """Which pairs (P, P) of postures are alike and next to each other by a distance (P, P)."""
+    one, two = np.nonzero(np.abs(apart) <= near)
 
     def differ(values: Array) -> Array:
-        return np.asarray(np.abs(values[:, None] - values[None, :]))
+        return np.asarray(np.abs(values[one] - values[two]))
 
-    alike = (np.abs(apart) <= near) & (branch.side[:, None] == branch.side) & (branch.part[:, None] == branch.part)
-    alike &= differ(branch.joint) < _JOINT
+    alike = (branch.side[one] == branch.side[two]) & (branch.part[one] == branch.part[two])
+    alike &= (differ(branch.joint) < _JOINT) & _alike_normals(branch, one, two)
     for end in (0, 1, 3):
         values = branch.ends[:, end]
-        alike &= differ(values) < _CURVATURE + _STEEP * np.abs(values)
-    return np.asarray(alike & _alike_normals(branch))
+        alike &= differ(values) < _CURVATURE + _STEEP * np.abs(values[two])
+    return _pairs(len(branch), one[alike], two[alike])
+
+
+def _pairs(count: int, one: Array, two: Array) -> Array:
+    """A table (P, P) of pairs."""
+    out = np.zeros((count, count), bool)
+    out[one, two] = True
+    return out
 
 
 def along_outline(branch: Branch, count: int) -> Array:
@@ -56,12 +66,13 @@ def in_bends(branch: Branch) -> Array:
     """Which pairs (P, P) of postures of two arcs are neighbors."""
     one = branch.ends[:, 0] * branch.joint
     two = branch.ends[:, 2] * (1.0 - branch.joint)
-    near = np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR
-    return np.asarray(near & (branch.tip[:, None] == branch.tip) & _alike_normals(branch))
+    first, second = np.nonzero(np.abs(one[:, None] - one) + np.abs(two[:, None] - two) < _ARCS_NEAR)
+    alike = (branch.tip[first] == branch.tip[second]) & _alike_normals(branch, first, second)
+    return _pairs(len(branch), first[alike], second[alike])
 
 
-def _alike_normals(branch: Branch) -> Array:
-    turned = np.remainder(branch.tip_normal[:, None] - branch.tip_normal + math.pi, math.tau) - math.pi
+def _alike_normals(branch: Branch, one: Array, two: Array) -> Array:
+    turned = np.remainder(branch.tip_normal[one] - branch.tip_normal[two] + math.pi, math.tau) - math.pi
     return np.asarray(np.abs(turned) < _NORMAL)
 
 

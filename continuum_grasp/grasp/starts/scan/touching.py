@@ -32,6 +32,11 @@ branch, and the best grasp often is there."""
 _FIRST = np.linspace(0.0, 1.0, 17)
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
+_ROUNDED = 1e-10
+"""Gap that is none [L]."""
+_NEAR_FOLD = 0.05
+"""Least gap of a parabola through three end curvatures, per its second difference, from which on both roots may lie
+between: the error of the parabola."""
 _X, _W = np.polynomial.legendre.leggauss(10)
 _AT, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 
@@ -160,20 +165,22 @@ def _clothoids(
 ) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
+    # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
+    limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1])
+    limit = 1.05 * min(limit, float(np.max(task.limits)) * (1.0 + _ABOVE) * high)
     rows: list[Array] = []
     sides: list[Array] = []
     turns: list[Array] = []
     for one in which:
         angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
-            fits = np.flatnonzero(np.abs(angle + winding) < MOST_TURN)
+            fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
             rows.append(near[fits])
             sides.append(np.full(len(fits), one))
             turns.append(angle[fits] + winding)
     row, side, turn = (np.concatenate(part) for part in (rows, sides, turns))
-    index, guess = bends_to(point[row], turn)
+    index, guess = bends_to(point[row], turn, limit)
     row, side, turn = row[index], side[index], turn[index]
-    limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1]) * 1.05
     some = (np.abs(guess) < limit) & (np.abs(2.0 * turn - guess) < limit)
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
     bend, length, good = exact_bends(point[row], turn, guess, 0.4)
@@ -297,12 +304,24 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     at, _ = tips(every, grid)
     gap = task.rough_distance(at) - task.half
     rows, columns = np.nonzero(gap[:, :-1] * gap[:, 1:] <= 0.0)
+    # Both ends of each bracket, and the gaps there.
+    after = columns + 1
+    ends = np.stack([grid[rows, columns], grid[rows, after], gap[rows, columns], gap[rows, after]])
+    # Where the curves of both roots fold, they lie between two lines of the grid.
+    row, column, least = folds(grid, gap)
+    if len(row):
+        between = task.rough_distance(tips(row, least[:, None])[0])[:, 0] - task.half
+        two = between * gap[row, column] < 0.0
+        row, column, least, between = row[two], column[two], least[two], between[two]
+        rows = np.concatenate([rows, row, row])
+        left = np.stack([grid[row, column - 1], least, gap[row, column - 1], between])
+        right = np.stack([least, grid[row, column + 1], between, gap[row, column + 1]])
+        ends = np.concatenate([ends, left, right], axis=1)
 
     def miss(last: Array) -> Array:
         return np.asarray(task.rough_distance(tips(rows, last[:, None])[0])[:, 0] - task.half)
 
-    low, high = grid[rows, columns], grid[rows, columns + 1]
-    last = bracketed_root(miss, low, high, gap[rows, columns], gap[rows, columns + 1])
+    last = bracketed_root(miss, *ends)
     tip, facing = (v[:, 0] for v in tips(rows, last[:, None]))
     part, point, normal = task.touched(tip)
     ahead = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
@@ -312,6 +331,22 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     found = first.take(rows)
     ends = np.stack([found.ends[:, 0], found.ends[:, 1], last if one_arc else found.ends[:, 1], last], axis=1)
     return replace(found, ends=ends, tip=part, tip_point=point, tip_normal=normal), rows
+
+
+def folds(grid: Array, gap: Array) -> tuple[Array, Array, Array]:
+    """Where gaps (P, G) on even grids turn back next to zero without a change of sign: rows, columns, and the vertices
+    of the parabolas through three neighbors.
+    """
+    before, here, after = gap[:, :-2], gap[:, 1:-1], gap[:, 2:]
+    bend = before - 2.0 * here + after
+    turns = (before * here > 0.0) & (here * after > 0.0) & (here * bend > 0.0)
+    turns &= np.abs(here) <= np.minimum(np.abs(before), np.abs(after))
+    rows, columns = np.nonzero(turns)
+    here, bend, slope = here[rows, columns], bend[rows, columns], (after - before)[rows, columns]
+    near = np.sign(here) * (here - 0.125 * slope**2 / bend) < _NEAR_FOLD * np.abs(bend)
+    rows, columns, share = rows[near], columns[near] + 1, -0.5 * (slope / bend)[near]
+    at = grid[rows, columns]
+    return rows, columns, at + share * (grid[rows, columns + 1] - at)
 
 
 def bracketed_root(gap: Any, low: Array, high: Array, at_low: Array, at_high: Array) -> Array:
@@ -324,4 +359,6 @@ def bracketed_root(gap: Any, low: Array, high: Array, at_low: Array, at_high: Ar
         # An end that stays counts half.
         a, fa = np.where(crossed, b, a), np.where(crossed, fb, 0.5 * fa)
         b, fb = x, fx
+        if np.abs(fx).max(initial=0.0) < _ROUNDED:
+            break
     return b
