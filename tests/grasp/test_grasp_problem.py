@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
 from numpy.testing import assert_allclose
+from scipy.integrate import simpson
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.fine import with_elements
@@ -205,6 +206,23 @@ def test_places_and_equilibrium_are_those_of_the_model(family):
     # A mass within an element bears like its Jacobian.
     carried = np.array(model.jacobian(q, u, 0.55, p)).T @ LOADED["gravity"] * 0.7
     assert_allclose(np.array(backbone.missing(1)(q, u, w, [0.7, 0.55], p)).ravel(), still - carried, atol=1e-11)
+
+
+def test_sections_of_a_finger_that_bends_to_its_limit():
+    """Within an element whose curvature goes from one limit to the other, as in a result: integrals of the tangent."""
+    finger = Finger(
+        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0), tendons=Tendons(offset=0.1, max_tension=9.0)
+    )
+    model = FingerModel(finger, family="clothoid", elements=2, gravity=(0, 0), bending_range=2 * math.pi, accuracy=1e-7)
+    q, u = np.array([-7.5, 11.1, -4.0 * math.pi])[: model.n], np.zeros(model.nu)
+    section = model.backbone().section
+    for s in (0.2, 0.5, 0.64, 0.81, 1.0):
+        at = np.linspace(0.0, s, 2001)
+        angles = np.array([float(model.orientation(q, u, one, model.p_nominal)) for one in at])
+        way = simpson([-np.sin(angles), np.cos(angles)], x=at)
+        point, angle = (np.array(v).ravel() for v in section(q, u, s, model.p_nominal))
+        assert angle == pytest.approx(angles[-1], abs=1e-12)
+        assert_allclose(point, way, atol=1e-8)
 
 
 @pytest.mark.parametrize("count", [4, 9])
