@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_clear, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
@@ -158,6 +158,9 @@ class _Verdict:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = find_reasons(self.scene, search)
+        if search.hopeless and not any(is_clear(reason, self.scene) for reason in reasons):
+            search.exhaust([])
+            reasons = reasons if self._best() else find_reasons(self.scene, search)
         if all(is_rare(reason) for reason in reasons) and self._best() is None and not self.budget.cut:
             alone = {reason.name for reason in reasons}  # needs no second one
             pairs = find_pairs(self.scene, search)

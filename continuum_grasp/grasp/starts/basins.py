@@ -7,7 +7,7 @@ the curves are refined. Models with more elements than two bend a little from th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -66,15 +66,6 @@ _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
 
-@dataclass(frozen=True)
-class Scan:
-    """What a scan looked at."""
-
-    places: int  # of contacts
-    postures: int  # that touch and are clear of everything
-    basins: int
-
-
 def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
     """Whether the postures of a scene with the contacts ``on`` are curves with one parameter: those of one finger with
     fixed base before a fixed object, with one middle contact, or of two arcs with the tip alone.
@@ -109,29 +100,47 @@ class Basins:
     """The basins of a scene of one finger with the contacts ``on`` by name."""
 
     def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
-        self._dense = dense
-        self.scene, self.setup = scene, scene.setups[0]
-        base = self.setup.finger.base
+        self.on, self._dense = on, dense
+        base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
-        self.task = make_task(scene, self.setup, self.base, self.pose, 1, on)
-        self.loads = loads_of(scene)
-        self._touched = support_contacts(scene, self.pose, on)
-        self.supports = support_block(scene, self.loads, self._touched, self.pose)
-        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
-        self._fine_supports = support_block(scene, self._fine_loads, self._touched, self.pose)
+        self.task = make_task(scene, scene.setups[0], self.base, self.pose, 1, on)
+        self._ring = Ring(self.task, _PLACES)
         self.places = self.postures = 0
         self._joints = np.flatnonzero(self.task.middles)
+        # Arcs to a middle contact have no free parameter.
+        self._isolated = any(self.task.middles) and self.task.one_arc_to_joint
+        self._postures: Scored | None = None
+        self._load(scene)
+
+    def _load(self, scene: GraspScene) -> None:
+        """Take the forces of a scene."""
+        self.scene, self.setup = scene, scene.setups[0]
+        touched = support_contacts(scene, self.pose, self.on)
+        self.loads = loads_of(scene)
+        self.supports = support_block(scene, self.loads, touched, self.pose)
+        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
+        self._fine_supports = support_block(scene, self._fine_loads, touched, self.pose)
 
     def found(self) -> Scored | None:
         """The basins, those with the least score first; None where no posture touches."""
-        return self._along_outline() if any(self.task.middles) else self._of_arcs()
+        self._postures = self._along_outline() if any(self.task.middles) else self._of_arcs()
+        return None if self._postures is None else self._refined(self._lowest(self._postures))
+
+    def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
+        """The basins among the same postures in a scene that differs in mass or in limits of forces alone."""
+        other, known = copy(self), self._postures
+        other._load(scene)
+        if known is None:
+            return other, None
+        block = finger_block(scene, other.loads, other.setup, known.candidates, self.pose)
+        lowest = other._lowest(other._weighed(known.branch, known.candidates, block, known.wrong))
+        return other, _ordered(other._exact(lowest))
 
     # -- postures ----------------------------------------------------------------------------------------------
 
     def _along_outline(self) -> Scored | None:
-        task, isolated = self.task, self.task.one_arc_to_joint
-        ring = Ring(task, _PLACES)
+        task, ring, isolated = self.task, self._ring, self._isolated
         some = self._passable(scanned(task, ring))
         few: list[int] = []
         if not isolated:
@@ -153,14 +162,7 @@ class Basins:
                 added, _ = beside(task, ring, some, gaps(some))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
-        if scored is None:
-            return None
-        best = scored.take(minima(scored.score, along_outline(scored.branch, ring.count)))
-
-        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
-            return beside(task, ring, branch, window[:, None] * _WINDOW)
-
-        return self._refined(best, None if isolated else near, _PLACE_WINDOW)
+        return scored
 
     def _passable(self, found: Branch) -> Branch:
         """Those next to which there may be a posture that is clear of everything."""
@@ -176,11 +178,7 @@ class Basins:
         if len(hopeful):  # on a corner the normal turns within a step
             more = self._judged(beside_arcs(self.task, hopeful, np.tile(_ARC_STEPS, (len(hopeful), 1)))[0])
             scored = scored if more is None else _merged(scored, more)
-
-        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
-            return beside_arcs(self.task, branch, window[:, None] * _WINDOW)
-
-        return self._refined(scored.take(minima(scored.score, in_bends(scored.branch))), near, _ARC_WINDOW)
+        return scored
 
     def _depth(self, branch: Branch) -> Array:
         """By how much something is in the way of postures (P,) [L]."""
@@ -251,27 +249,34 @@ class Basins:
 
     # -- minima ------------------------------------------------------------------------------------------------
 
-    def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
+    def _lowest(self, some: Scored) -> Scored:
+        """The minima along the curves."""
+        linked = along_outline(some.branch, self._ring.count) if any(self.task.middles) else in_bends(some.branch)
+        return some.take(minima(some.score, linked))
+
+    def _refined(self, best: Scored) -> Scored:
         """The basins moved along their curves to where they are best, the most promising ones with finer friction cones
         and a lower weight of the tensions, and the order then.
         """
-        if near is not None:
-            best = self._moved(best, near, window)
-        best = best.take(np.argsort(best.score, kind="stable"))
+        best = self._exact(_ordered(best if self._isolated else self._moved(best)))
+        if self._isolated:
+            return _ordered(best)
+        some = np.asarray(best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0)
+        moved = self._moved(best.take(some))
+        return _ordered(moved if some.all() else _merged(moved, best.take(~some)))
+
+    def _exact(self, best: Scored) -> Scored:
+        """The same with finer friction cones and a lower weight of the tensions, as all from now on."""
         self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
         block = finger_block(self.scene, self.loads, self.setup, best.candidates, self.pose)
-        best = self._weighed(best.branch, best.candidates, block, best.wrong)
-        if near is not None:
-            some = np.asarray(best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0)
-            moved = self._moved(best.take(some), near, window)
-            best = _merged(moved, best.take(~some)) if not some.all() else moved
-        return best.take(np.argsort(best.score, kind="stable"))
+        return self._weighed(best.branch, best.candidates, block, best.wrong)
 
-    def _moved(self, best: Scored, near: Near, window: float) -> Scored:
+    def _moved(self, best: Scored) -> Scored:
         """The best neighbors along the curves."""
+        window = _PLACE_WINDOW if any(self.task.middles) else _ARC_WINDOW
         size = np.full(len(best.score), window * self._accuracy.window)
         for _ in range(self._accuracy.rounds):
-            found, rows = near(best.branch, size)
+            found, rows = self._near(best.branch, size[:, None] * _WINDOW)
             wrong = self._depth(found)
             clear = wrong <= STRICT
             judged = self._judged(found.take(clear), wrong[clear])
@@ -284,8 +289,15 @@ class Basins:
             size = np.where(better, _BETTER, _SHRINK) * size
         return best
 
+    def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:
+        """Postures next to some on their curves, and the row that each is from."""
+        if any(self.task.middles):
+            return beside(self.task, self._ring, branch, shifts)
+        return beside_arcs(self.task, branch, shifts)
 
-Near = Callable[[Branch, Array], tuple[Branch, Array]]
+
+def _ordered(some: Scored) -> Scored:
+    return some.take(np.argsort(some.score, kind="stable"))
 
 
 def _merged(one: Scored, two: Scored) -> Scored:
