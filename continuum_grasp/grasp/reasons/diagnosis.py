@@ -5,7 +5,7 @@ then suffices, verified and confirmed, is the reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
@@ -87,18 +87,19 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
 
 
-def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
+def find_reasons(scene: GraspScene, search: Search, thorough: bool = True) -> list[Reason]:
     """Find the limits each of which, relaxed alone, gives a grasp that the certificate confirms.
 
     The starts of a ``search`` without success are used, and grasps that turn up after all are added to it. Reasons that
-    the scene has a number for come first, by how small a factor is missing.
+    the scene has a number for come first, by how small a factor is missing. Where no limit is a reason at first sight,
+    a ``thorough`` look goes on.
     """
-    repairs = repaired(scene, search)
+    repairs = repaired(scene, search, thorough)
     return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
 
 
-def repaired(scene: GraspScene, search: Search) -> Repairs:
-    """Relax each limit alone."""
+def repaired(scene: GraspScene, search: Search, thorough: bool = True) -> Repairs:
+    """Relax each limit alone, once more and ``thorough`` if none gives a grasp."""
     repairs = Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
     for relaxation in RELAXATIONS:
@@ -108,7 +109,7 @@ def repaired(scene: GraspScene, search: Search) -> Repairs:
             starts[relaxation.name] = repairs.starts(relaxation)
             repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
     found = repairs.relaxations
-    for relaxation in found or [r for r in RELAXATIONS if r.name in starts]:
+    for relaxation in found or [r for r in RELAXATIONS if thorough and r.name in starts]:
         repairs.resume(relaxation)
         more = starts[relaxation.name][FIRST:MORE]
         if not found and not starts[relaxation.name]:
@@ -182,7 +183,8 @@ class Repairs:
         if eased is self.scene:
             return known
         if not relaxation.bounds_shape and not rough:
-            balanced = self._balanced(relaxation, [amount] if best else amount * np.array(LARGER))
+            factors = LARGER if best is None else (amount / relaxation.start(self.scene),)
+            balanced = balanced_starts(self._search, [relaxation], factors)
             if balanced is not None:
                 return balanced
         search = Search(eased, self._search.budget)
@@ -192,20 +194,6 @@ class Repairs:
             eased_starts.append(spread(search.rough_starts_of(mode) if scanned is None else _hopeful(scanned)))
         self._search.start_seconds += search.start_seconds
         return interleaved([*eased_starts, known])
-
-    def _balanced(self, relaxation: Relaxation, amounts: Iterable[float]) -> list[Start] | None:
-        """Starts of scanned postures that are nearly in balance with the first of some amounts for which there are any;
-        none: however much the limit is relaxed, it is no reason. None where postures are not scanned.
-        """
-        for amount in amounts:
-            eased = relaxation.eased(self.scene, min(float(amount), relaxation.most * (1.0 - SHORT)))
-            scans = self._search.rebalanced(eased)
-            if scans is None:
-                return None
-            starts = [start for start in interleaved(scans) if start.imbalance < BALANCED]
-            if starts:
-                return starts
-        return []
 
     def try_starts(self, relaxation: Relaxation, starts: Iterable[Start]) -> None:
         """Relax one limit as little as possible, from every start."""
@@ -288,6 +276,27 @@ def spread(starts: list[Start]) -> list[Start]:
     for start in starts:
         branches.setdefault((frozenset(start.contacts), *branch_of(start)), []).append(start)
     return interleaved(list(branches.values()))
+
+
+def balanced_starts(
+    search: Search, limits: Sequence[Relaxation], factors: Iterable[float] = LARGER
+) -> list[Start] | None:
+    """Starts of scanned postures that are nearly in balance with limits of forces relaxed by the first multiple of the
+    usual amounts for which there are any; none: however much they are relaxed, they are no reason. None where postures
+    are not scanned.
+    """
+    for factor in factors:
+        eased = search.scene
+        for limit in limits:
+            amount = min(factor * limit.start(search.scene), limit.most * (1.0 - SHORT))
+            eased = limit.eased(eased, amount)
+        scans = search.rebalanced(eased)
+        if scans is None:
+            return None
+        starts = [start for start in interleaved(scans) if start.imbalance < BALANCED]
+        if starts:
+            return starts
+    return []
 
 
 def _hopeful(starts: list[Start]) -> list[Start]:
