@@ -18,7 +18,7 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.result import Reason
-from continuum_grasp.grasp.search import Search, branch_of, contact_modes
+from continuum_grasp.grasp.search import BENT, Search, branch_of, contact_modes
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -285,6 +285,7 @@ def balanced_starts(
     usual amounts for which there are any; none: however much they are relaxed, they are no reason. None where postures
     are not scanned.
     """
+    most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
     for factor in factors:
         eased = search.scene
         for limit in limits:
@@ -293,7 +294,7 @@ def balanced_starts(
         scans = search.rebalanced(eased)
         if scans is None:
             return None
-        starts = [start for start in interleaved(scans) if start.imbalance < BALANCED]
+        starts = [start for start in interleaved(scans) if start.imbalance < most]
         if starts:
             return starts
     return []
