@@ -87,7 +87,7 @@ def _run(scene: GraspScene, what: str, seed: int) -> tuple[GraspResult | None, O
     seconds = {k: share * float(v) for k, v in result.statistics.items() if k.endswith("_seconds")}
     seconds["all_seconds"] = share * everything
     seconds["after_build_seconds"] = seconds["total_seconds"] - seconds["build_seconds"]
-    out = Outcome(seed, what, str(result.status), seconds=seconds, iterations=int(result.statistics["iterations"]))
+    out = Outcome(seed, what, str(result.status), seconds=seconds, iterations=int(result.statistics["iterations"] or 0))
     if result.solved:
         used = time.process_time()
         certify(result.scene, result.arrays)

@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_clear, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
@@ -157,11 +157,10 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        reasons = find_reasons(self.scene, search)
-        if all(is_rare(reason) for reason in reasons) and self._best() is None and not self.budget.cut:
-            alone = {reason.name for reason in reasons}  # needs no second one
-            pairs = find_pairs(self.scene, search)
-            reasons = [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
+        reasons = self._reasons(thorough=not search.hopeless)
+        if search.hopeless and not any(is_clear(reason, self.scene) for reason in reasons):
+            search.exhaust([])
+            reasons = self._reasons() if self._best() is None else []
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
@@ -169,6 +168,15 @@ class _Verdict:
         if reasons and not self.budget.stopped:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
+
+    def _reasons(self, thorough: bool = True) -> list[Reason]:
+        """Limits that are in the way, alone or two at once."""
+        reasons = find_reasons(self.scene, self.search, thorough)
+        if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
+            return reasons
+        alone = {reason.name for reason in reasons}  # needs no second one
+        pairs = find_pairs(self.scene, self.search)
+        return [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
 
     # -- verdicts --------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.report.page import result_page
 from continuum_grasp.grasp.report.text import further_advice, result_text, result_yaml
-from continuum_grasp.grasp.result import GraspResult, Status, force_text
+from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.plotting.grasp.friction import plot_friction
 from continuum_grasp.plotting.grasp.picture import plot_grasp
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
@@ -178,6 +178,15 @@ def test_page_says_why_there_is_none():
     assert "Why there is no grasp" in page.text
     assert "0.46 kg" in page.text
     assert "lift: 3.2 N" in page.text
+
+
+def test_page_has_a_row_for_each_of_two_limits_at_once():
+    (one,) = failed().reasons
+    other = Reason("tension", "finger.tendons.max_tension", "N", 12.0, 34.5, "too weak", "stronger")
+    text = result_page(replace(failed(), reasons=(replace(one, also=(other,)),)))
+    rows = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in re.findall(r"<tr>.*?</tr>", text)]
+    numbers = {row[1]: (row[2], row[3]) for row in rows if len(row) == 5 and row[1] in (one.key, other.key)}
+    assert numbers == {"object.mass": ("1.5 kg", "0.46 kg"), "finger.tendons.max_tension": ("12 N", "34.5 N")}
 
 
 def test_page_escapes_what_the_user_wrote():

@@ -34,6 +34,7 @@ class Relaxation:
     without: Callable[[GraspScene], GraspScene] = lambda scene: scene
     """The scene without what is in the way, where no key of it can be changed by the amount."""
     applies: Callable[[GraspScene], bool] = lambda scene: True  # whether a scene has the limit at all
+    bounds_shape: bool = True  # whether it bounds shapes and places; False: it bounds forces alone
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
         """The scene to start from; the same one where nothing is known to be in the way."""
@@ -125,6 +126,7 @@ RELAXATIONS = (
         start=_max_tension,
         limit=_max_tension,
         relaxed=_tension,
+        bounds_shape=False,
     ),
     Relaxation(
         "friction",
@@ -135,6 +137,7 @@ RELAXATIONS = (
         limit=lambda s: min([setup.friction for setup in s.setups] + [s.contacts.friction]),
         relaxed=_contacts("friction"),
         most=20.0,
+        bounds_shape=False,
     ),
     Relaxation(
         "normal force",
@@ -144,6 +147,7 @@ RELAXATIONS = (
         start=_normal_max,
         limit=_normal_max,
         relaxed=_contacts("normal_force_max"),
+        bounds_shape=False,
     ),
     Relaxation(
         "mass",
@@ -156,6 +160,7 @@ RELAXATIONS = (
         most=1.0,
         additive=False,
         applies=lambda s: s.weight > 0.0,
+        bounds_shape=False,
     ),
     Relaxation(
         "tilt balance",
@@ -167,6 +172,7 @@ RELAXATIONS = (
         repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
         size=2,
         applies=_balances_tilt,
+        bounds_shape=False,
     ),
     Relaxation(
         "strain",

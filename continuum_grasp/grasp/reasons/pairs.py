@@ -16,7 +16,16 @@ import numpy as np
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import HASTY, Repair, Repairs, rank, spread
+from continuum_grasp.grasp.reasons.diagnosis import (
+    BALANCED,
+    HASTY,
+    Repair,
+    Repairs,
+    balanced_starts,
+    interleaved,
+    rank,
+    spread,
+)
 from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import Search, contact_modes
 from continuum_grasp.grasp.starts.values import Start
@@ -24,6 +33,8 @@ from continuum_grasp.scene.grasp import GraspScene
 
 TOGETHER, SEEDS = 6, 2
 """Starts from which all limits are relaxed together, and how many of the points found every pair is tried from."""
+WIDER = (1.0, 3.0)
+"""Usual amounts by which a limit of the shape is relaxed in search of postures that another limit then balances."""
 PAIRS = 6
 """Pairs that are looked into."""
 SPARE = 1e-4
@@ -45,6 +56,55 @@ def find_pairs(scene: GraspScene, search: Search) -> list[Reason]:
     Those that ask for the least change come first, by the product of the factors.
     """
     limits = [relaxation for relaxation in RELAXATIONS if relaxation.applies(scene)]
+    scanned = _scanned(scene, search, limits)
+    tried = []
+    for pair, starts in scanned.items():
+        again = [_relax(scene, search, pair, start) for start in starts[:SEEDS]]
+        tried += sorted((one for one in again if one is not None), key=lambda one: one.total)[:1]
+    more = {pair: starts[SEEDS:TOGETHER] for pair, starts in scanned.items()}
+    return _reasons(scene, search, tried, more) or _reasons(scene, search, _from_seeds(scene, search, limits), {})
+
+
+def _reasons(
+    scene: GraspScene, search: Search, tried: list[_Relaxed], more: dict[tuple[Relaxation, ...], list[Start]]
+) -> list[Reason]:
+    """The best pairs as reasons, from ``more`` starts too, in order of the change that they ask for."""
+    pairs = sorted(tried, key=lambda one: one.total)[:PAIRS]
+    reasons = [_reason(scene, search, pair, more.get(tuple(pair.amounts))) for pair in pairs if not search.budget.over]
+    return sorted((reason for reason in reasons if reason is not None), key=_change)
+
+
+def _scanned(
+    scene: GraspScene, search: Search, limits: Sequence[Relaxation]
+) -> dict[tuple[Relaxation, ...], list[Start]]:
+    """Pairs of limits with which scanned postures come near to balance, and these as starts; none where postures are
+    not scanned.
+    """
+    forces = [limit for limit in limits if not limit.bounds_shape]
+    shapes = [limit for limit in limits if limit.bounds_shape and limit.eased(scene, limit.start(scene)) is not scene]
+    found: dict[tuple[Relaxation, ...], list[Start]] = {}
+    for pair in combinations(forces, 2):
+        found[pair] = balanced_starts(search, pair) or []
+    for shape in shapes:
+        for factor in WIDER:
+            wide = Search(shape.eased(scene, factor * shape.start(scene)), search.budget)
+            for mode in contact_modes(wide.scene):
+                wide.basins_of(mode)
+            found |= {(shape, force): balanced_starts(wide, [force]) or [] for force in forces}
+            search.start_seconds += wide.start_seconds
+            if any(found[shape, force] for force in forces):
+                break
+    for one, two in combinations(shapes, 2):
+        eased = two.eased(one.eased(scene, one.start(scene)), two.start(scene))
+        wide = Search(eased, search.budget)
+        scans = [wide.basins_of(mode) or [] for mode in contact_modes(eased)]
+        found[one, two] = [start for start in interleaved(scans) if start.imbalance < BALANCED]
+        search.start_seconds += wide.start_seconds
+    return {pair: starts for pair, starts in found.items() if starts}
+
+
+def _from_seeds(scene: GraspScene, search: Search, limits: Sequence[Relaxation]) -> list[_Relaxed]:
+    """All pairs relaxed from points at which all limits are relaxed together."""
     known = [t.attempt.start for t in sorted(search.tried, key=lambda t: t.attempt.badness)]
     # With clearance or balance given up, postures would lie where no other limit helps.
     seeds = _best(scene, search, [limit for limit in limits if limit.limit is not None], known)[:SEEDS]
@@ -53,9 +113,7 @@ def find_pairs(scene: GraspScene, search: Search) -> list[Reason]:
     for pair in combinations(limits, 2):
         again = [_relax(scene, search, pair, s.attempt.start, x0=s.attempt.x.copy()) for s in seeds]
         tried += sorted((one for one in again if one is not None), key=lambda one: one.total)[:1]
-    pairs = sorted(tried, key=lambda one: one.total)[:PAIRS]
-    reasons = [_reason(scene, search, pair) for pair in pairs if not search.budget.over]
-    return sorted((reason for reason in reasons if reason is not None), key=_change)
+    return tried
 
 
 def _best(scene: GraspScene, search: Search, limits: Sequence[Relaxation], known: list[Start]) -> list[_Relaxed]:
@@ -83,10 +141,16 @@ def _relax(
     return _Relaxed(amounts, sum(amounts[limit] / most for limit, most in usual), attempt)
 
 
-def _reason(scene: GraspScene, search: Search, pair: _Relaxed) -> Reason | None:
-    """A pair as one reason; None where the certificate does not confirm it."""
+def _reason(scene: GraspScene, search: Search, pair: _Relaxed, more: list[Start] | None) -> Reason | None:
+    """A pair as one reason, from ``more`` starts too, or those of rough scans; None where the certificate does not
+    confirm it.
+    """
     limits, start = list(pair.amounts), pair.attempt.start
-    found = [pair, *_best(scene, search, limits, [start])]
+    if more is None:
+        found = [pair, *_best(scene, search, limits, [start])]
+    else:
+        again = (_relax(scene, search, limits, other) for other in more)
+        found = [pair, *(one for one in again if one is not None)]
     held = (one for one in sorted(found, key=lambda one: one.total) if _holds(scene, search, one))
     best = next(held, None)
     if best is None:

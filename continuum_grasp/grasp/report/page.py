@@ -103,7 +103,14 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
 def _why(result: GraspResult) -> str:
     if result.solved:
         return f"<p>{escaped(result.advice)}</p>" if result.advice else ""
-    rows = [(r.text, r.key, _amount(r.limit, r.unit), _amount(r.needed, r.unit), r.repair) for r in result.reasons]
+    rows = []
+    for reason in result.reasons:
+        # Limits that must be changed together have a row each; the first one's sentences are about all of them.
+        for each, what, repair in (
+            (reason, reason.text, reason.repair),
+            *((r, "at once with it", "") for r in reason.also),
+        ):
+            rows.append((what, each.key, _amount(each.limit, each.unit), _amount(each.needed, each.unit), repair))
     head = ("What stands against it", "Key", "As given", "Needed", "Repair")
     broken = "<p>Broken constraints at the closest attempt:</p>" + items(result.violated) if result.violated else ""
     more = further_advice(result)

@@ -7,7 +7,7 @@ the curves are refined. Models with more elements than two bend a little from th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -66,15 +66,6 @@ _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
 
-@dataclass(frozen=True)
-class Scan:
-    """What a scan looked at."""
-
-    places: int  # of contacts
-    postures: int  # that touch and are clear of everything
-    basins: int
-
-
 def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
     """Whether the postures of a scene with the contacts ``on`` are curves with one parameter: those of one finger with
     fixed base before a fixed object, with one middle contact, or of two arcs with the tip alone.
@@ -109,29 +100,48 @@ class Basins:
     """The basins of a scene of one finger with the contacts ``on`` by name."""
 
     def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
-        self._dense = dense
-        self.scene, self.setup = scene, scene.setups[0]
-        base = self.setup.finger.base
+        self.on, self._dense = on, dense
+        base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
-        self.task = make_task(scene, self.setup, self.base, self.pose, 1, on)
-        self.loads = loads_of(scene)
-        self._touched = support_contacts(scene, self.pose, on)
-        self.supports = support_block(scene, self.loads, self._touched, self.pose)
-        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
-        self._fine_supports = support_block(scene, self._fine_loads, self._touched, self.pose)
+        self.task = make_task(scene, scene.setups[0], self.base, self.pose, 1, on)
+        self._ring = Ring(self.task, _PLACES)
         self.places = self.postures = 0
         self._joints = np.flatnonzero(self.task.middles)
+        # Arcs to a middle contact have no free parameter.
+        self._isolated = any(self.task.middles) and self.task.one_arc_to_joint
+        self._postures: Scored | None = None
+        self._load(scene)
+
+    def _load(self, scene: GraspScene) -> None:
+        """Take the forces of a scene."""
+        self.scene, self.setup = scene, scene.setups[0]
+        touched = support_contacts(scene, self.pose, self.on)
+        self.loads = loads_of(scene)
+        self.supports = support_block(scene, self.loads, touched, self.pose)
+        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
+        self._fine_supports = support_block(scene, self._fine_loads, touched, self.pose)
 
     def found(self) -> Scored | None:
         """The basins, those with the least score first; None where no posture touches."""
-        return self._along_outline() if any(self.task.middles) else self._of_arcs()
+        self._postures = self._along_outline() if any(self.task.middles) else self._of_arcs()
+        return None if self._postures is None else self._refined(self._lowest(self._postures))
+
+    def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
+        """The basins among the same postures in a scene that differs in mass or in limits of forces alone."""
+        other, known = copy(self), self._postures
+        other._load(scene)
+        if known is None:
+            return other, None
+        block = finger_block(scene, other.loads, other.setup, known.candidates, self.pose)
+        lowest = other._lowest(other._weighed(known.branch, known.candidates, block, known.wrong))
+        other._judge_finely()
+        return other, _ordered(other._scored(lowest.branch, lowest.wrong))
 
     # -- postures ----------------------------------------------------------------------------------------------
 
     def _along_outline(self) -> Scored | None:
-        task, isolated = self.task, self.task.one_arc_to_joint
-        ring = Ring(task, _PLACES)
+        task, ring, isolated = self.task, self._ring, self._isolated
         some, wrong = self._passable(scanned(task, ring))
         few: list[int] = []
         if not isolated:
@@ -154,14 +164,7 @@ class Basins:
                 added, _ = beside(task, ring, some, gaps(some, np.where(np.isin(some.side, few), _DENSE, 1.0)))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
-        if scored is None:
-            return None
-        best = scored.take(minima(scored.score, along_outline(scored.branch, ring.count)))
-
-        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
-            return beside(task, ring, branch, window[:, None] * _WINDOW)
-
-        return self._refined(best, None if isolated else near, _PLACE_WINDOW)
+        return scored
 
     def _passable(self, found: Branch) -> tuple[Branch, Array]:
         """Those next to which there may be a posture that is clear of everything, and by how much they are not."""
@@ -179,11 +182,7 @@ class Basins:
         if len(hopeful):  # on a corner the normal turns within a step
             more = self._judged(beside_arcs(self.task, hopeful, np.tile(_ARC_STEPS, (len(hopeful), 1)))[0])
             scored = scored if more is None else _merged(scored, more)
-
-        def near(branch: Branch, window: Array) -> tuple[Branch, Array]:
-            return beside_arcs(self.task, branch, window[:, None] * _WINDOW)
-
-        return self._refined(scored.take(minima(scored.score, in_bends(scored.branch))), near, _ARC_WINDOW)
+        return scored
 
     def _depth(self, branch: Branch) -> Array:
         """By how much something is in the way of postures (P,) [L]."""
@@ -257,17 +256,27 @@ class Basins:
 
     # -- minima ------------------------------------------------------------------------------------------------
 
-    def _refined(self, best: Scored, near: Near | None, window: float) -> Scored:
-        """The basins with finer friction cones and a lower weight of the tensions, moved along their curves to where
-        they are best, and the order then; the last rounds are those of the most promising basins.
-        """
+    def _lowest(self, some: Scored) -> Scored:
+        """The minima along the curves."""
+        linked = along_outline(some.branch, self._ring.count) if any(self.task.middles) else in_bends(some.branch)
+        return some.take(minima(some.score, linked))
+
+    def _judge_finely(self) -> None:
+        """Take finer friction cones and a lower weight of the tensions from now on."""
         self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
+
+    def _refined(self, best: Scored) -> Scored:
+        """The basins, judged finely and moved along their curves to where they are best, and the order then; the last
+        rounds are those of the most promising basins.
+        """
+        self._judge_finely()
         count = len(best.score)
+        window = _PLACE_WINDOW if any(self.task.middles) else _ARC_WINDOW
         size, index = np.full(count, window), np.arange(count)
-        for number in range(_ROUNDS if near else 1):
+        for number in range(1 if self._isolated else _ROUNDS):
             branch, wrong, rows = best.branch, best.wrong, np.zeros(0, int)
-            if near:
-                found, rows = near(best.branch.take(index), size[index])
+            if not self._isolated:
+                found, rows = self._near(best.branch.take(index), size[index, None] * _WINDOW)
                 depth = self._depth(found)
                 clear = depth <= STRICT
                 rows = index[rows[clear]]
@@ -290,10 +299,17 @@ class Basins:
             index = np.flatnonzero(promising & ((moved < 0) | (np.abs(change) > _SETTLED * best.score)))
             if not len(index):
                 break
-        return best.take(np.argsort(best.score, kind="stable"))
+        return _ordered(best)
+
+    def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:
+        """Postures next to some on their curves, and the row that each is from."""
+        if any(self.task.middles):
+            return beside(self.task, self._ring, branch, shifts)
+        return beside_arcs(self.task, branch, shifts)
 
 
-Near = Callable[[Branch, Array], tuple[Branch, Array]]
+def _ordered(some: Scored) -> Scored:
+    return some.take(np.argsort(some.score, kind="stable"))
 
 
 def _merged(one: Scored, two: Scored) -> Scored:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.basins import Basins, Scan, is_scanned
+from continuum_grasp.grasp.starts.basins import Basins, Scored, is_scanned
 from continuum_grasp.grasp.starts.force import contact_forces
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.supports import nearest_contact, object_poses, support_contacts
@@ -45,23 +45,32 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
     return _shaken(weighing.setups, starts, count, rng)
 
 
-def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Scan] | None:
-    """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, the most promising
-    first, and what the scan, which may be ``dense``, looked at; None where postures are not of one parameter (see
-    `is_scanned`).
+def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Basins] | None:
+    """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, which may be ``dense``,
+    the most promising first; None where postures are not of one parameter (see `is_scanned`).
     """
     if not is_scanned(scene, on):
         return None
     basins = Basins(scene, on, dense)
-    found = basins.found()
+    return _starts_of(basins, basins.found()), basins
+
+
+def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
+    """The same from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
+    return _starts_of(*basins.with_forces(scene))
+
+
+def _starts_of(basins: Basins, found: Scored | None) -> list[Start]:
     if found is None:
-        return [], Scan(basins.places, basins.postures, 0)
-    weighing = Weighing(scene, on)
+        return []
+    weighing = Weighing(basins.scene, basins.on)
     weighing.loads = basins.loads
     none, rows = np.zeros(len(found.score)), np.arange(len(found.score))
     at = Weighed(basins.pose, [found.candidates], [rows], found.left, found.score, none, none, found.forces)
-    starts = [replace(_as_start(weighing, at, row), estimate=float(found.estimate[row])) for row in rows.tolist()]
-    return starts, Scan(basins.places, basins.postures, len(starts))
+    return [
+        replace(_as_start(weighing, at, row), estimate=float(found.estimate[row]), imbalance=float(found.left[row]))
+        for row in rows.tolist()
+    ]
 
 
 def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:

@@ -53,6 +53,8 @@ class Start:
     """Of the fingers' tendons that go with them [N]; may be empty."""
     estimate: float = math.nan
     """Sum of the tensions [N] to be expected of the basin that it stands for; NaN: unknown."""
+    imbalance: float = math.nan
+    """Part of the loads that the best forces within their limits leave unbalanced there; NaN: unknown."""
 
 
 def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
