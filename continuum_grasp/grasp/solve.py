@@ -157,6 +157,9 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
+        # Sets of stations are too many to try all: that none was found to hold is no proof.
+        if any(setup.stations for setup in self.scene.setups):
+            return self._unsolved(closest)
         reasons = find_reasons(self.scene, search)
         if all(is_rare(reason) for reason in reasons) and self._best() is None and not self.budget.cut:
             alone = {reason.name for reason in reasons}  # needs no second one
