@@ -30,6 +30,8 @@ STEPS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 of E I / L^2."""
 TOUCHES = 1e-2
 """Normal force from which on a station counts as touching, per greatest."""
+CAP = 300
+"""Most iterations per bound."""
 STARTS, EXCHANGES = 3, 24
 """Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
 
@@ -86,11 +88,17 @@ def _on_all(scene: GraspScene, plain: Start, arrays: dict[str, Array]) -> Start:
 def _chosen(search: Search, start: Start) -> Iterator[Start]:
     """The start with those stations on that press where all may, as the bound of their product falls."""
     scene = search.scene
-    solver = solver_for(replace(ProblemSpec.of(scene, start.contacts), chosen=False))
+    spec = replace(ProblemSpec.of(scene, start.contacts), chosen=False)
+    # Places beside a face have no clearance from it: exchanges alone find the set there.
+    if not all(surface.is_smooth for surface in spec.surfaces):
+        return
+    solver = solver_for(spec)
     last: Attempt | None = None
     for bound in STEPS:
         x0 = None if last is None else last.x
-        last = solver.run(scene, start, search.budget, rung=2, x0=x0, numbers={"complementarity": bound})
+        last = solver.run(
+            scene, start, search.budget, rung=2, iterations=CAP, x0=x0, numbers={"complementarity": bound}
+        )
         if not last.converged:
             return
         yield _pressing(scene, solver, last)
