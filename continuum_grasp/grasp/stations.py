@@ -54,7 +54,8 @@ def search_stations(search: Search, before: list[Tried]) -> None:
             return
         start = _on_all(scene, start_from(plain, held.arrays), held.arrays)
         touching = {name for name, (n, *_) in start.forces.items() if n > 0.0}
-        _better(search, search.best, _with_only(scene, start, touching))
+        # Nearly exact: bold options stay next to it.
+        _better(search, search.best, _with_only(scene, start, touching), rung=0)
         for found in _chosen(search, start):
             _better(search, search.best, found)
     for _ in range(EXCHANGES):
@@ -160,11 +161,11 @@ def _exchanges(scene: GraspScene, best: Tried) -> Iterator[Start]:
                     yield replace(added(j, fewer), forces={**fewer.forces, names[j]: start.forces[names[k]]})
 
 
-def _better(search: Search, best: Tried | None, start: Start) -> bool:
+def _better(search: Search, best: Tried | None, start: Start, rung: int = 2) -> bool:
     """Whether a start leads to a grasp that is better."""
     tried = {frozenset(t.attempt.start.contacts) for t in search.tried}
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
         return False
-    search.attempt(replace(start, label="stations"))
+    search.attempt(start, rung=rung)
     now = search.best
     return now is not None and now is not best
