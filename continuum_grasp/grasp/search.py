@@ -24,6 +24,7 @@ from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.stations import search_stations, without_stations
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -180,6 +181,12 @@ class Search:
         """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless it is
         `hopeless`.
         """
+        if any(setup.stations for setup in self.scene.setups):
+            before = Search(without_stations(self.scene), self.budget)
+            self._run(before)
+            search_stations(self, before.good)
+            self._modes = len({frozenset(tried.attempt.start.contacts) for tried in self.tried})
+            return
         if self.scene.objective != "least_tension":
             self._from_least_tension()
             self._first_left = self.budget.left  # that search has iterations of its own
@@ -358,10 +365,8 @@ class Search:
         """Other aims start from grasps with least tension, which are found more surely."""
         before = Search(self.scene.replaced(objective="least_tension"), self.budget)
         try:
-            before.run()
+            self._run(before)
         finally:  # also on Ctrl-C
-            self.build_seconds += before.build_seconds
-            self.start_seconds += before.start_seconds
             self.fallback = before.best
         for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
             if self.budget.over:
@@ -376,6 +381,14 @@ class Search:
         a start leads. Of 35 scenes of three, six have their best grasp from one that would have been left out.
         """
         return len(self.scene.setups) > 2
+
+    def _run(self, other: Search) -> None:
+        """Run a search of another scene, whose time counts as one's own."""
+        try:
+            other.run()
+        finally:  # also on Ctrl-C
+            self.build_seconds += other.build_seconds
+            self.start_seconds += other.start_seconds
 
     def _promises(self, start: Start) -> bool:
         """Whether a start may lead to something better than what there is."""

@@ -157,6 +157,9 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
+        # Sets of stations are too many to try all: that none was found to hold is no proof.
+        if any(setup.stations for setup in self.scene.setups):
+            return self._unsolved(closest)
         reasons = self._reasons(thorough=not search.hopeless)
         if search.hopeless and not any(is_clear(reason, self.scene) for reason in reasons):
             search.exhaust([])
@@ -206,6 +209,8 @@ class _Verdict:
             yield f"the solver stopped early ({best.attempt.outcome})"
         if not best.acceptable:
             yield "no stable grasp was found"
+        if any(setup.stations for setup in self.scene.setups):
+            yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration
         if search.excess > OPEN and search.left_out:
             yield (

@@ -57,6 +57,10 @@ class FingerSetup:
     """Relative accuracy of the model's evaluation."""
     middle_bounds: tuple[float, float]
     """Least and greatest position of middle contacts along the finger [m]."""
+    stations: tuple[float, ...]
+    """Positions of stations along the finger, which touch up to half of their distance off [m]; empty: there
+    are middle contacts.
+    """
     friction: float
     normal_force_max: float
     """[N]"""
@@ -85,10 +89,23 @@ class FingerSetup:
 
     @property
     def middle_names(self) -> tuple[str, ...]:
-        """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on."""
+        """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on; of stations
+        ``<finger>.station_1`` and so on.
+        """
+        if self.stations:
+            return tuple(f"{self.name}.station_{k + 1}" for k in range(len(self.stations)))
         if len(self.middles) == 1:
             return (f"{self.name}.middle",)
         return tuple(f"{self.name}.middle_{k + 1}" for k in range(len(self.middles)))
+
+    @property
+    def contact_bounds(self) -> tuple[tuple[float, float], ...]:
+        """Least and greatest position of each middle contact or station along the finger [m]."""
+        low, high = self.middle_bounds
+        if not self.stations:
+            return (self.middle_bounds,) * len(self.middles)
+        half = 0.5 * (high - low) / (len(self.stations) - 1)
+        return tuple((max(low, at - half), min(high, at + half)) for at in self.stations)
 
     @property
     def tip_name(self) -> str:
@@ -235,12 +252,22 @@ class GraspScene(Value):
         fidelity = finger.fidelity or self.fidelity
         middle, after = contacts["middle"], contacts["middle_after"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
+        count = contacts["stations"]
+        if count is not None:
+            middles = ("auto",) * count
         elements = fidelity.elements
         # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
         if after is None:
             after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
         length = finger.rod.length
+        # A contact at base or tip would leave an element of no length.
+        low, high = contacts["middle_range"] or (0.05 * length, 0.95 * length)
+        stations = (
+            ()
+            if contacts["stations"] is None
+            else tuple(low + (high - low) * k / (len(middles) - 1) for k in range(len(middles)))
+        )
         return FingerSetup(
             name=name,
             finger=finger,
@@ -254,8 +281,8 @@ class GraspScene(Value):
             bending_range=fidelity.bending_range
             or max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi),
             accuracy=fidelity.accuracy,
-            # A contact at base or tip would leave an element of no length.
-            middle_bounds=contacts["middle_range"] or (0.05 * length, 0.95 * length),
+            middle_bounds=(low, high),
+            stations=stations,
             friction=contacts["friction"],
             normal_force_max=contacts["normal_force_max"],
         )
@@ -325,6 +352,9 @@ class GraspScene(Value):
                 f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
                 f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
             )
+        given = [key for key in ("middle",) if getattr(finger.contacts, key) or getattr(self.contacts, key) != "on"]
+        if setup.stations and given:
+            raise ValueError(f"{where}: contacts.stations stands in place of contacts.middle: give one of them")
         low, high = setup.middle_bounds
         check_increasing("contacts.middle_range", (low, high))
         if high >= length:

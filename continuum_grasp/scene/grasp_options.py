@@ -26,7 +26,8 @@ from continuum_grasp.scene.value import (
 )
 
 Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
-Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=4)]
+Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=16)]
+Stations = Annotated[int, Field(ge=2, le=16)]
 Range = Annotated[tuple[Length, Length], Field(strict=False)]
 _Force = Annotated[Real, Unit("N")]
 _Moment = Annotated[Real, Unit("N m")]
@@ -45,6 +46,8 @@ class FingerContacts(Value):
     """As in ``contacts``."""
     middle_range: Range | None = None
     """As in ``contacts`` [m]."""
+    stations: Stations | None = None
+    """As in ``contacts``."""
     tip: Switch | None = None
     """As in ``contacts``."""
 
@@ -65,6 +68,9 @@ class GraspContacts(Value):
     middle_range: Annotated[Range, Increasing] | None = None
     """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""
+    stations: Stations | None = None
+    """Number of places in place of ``middle``, spread evenly over ``middle_range``, at which the finger may touch, each
+    up to half of their distance off: which of them do, and where, is found."""
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object; auto: where that is better."""
 

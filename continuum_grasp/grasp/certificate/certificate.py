@@ -288,10 +288,10 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
         over[unused] = abs(finger.tensions[unused]), 0.0
     value = worst(*(v for pair in over for v in pair)) / most
     yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
-    low, high = setup.middle_bounds
+    bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
     for contact in grasp.of(finger):
-        if contact.kind == "middle":
-            at = finger.joint_position(contact.joint)
+        if contact.name in bounds:
+            (low, high), at = bounds[contact.name], finger.joint_position(contact.joint)
             over_length = worst(low - at, at - high) / length
             yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
     # Curvatures where they may be greatest: at ends of panels, on both sides, and densely between.

@@ -167,7 +167,7 @@ class RecomputedContact:
     """One contact, its geometry found anew; world frame."""
 
     name: str
-    kind: str  # middle, tip, wall or peg
+    kind: str  # middle, station, tip, wall or peg
     index: int  # its row in the stored arrays
     finger: RecomputedFinger | None
     joint: int  # number of elements between the finger's base and it; -1 for supports
@@ -296,7 +296,7 @@ def known_contacts(scene: GraspScene) -> dict[str, tuple[str, int | None, int, W
     known: dict[str, tuple[str, int | None, int, Wall | Peg | None]] = {}
     for k, setup in enumerate(scene.setups):
         for name, joint in zip(setup.middle_names, setup.before, strict=True):
-            known[name] = "middle", k, joint, None
+            known[name] = "station" if setup.stations else "middle", k, joint, None
         known[setup.tip_name] = "tip", k, setup.elements, None
     for wall in scene.walls:  # a flat face lies on a wall with both of its ends
         known |= dict.fromkeys((wall.name, f"{wall.name}.1", f"{wall.name}.2"), ("wall", None, -1, wall))

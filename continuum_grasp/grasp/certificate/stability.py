@@ -159,7 +159,10 @@ def _add_contact(
         section[[start + reach - 1, start + reach]] = 0.5
         hessian -= pressure * h * np.outer(section, section)
     else:
-        section[start + reach - 1] = 1.0  # the last cell: phi of the law above
+        if contact.kind == "station":  # a disc on the finger: tangent only to within the tolerance
+            section[[start + reach - 1, start + reach]] = 0.5
+        else:
+            section[start + reach - 1] = 1.0  # the last cell: phi of the law above
         roll = section - turn
         mixed = np.outer(turn, roll)
         hessian -= pressure * h * (np.outer(turn, turn) + mixed + mixed.T)

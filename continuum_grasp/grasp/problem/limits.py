@@ -61,7 +61,7 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     """A finger keeps clear of object and supports at its guarded places, world positions (2, K)."""
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
     points, _, touches, thick = finger.guarded
-    places, tolerance, half = ca.horzsplit(points), number("tolerance"), thick
+    places, tolerance, half = ca.horzsplit(points), finger.number("tolerance"), thick
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]

@@ -18,7 +18,7 @@ from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
+from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -181,7 +181,7 @@ class GraspSolverRun:
             # A solution to the acceptable tolerance gets one more round from its own multipliers.
             settled = last.status is nlp.Status.SOLVED or acceptable
             acceptable = last.status is nlp.Status.ACCEPTABLE
-            clear = deepest < DEEP * scene.solver.penetration_tolerance
+            clear = deepest < DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
             if settled and clear and change < STEADY * max(1.0, abs(last.objective)):
                 break
             known = replace(known, x=last.x, multipliers=last.multipliers)

@@ -27,6 +27,7 @@ class FingerSpec:
     elements: int
     before: tuple[int, ...]  # elements between the base and each middle contact
     touching: tuple[bool, ...]  # which middle contacts are on
+    stations: bool  # whether the middle contacts are stations
     tip: bool  # whether the tip touches
     has_tendon_friction: bool
     weighs: bool  # whether its own weight acts
@@ -50,6 +51,7 @@ class FingerSpec:
             elements=setup.elements,
             before=setup.before,
             touching=tuple(name in on for name in setup.middle_names),
+            stations=bool(setup.stations),
             tip=setup.tip_name in on,
             has_tendon_friction=setup.tendons.friction > 0.0,
             weighs=weighs,
@@ -100,6 +102,7 @@ class ProblemSpec:
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
+    chosen: bool = True  # whether it is known which stations touch; else those that are there may
     landed: bool = False  # whether the object yields to tips that stay where they landed on it
 
     @staticmethod

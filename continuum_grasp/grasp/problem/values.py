@@ -31,6 +31,9 @@ APEX = 2e-4
 (mu N)^2 >= f^2 + l^2, all inside the true cone, which the certificate checks. A contact that carries nothing presses by
 e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relatively: 2e-8 of the tension in the median of
 99 random scenes and 0.02 % at most; 2e-7 where the finger is stiff and presses by much more than the weight needs."""
+BETWEEN = 1e-5
+"""Part of the length that a finger may be inside the object between stations, which touch it like the vertices of a
+polygon; the certificate allows 1e-4."""
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
 _FINE = 65
@@ -104,11 +107,12 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     low: Values = {f"relaxed {r.name}": np.zeros(r.size) for r in RELAXATIONS}
     high: Values = dict(low)
     low["greatest normal force"] = 0.0
+    low |= {f"clearance, {contact.name}": 0.0 for contact in problem.spec.contacts}
     low["friction margin"], high["friction margin"] = 0.0, 1.0
     for setup in scene.setups:
         name, finger, length = setup.name, setup.finger, setup.finger.rod.length
-        for k in range(len(setup.middles)):
-            low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in setup.middle_bounds)
+        for k, bounds in enumerate(setup.contact_bounds):
+            low[f"{name}.joint_{k}"], high[f"{name}.joint_{k}"] = (s / length for s in bounds)
         least = setup.tendons.min_tension * setup.tendons.offset * length / setup.stiffness
         low[f"{name}.pulls"] = [least, least]
         # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
@@ -211,8 +215,17 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         values |= _graded_values(setup, start, weighs)
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / own, f"mass_{k}.at": mass.at / length}
-    values |= {f"joint_{k}": count / setup.elements for k, count in enumerate(setup.before)}
+    at = [s / length for s in setup.stations] or [count / setup.elements for count in setup.before]
+    values |= {f"joint_{k}": s for k, s in enumerate(at)}
+    values["tolerance"] = (
+        tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
+    )
     return {f"{setup.name}.{key}": value for key, value in values.items()}
+
+
+def tolerance_of(setup: FingerSetup, scene: GraspScene) -> float:
+    """How deep a finger may be in what it must keep clear of, as a part of the length."""
+    return max(BETWEEN if setup.stations else 0.0, scene.solver.penetration_tolerance)
 
 
 def tension_weight(scene: GraspScene) -> float:
