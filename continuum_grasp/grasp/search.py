@@ -24,7 +24,6 @@ from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.stations import search_stations, without_stations
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -181,12 +180,6 @@ class Search:
         """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless it is
         `hopeless`.
         """
-        if any(setup.stations for setup in self.scene.setups):
-            before = Search(without_stations(self.scene), self.budget)
-            self._run(before)
-            search_stations(self, before.good)
-            self._modes = len({frozenset(tried.attempt.start.contacts) for tried in self.tried})
-            return
         if self.scene.objective != "least_tension":
             self._from_least_tension()
             self._first_left = self.budget.left  # that search has iterations of its own
@@ -235,7 +228,7 @@ class Search:
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
         pruned["like one that was solved before"] = self._alike
         return Exploration(
-            modes=self._modes,
+            modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
             places=sum(scan.places for scan in self._scans.values()),
             postures=sum(scan.postures for scan in self._scans.values()),
             basins=len(self.basins),
@@ -365,7 +358,7 @@ class Search:
         """Other aims start from grasps with least tension, which are found more surely."""
         before = Search(self.scene.replaced(objective="least_tension"), self.budget)
         try:
-            self._run(before)
+            self.run_before(before)
         finally:  # also on Ctrl-C
             self.fallback = before.best
         for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
@@ -382,7 +375,7 @@ class Search:
         """
         return len(self.scene.setups) > 2
 
-    def _run(self, other: Search) -> None:
+    def run_before(self, other: Search) -> None:
         """Run a search of another scene, whose time counts as one's own."""
         try:
             other.run()

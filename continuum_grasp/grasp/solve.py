@@ -19,6 +19,7 @@ from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
+from continuum_grasp.grasp.stations import search_stations, without_stations
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
 from continuum_grasp.nlp import Budget
@@ -129,6 +130,7 @@ class _Verdict:
         self.scene, self.budget = scene, budget
         self.began = time.monotonic()
         self.search = Search(scene, budget)
+        self._has_stations = any(setup.stations for setup in scene.setups)
         self.interrupted = False
 
     def result(self) -> GraspResult:
@@ -151,14 +153,17 @@ class _Verdict:
         if far is not None:
             return self._infeasible([far], None)
         search = self.search
-        search.run()
+        if self._has_stations:
+            search_stations(search, Search(without_stations(self.scene), self.budget))
+        else:
+            search.run()
         stabilize(search)
         best = self._best()
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         # Sets of stations are too many to try all: that none was found to hold is no proof.
-        if any(setup.stations for setup in self.scene.setups):
+        if self._has_stations:
             return self._unsolved(closest)
         reasons = self._reasons(thorough=not search.hopeless)
         if search.hopeless and not any(is_clear(reason, self.scene) for reason in reasons):
@@ -209,7 +214,7 @@ class _Verdict:
             yield f"the solver stopped early ({best.attempt.outcome})"
         if not best.acceptable:
             yield "no stable grasp was found"
-        if any(setup.stations for setup in self.scene.setups):
+        if self._has_stations:
             yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration
         if search.excess > OPEN and search.left_out:

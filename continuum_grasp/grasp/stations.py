@@ -46,10 +46,11 @@ def without_stations(scene: GraspScene) -> GraspScene:
     return scene.model_copy(update={"contacts": whole}).with_fingers(fingers)
 
 
-def search_stations(search: Search, before: list[Tried]) -> None:
-    """Find grasps with stations next to those ``before`` with one middle contact, then exchange stations."""
-    scene, plain = search.scene, without_stations(search.scene)
-    for held in sorted(before, key=lambda t: t.attempt.objective)[:STARTS]:
+def search_stations(search: Search, before: Search) -> None:
+    """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
+    search.run_before(before)
+    scene, plain = search.scene, before.scene
+    for held in sorted(before.good, key=lambda t: t.attempt.objective)[:STARTS]:
         if search.budget.over:
             return
         start = _on_all(scene, start_from(plain, held.arrays), held.arrays)
