@@ -177,9 +177,7 @@ class Search:
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless it is
-        `hopeless`.
-        """
+        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts."""
         if self.scene.objective != "least_tension":
             self._from_least_tension()
             self._first_left = self.budget.left  # that search has iterations of its own
@@ -188,8 +186,7 @@ class Search:
         modes = contact_modes(self.scene)
         self._modes = len(modes)
         rough = [mode for mode in modes if not self._from_basins(mode)]
-        if not self.hopeless:
-            self.exhaust(rough)
+        self.exhaust(rough)
 
     def exhaust(self, rough: list[frozenset[str]]) -> None:
         """Solve with bolder options and from rough starts, of the modes ``rough`` in any case, then let contacts pass
@@ -211,12 +208,6 @@ class Search:
         if not self.proven:
             self._converge()
             self.slide()
-
-    @property
-    def hopeless(self) -> bool:
-        """Whether the postures of all modes are scanned, and none comes near to balance or led to a grasp."""
-        scanned = self._scans.keys() == set(contact_modes(self.scene))
-        return scanned and not self.good and all(basin.start.imbalance > self._far for basin in self.basins)
 
     @property
     def exploration(self) -> Exploration:

@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_clear, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
@@ -165,10 +165,7 @@ class _Verdict:
         # Sets of stations are too many to try all: that none was found to hold is no proof.
         if self._has_stations:
             return self._unsolved(closest)
-        reasons = self._reasons(thorough=not search.hopeless)
-        if search.hopeless and not any(is_clear(reason, self.scene) for reason in reasons):
-            search.exhaust([])
-            reasons = self._reasons() if self._best() is None else []
+        reasons = self._reasons()
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
@@ -177,9 +174,9 @@ class _Verdict:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
 
-    def _reasons(self, thorough: bool = True) -> list[Reason]:
+    def _reasons(self) -> list[Reason]:
         """Limits that are in the way, alone or two at once."""
-        reasons = find_reasons(self.scene, self.search, thorough)
+        reasons = find_reasons(self.scene, self.search)
         if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
             return reasons
         alone = {reason.name for reason in reasons}  # needs no second one

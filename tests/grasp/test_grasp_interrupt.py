@@ -101,7 +101,7 @@ def test_an_interrupted_diagnosis_is_no_verdict():
             print(error)
     """
     done = python(code, CONFIGS / "mug_arcs.yaml")
-    assert "interrupted before a grasp was found (4 starts tried to the end)" in done.stdout, done.stderr
+    assert "interrupted before a grasp was found" in done.stdout, done.stderr
 
 
 def test_ctrl_c_from_outside():
