@@ -75,7 +75,7 @@ def test_fingers_that_would_cross_are_refused_and_named():
     assert crossing.certificate.overlap > 0.0
     apart = solved(scene.changed({"overlap": "forbid"}))
     if apart.solved:
-        assert apart.certificate.overlap == 0.0
+        assert apart.certificate.overlap <= 1e-4 * scene.setups[0].finger.rod.length < crossing.certificate.overlap
         return
     assert apart.status is Status.INFEASIBLE
     reason = next(reason for reason in apart.reasons if reason.name == "overlap")
