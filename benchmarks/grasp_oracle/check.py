@@ -208,10 +208,10 @@ class _Check:
         lean = ends - rest
         net = (tensions[0] - tensions[1]) * tendons.offset
         slope = np.zeros(2 * len(lengths))
-        shares = _capstan(tendons.friction, ends, lengths)
+        pulled = _tendon_work(tendons, tensions, ends, lengths)
         for k, (length, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
-            slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - shares[k] * net * 0.5 * length
-            slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - shares[k] * net * 0.5 * length
+            slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - pulled[k, 0]
+            slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - pulled[k, 1]
         gravity = self._gravity()
         whole = section(base[:2], base[2], ends, lengths, float(lengths.sum()))
         slope -= rod.mass_per_length * whole.mean_moves @ gravity
@@ -255,13 +255,35 @@ def _ends(family: str, q: Array, lengths: Array, tip: float) -> Array:
     return np.stack([nodes[:-1], nodes[1:]], axis=1)
 
 
-def _capstan(friction: float, ends: Array, lengths: Array) -> Array:
-    """Share of the tendons' moment at each element's middle past guides with friction, as in the scene's contract."""
-    if friction == 0.0:
-        return np.ones(len(lengths))
-    bends = ends.mean(axis=1) * lengths
-    turned = bends**2 / np.sqrt(bends**2 + (1e-3 * lengths / lengths.sum()) ** 2)
-    return np.asarray(np.exp(-friction * (np.cumsum(turned) - 0.5 * turned)))
+def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array) -> Array:
+    """Work of the tendons' moment with the curvatures at both ends of each element, past guides with friction.
+
+    As in the scene's contract: the tendons slid from the straight finger on, and along a cell of an element the tension
+    is linear.
+    """
+    count, mu = tendons.friction_cells, tendons.friction
+    found, loss = np.zeros((len(lengths), 2)), {1: 0.0, -1: 0.0}
+    if mu == 0.0:
+        net = (tensions[0] - tensions[1]) * tendons.offset
+        return np.repeat(0.5 * net * lengths[:, None], 2, axis=1)
+    for k, (h, (a, b)) in enumerate(zip(lengths, ends, strict=True)):
+        for c in range(count):
+            u = (c + 0.5) / count
+            turned = (a + (b - a) * u) * h / count
+            # The turn beyond the middle of the cell: of the rest of this element, and of those after it.
+            rest = h * (1.0 - u) * (a + (b - a) * 0.5 * (1.0 + u))
+            beyond = rest + float((ends[k + 1 :].mean(axis=1) * lengths[k + 1 :]).sum())
+            rounding = 1e-3 * h / count / float(lengths.sum())
+            way = min(max(beyond / 1e-3, -1.0), 1.0)
+            for side, tension in zip((1, -1), tensions, strict=True):
+                x = side * way * mu * turned**2 / math.hypot(turned, rounding)
+                middle = tension * math.exp(-loss[side] - 0.5 * x)
+                moment = side * tendons.offset * h / count * middle
+                loss[side] += x
+                # The hats 1 - v and v of the element over the cell, and their slopes.
+                mean, lean = 1.0 + x * x / 24.0, x / (12.0 * count)
+                found[k] += moment * np.array([(1.0 - u) * mean + lean, u * mean - lean])
+    return found
 
 
 def _across(normal: Array) -> Array:

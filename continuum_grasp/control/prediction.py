@@ -137,12 +137,14 @@ class Prediction(Remade):
     @property
     def greatest_moment(self) -> float:
         """Greatest bending moment that can be commanded [N m], at the base."""
-        return sum(_greatest(arms, self.scene) for arms, _ in _drives(self.scene))
+        arms = [c.arms for c in self.scene.finger.channels if any(c.arms)] or [(1.0,)]
+        return sum(_greatest(of, self.scene) for of in arms)
 
     @property
     def lagging(self) -> tuple[LaggingMoment, ...]:
-        """The moments that are states of the model."""
-        names = [k for k, name in enumerate(self.x_names) if re.fullmatch(r"(tip_)?moment(_\d+)? \[N m\]", name)]
+        """The moments that are states of the model, or the tensions of tendons with friction."""
+        lagging = r"(tip_)?moment(_\d+)? \[N m\]|tension_\d+ \[N\]"
+        names = [k for k, name in enumerate(self.x_names) if re.fullmatch(lagging, name)]
         drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
         return tuple(
             LaggingMoment(state, arms, _greatest(arms, self.scene), lag)
@@ -276,9 +278,12 @@ class Prediction(Remade):
 
 
 def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
-    """Of each moment that the inputs exert its arms and its time constant [s]."""
+    """Of each moment that the inputs exert, or of each tension, its arms and its time constant [s]."""
     if scene.finger.tendons is None:
         return [((1.0,), scene.lag)]
+    if scene.finger.has_tendon_friction:
+        tendons = scene.finger.tendon_list
+        return [(tuple(float(j == k) for j in range(len(tendons))), t.time_constant) for k, t in enumerate(tendons)]
     return [(channel.arms, channel.time_constant) for channel in scene.finger.channels if any(channel.arms)]
 
 

@@ -143,7 +143,9 @@ def _pencil(model: FingerModel) -> tuple[ca.Function, ca.Function]:
     n = model.n
     q, u, w, p = symbols(model)
     qd, qdd = (ca.SX.sym(name, n) for name in ("qd", "qdd"))
-    missing = model.inverse_dynamics(q, qd, qdd, u, w, p)
+    # As it was pulled there.
+    pulled = (np.append(np.zeros(len(model.friction_names)), 1.0),) if model.friction_names else ()
+    missing = model.inverse_dynamics(q, qd, qdd, u, w, p, *pulled)
     at_rest = [qd, qdd], [ca.SX.zeros(n), ca.SX.zeros(n)]
     three = [ca.substitute([ca.jacobian(missing, by)], *at_rest)[0] for by in (qdd, qd, q)]
     z = ca.vertcat(u, w, p)

@@ -107,12 +107,14 @@ class PathBlock(Block):
             x[n : 2 * n] = initial.qd
         if model.nx > 2 * n:
             # the lagging moment of the tendons begins as their tensions give it
-            x[2 * n :] = model.structure.lag_at(self._signals.u(0.0)[0])
+            lag = model.structure.lag_at(self._signals.u(0.0)[0])
+            lagged = slice(2 * n, 2 * n + len(lag))
+            x[lagged] = lag
             pair = self._scene.finger.tendons
             for k in [k for k, one in enumerate(self._unknowns) if one.target == "tendon_offset"]:
                 # proportional to the offset, of which only that of a pair can be estimated
-                slope[2 * n :, k] = x[2 * n :] / (pair.offset if isinstance(pair, Tendons) else 1.0)
-                x[2 * n :] = slope[2 * n :, k] * values[k]
+                slope[lagged, k] = x[lagged] / (pair.offset if isinstance(pair, Tendons) else 1.0)
+                x[lagged] = slope[lagged, k] * values[k]
         return x, slope
 
 

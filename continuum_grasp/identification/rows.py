@@ -17,7 +17,7 @@ from continuum_grasp.identification.unknowns import DEADBAND, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 from continuum_grasp.simulation.trajectory import limit_warnings
 
 Array = NDArray[np.float64]
@@ -139,12 +139,16 @@ class Shapes:
     def __init__(self, rows: Rows) -> None:
         self.rows, self.model = rows, rows.model
         self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
-        start = equilibrium(rows.scene, model=self.model)
+        initial, signals = rows.scene.initial, Signals(rows.scene, self.model)
+        # Measured shapes were pulled, unless the scene says otherwise.
+        own = {} if initial.reached_by is None else friction_of(initial, self.model)
+        start = equilibrium_under(self.model, signals.u(0.0)[0], signals.w(0.0)[0], **own)
         self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * rows.count
         q, u, w, p = symbols(self.model)
         still = ca.SX(self.model.n, 1)
         # (q, z) -> missing force and its derivatives with respect to q and z
-        missing = self.model.inverse_dynamics(q, still, still, u, w, p)
+        friction = (start.history,) if start.history.size else ()
+        missing = self.model.inverse_dynamics(q, still, still, u, w, p, *friction)
         self._balance = with_slopes("balance", missing, q, ca.vertcat(u, w, p))
 
     def shape(self, row: int, values: Array) -> tuple[Array, Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""From the input u to bending moments, and their loss along the finger by tendon friction."""
+"""From the input u to bending moments."""
 
 from __future__ import annotations
 
@@ -10,10 +10,6 @@ import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.profile import Curve
-
-_BEND_ROUNDING = 1e-3
-"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
-the tension is off by a share of 5e-4 at most."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +42,21 @@ class Source:
     arms: tuple[float, ...]  # per entry of the input, amplitude per value [m]; 1 for the tip moment itself
     couples: tuple[int, ...]  # of the input's couples
     time_constant: float | None  # of the lag of the first [s]
+    tendon: int | None = None  # whose tension is its amplitude [N]: a tendon that has one of its own, see TendonForces
 
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
         """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""
         driven: Any = 0.0
+        couples = sum((values[drives + k] for k in self.couples), 0.0)
+        if self.tendon is not None:
+            return values[self.tendon], couples
         # Equation (42); equal arms are multiplied once.
         for arm in dict.fromkeys(abs(arm) for arm in self.arms if arm != 0.0):
             pulled: Any = 0.0
             for own, value in zip(self.arms, values[:drives], strict=True):
                 pulled = pulled + value if own == arm else pulled - value if own == -arm else pulled
             driven += scale * arm * pulled
-        return driven, sum((values[drives + k] for k in self.couples), 0.0)
+        return driven, couples
 
 
 @dataclass(frozen=True)
@@ -85,24 +85,3 @@ class Drive:
         if not layout.rates:
             return Drive(moment, couple, 0.0, 0.0)
         return Drive(moment, couple, sum(block(1)), sum(block(2)))
-
-
-def friction_factors(friction: Scalar, bends: list[Scalar], shares: list[Scalar]) -> list[Scalar]:
-    """Share of the tension that reaches the middle of each element, by the capstan law, of a tendon being pulled.
-
-    It is exp(-friction * total bend from the base to there). A bend [rad] of a share h of the finger's length counts
-    as b^2 / sqrt(b^2 + (1e-3 rad h)^2), without sign and smooth when straight.
-    """
-    factors: list[Scalar] = []
-    total: Scalar = 0.0
-    for bend, share in zip(bends, shares, strict=True):
-        factor, total = friction_step(friction, total, bend, share)
-        factors.append(factor)
-    return factors
-
-
-def friction_step(friction: Scalar, before: Scalar, bend: Scalar, share: Scalar) -> tuple[Scalar, Scalar]:
-    """Share in the middle of one element, and the bend up to its end; ``before`` is that up to its start."""
-    square, rounding = bend * bend, _BEND_ROUNDING * share
-    size = square / ca.sqrt(square + rounding * rounding)
-    return ca.exp(-friction * (before + 0.5 * size)), before + size

@@ -14,7 +14,7 @@ from functools import cached_property, reduce
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.model.actuation import Drive, friction_factors
+from continuum_grasp.model.actuation import Drive
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
@@ -22,6 +22,7 @@ from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, solve_ldl
 from continuum_grasp.model.structure import Structure
+from continuum_grasp.model.tendon_forces import TendonForces
 from continuum_grasp.scene.loads import ForceLoad
 
 _STOP_NODES = 3
@@ -41,7 +42,10 @@ class Equations:
         self.qd = ca.SX.sym("qd", structure.n)
         self.qdd = ca.SX.sym("qdd", structure.n)
         self.lag = ca.SX.sym("lag", 2 * sum(source.time_constant is not None for source in structure.sources))
-        self.x = ca.vertcat(self.q, self.qd, self.lag)
+        self.z = ca.SX.sym("z", structure.friction_states)
+        self.x = ca.vertcat(self.q, self.qd, self.lag, self.z)
+        # Of what acts at rest: friction states, and whether the finger's sliding moves them (``TendonForces``).
+        self.history = ca.SX.sym("history", self.z.numel() + 1 if self.z.numel() else 0)
         self.u = ca.SX.sym("u", len(structure.u_names))
         self.w = ca.SX.sym("w", len(structure.w_names))
         self.s = ca.SX.sym("s")
@@ -55,7 +59,7 @@ class Equations:
         made, found = self._structure, []
         for source in made.sources:
             scale: Scalar = 1.0
-            if self._par.is_runtime("tendon_offset"):
+            if self._par.is_runtime("tendon_offset") and source.tendon is None:
                 source, scale = replace(source, arms=(1.0, -1.0)), self._par["tendon_offset"]
             found.append(Drive.from_input(self.u, made.inputs, source, scale))
         return found
@@ -356,31 +360,50 @@ class Equations:
         return force
 
     @cached_property
-    def actuation(self) -> list[Scalar]:
-        """Generalized forces of the input's moments: their work with the curvature shapes."""
+    def tendons(self) -> TendonForces:
+        """Tendons that have a tension of their own, of a finger that moves."""
+        return self._tendons(self.drives, self.z)
+
+    @cached_property
+    def tendons_at_rest(self) -> TendonForces:
+        """The same of a finger at rest under what is commanded."""
+        count = self.z.numel()
+        return self._tendons(self.commanded, self.history[:count], self.history[count] if count else None)
+
+    def _tendons(self, drives: Sequence[Drive], states: ca.SX, moved: Scalar | None = None) -> TendonForces:
+        sources = zip(self._structure.sources, drives, strict=True)
+        tensions = [drive.moment for source, drive in sources if source.tendon is not None]
+        split = [states[k] for k in range(states.numel())]
+        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, tensions, split, moved)
+
+    def _actuation(self, tendons: TendonForces) -> list[Scalar]:
         total: list[Scalar] = [0.0] * self._family.size
-        frictional = self._structure.has_tendon_friction
-        factors: list[Scalar] = []
-        if frictional:
-            shares = [1.0 / self._structure.length * h for h in self.lengths]
-            factors = friction_factors(self._par["tendon_friction"], self.bends, shares)
+        if self._structure.own_tendons:
+            total = list(tendons.actuation)
         for source, drive in zip(self._structure.sources, self.drives, strict=True):
+            driven = drive.couple if source.tendon is not None else drive.total
+            if source.tendon is not None and not source.couples:
+                continue
             shapes = [self._family.work(k, self.lengths, source.shape) for k in range(len(self.lengths))]
             whole = [sum(column) for column in zip(*shapes, strict=True)]
-            spread = drive.couple if frictional else drive.total
-            total = [t + g * spread for t, g in zip(total, whole, strict=True)]
-            # The tension changes along the finger: each element is bent by that in its middle.
-            for shape, factor in zip(shapes, factors, strict=frictional):
-                moment = factor * drive.moment
-                total = [t + g * moment for t, g in zip(total, shape, strict=True)]
+            total = [t + g * driven for t, g in zip(total, whole, strict=True)]
         return total
 
     @cached_property
-    def bending_force(self) -> list[Scalar]:
+    def actuation(self) -> list[Scalar]:
+        """Generalized forces of the input's moments: their work with the curvature shapes."""
+        return self._actuation(self.tendons)
+
+    @cached_property
+    def actuation_at_rest(self) -> list[Scalar]:
+        """The same with friction of tendons by ``history``."""
+        return self._actuation(self.tendons_at_rest) if self._structure.own_tendons else self.actuation
+
+    def _bending_force(self, actuation: Sequence[Scalar]) -> list[Scalar]:
         """Elastic force less actuation."""
         n, nodal = self._structure.n, self._family.nodal
         if nodal is None:
-            return [e - a for e, a in zip(self.elastic, self.actuation, strict=True)][:n]
+            return [e - a for e, a in zip(self.elastic, actuation, strict=True)][:n]
         # What the input bends is subtracted from the coordinates: the same, with fewer products and less cancellation.
         amplitudes = [drive.total for drive in self.drives]
         above = [self.full[k] - self.per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
@@ -425,23 +448,33 @@ class Equations:
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
+        return self._net_force(self.actuation)
+
+    @property
+    def net_force_by_history(self) -> list[Scalar]:
+        """The same with friction of tendons by ``history``."""
+        return self._net_force(self.actuation_at_rest)
+
+    def _net_force(self, actuation: Sequence[Scalar]) -> list[Scalar]:
+        bending = self._bending_force(actuation)
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
-            net.append(motion[k] - self.bending_force[k] - self.damping[k] - self.known_inertia_force[k])
+            net.append(motion[k] - bending[k] - self.damping[k] - self.known_inertia_force[k])
         return net
 
     @cached_property
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        return [acting[k] - self.bending_force[k] for k in range(self._structure.n)]
+        bending = self._bending_force(self.actuation_at_rest)
+        return [acting[k] - bending[k] for k in range(self._structure.n)]
 
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
-        return [*rates, *solve_ldl(self.mass_matrix, self.net_force), *self.lag_rates]
+        return [*rates, *solve_ldl(self.mass_matrix, self.net_force), *self.drive_rates]
 
     def implicit_rate(self, part: ca.SX) -> list[Scalar]:
         """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
@@ -454,10 +487,11 @@ class Equations:
         return [*[self.qd[k] + part * rate for k, rate in enumerate(found)], *found, *rates[2 * n :]]
 
     @cached_property
-    def lag_rates(self) -> list[Scalar]:
-        """Derivative of what lags."""
+    def drive_rates(self) -> list[Scalar]:
+        """Derivative of what lags, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
-        return [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
+        lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
+        return [*lag, *self.tendons.state_rates]
 
     @cached_property
     def pattern(self) -> Pattern | None:

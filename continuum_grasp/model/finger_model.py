@@ -76,6 +76,8 @@ class FingerModel(Functions):
         Name and unit of each entry.
     p_nominal : list of float
         Nominal values of ``p``.
+    friction_names : list of str
+        The last of ``x_names``: states of tendon friction.
     load_entries : list of (str, int)
         Per load, the vector ("u" or "w") and the index at which its value begins.
 
@@ -84,13 +86,13 @@ class FingerModel(Functions):
     | function         | inputs              | outputs |
     |------------------|---------------------|---|
     | forward_dynamics | x, u, w, p          | xd (nx) [x/s] |
-    | inverse_dynamics | q, qd, qdd, u, w, p | Q (n) [Q], the generalized force that is missing |
+    | inverse_dynamics | q, qd, qdd, u, w, p (, history) | Q (n) [Q], the generalized force that is missing |
     | mass_matrix      | q, u, p             | M (n, n) [Q s2/q] |
     | bias             | q, qd, u, p         | b (n) [Q], velocity products |
     | gravity          | q, u, p             | G (n) [Q], gradient of the weight's potential |
     | elastic          | q, u, p             | K (n) [Q], gradient of the elastic energy |
     | damping          | q, qd, u, p         | D (n) [Q] |
-    | actuation        | q, u, p             | Q (n) [Q] |
+    | actuation        | q, u, p (, history) | Q (n) [Q] |
     | external_force   | q, u, w, p          | Q (n) [Q] |
     | position         | q, u, s, p          | r (2) [m], world, of the section at s [m] |
     | orientation      | q, u, s, p          | angle [rad] from the world's to the section's axes |
@@ -102,7 +104,7 @@ class FingerModel(Functions):
     | bending          | q, u, p             | bend of each element [rad] |
     | range_use        | q, u, p             | use of the declared bending range, per element [1] |
     | internal         | x, u, p             | M, K, D (n, n): inertia, elasticity, damping [Q s2/q, Q/q, Q s/q] |
-    | statics          | q, u, w, p          | Q (n) [Q], K (n, n) [Q/q]: what is missing for equilibrium, and dQ/dq |
+    | statics          | q, u, w, p (, history) | Q (n) [Q], K (n, n) [Q/q]: missing for equilibrium, and dQ/dq |
     | linearization    | x, u, w, p          | A (nx, nx) [1/s x/x], B (nx, nu) [1/s x/u] |
 
     Units follow the coordinates. Arcs: q are bending angles [rad], so generalized forces [Q] are in N m, M in kg m2,
@@ -112,7 +114,11 @@ class FingerModel(Functions):
     every entry.
 
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant (moment and rate per shape
-    that tendons bend); the functions of q then take the moments that u commands. u = tensions, or the tip moment, then
+    that tendons bend, tension and rate per tendon where they have friction); the functions of q then take what u
+    commands. Friction states of the tendons follow, from base to tip, first that of a conduit: +1 where the tendons on
+    the -X side slide towards the base. Functions of q then take a ``history``, [friction states, h], by which friction
+    acts as clip(state + h slid), of the way that `sliding` gives: all zero for no friction, h = 1 alone for a finger
+    that was pulled from straight. u = tensions, or the tip moment, then
     the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if
     any), then the loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
@@ -147,6 +153,7 @@ class FingerModel(Functions):
         self.ranges = made.ranges
         self.q_names, self.x_names = made.q_names, made.x_names
         self.u_names, self.w_names = made.u_names, made.w_names
+        self.friction_names = made.friction_names
         self.p_names, self.p_nominal = made.parameters.labels, made.parameters.nominal
         self.n, self.nx = made.n, len(made.x_names)
         self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
@@ -158,14 +165,16 @@ class FingerModel(Functions):
 
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
     inverse_dynamics = named(
-        "q qd qdd u w p", Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force)
+        "q qd qdd u w p",
+        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force_by_history),
+        history=True,
     )
     mass_matrix = named("q u p", M=lambda eq: matrix(eq.mass_matrix))  # (37)
     bias = named("q qd u p", b=lambda eq: eq.bias)  # (38)
     gravity = named("q u p", G=lambda eq: eq.gravity)  # (29)
     elastic = named("q u p", K=lambda eq: eq.elastic[: eq.q.numel()])  # (32)
     damping = named("q qd u p", D=lambda eq: eq.damping[: eq.q.numel()])  # (39), and of the material
-    actuation = named("q u p", Q=lambda eq: eq.actuation[: eq.q.numel()])  # (42)
+    actuation = named("q u p", Q=lambda eq: eq.actuation_at_rest[: eq.q.numel()], history=True)  # (42)
     external_force = named("q u w p", Q=lambda eq: eq.external_force)  # (41)
     position = named("q u s p", r=lambda eq: eq.section_position)
     orientation = named("q u s p", angle=lambda eq: eq.section_angle)
@@ -190,7 +199,19 @@ class FingerModel(Functions):
         """What is missing for equilibrium, and the tangent stiffness."""
         eq = self._equations
         missing = -column(eq.force_at_rest)
-        return self._function("statics", "q u w p", Q=missing, K=ca.jacobian(missing, eq.q))
+        names = "q u w p history" if eq.history.numel() else "q u w p"
+        return self._function("statics", names, Q=missing, K=ca.jacobian(missing, eq.q))
+
+    @cached_property
+    def _sliding(self) -> ca.Function:
+        return self._function("sliding", "q u p", slid=self._equations.tendons_at_rest.slid)
+
+    def sliding(self) -> ca.Function:
+        """``(q, u, p) -> slid``: how far tendons have slid since the finger was straight, per presliding [1].
+
+        An entry per friction state, positive towards the base for tendons on the -X side.
+        """
+        return self._sliding
 
     def backbone(self) -> Backbone:
         """Places and equilibrium of a finger of uniform elements, written for problems that differentiate them.

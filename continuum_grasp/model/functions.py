@@ -37,14 +37,19 @@ MATRICES = frozenset(
 """Outputs of finger models and systems that are matrices, whatever their size; all others are vectors."""
 
 
-def named(inputs: str, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
-    """An attribute that is a function of space-separated inputs; each output is read off the model's equations."""
+def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
+    """An attribute that is a function of space-separated inputs; each output is read off the model's equations.
+
+    ``history``: of that of tendon friction too, where there is any.
+    """
+
+    def build(model: Functions) -> ca.Function:
+        eq = model._equations
+        names = f"{inputs} history" if history and eq.history.numel() else inputs
+        return model._function(str(found.attrname), names, **{name: of(eq) for name, of in outputs.items()})
+
     # Built when it is first read: a model has some twenty functions, and most users need two.
-    found: cached_property[ca.Function] = cached_property(
-        lambda model: model._function(
-            found.attrname, inputs, **{name: of(model._equations) for name, of in outputs.items()}
-        )
-    )
+    found: cached_property[ca.Function] = cached_property(build)
     found.__doc__ = f"({', '.join(inputs.split())}) -> {', '.join(outputs)}; the class describes them."
     return found
 
@@ -93,8 +98,14 @@ class Functions(Remade, Summarized):
         x, u, w, p = arguments = [ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp"]
         rates, lagging = sweep_function(Builder(eq))(x, u, w, p)
         n = eq.q.numel()
-        xd = ca.vertcat(x[n : 2 * n], rates, lagging)
+        xd = ca.vertcat(x[n : 2 * n], rates, self._drive_rates(x, u, p) if eq.z.numel() else lagging)
         return ca.Function("forward_dynamics", arguments, [xd], ["x", "u", "w", "p"], ["xd"])
+
+    def _drive_rates(self, x: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
+        """Rates of the states of drives and of tendon friction."""
+        eq = self._equations
+        value = ca.cse(ca.densify(column(eq.drive_rates)))
+        return ca.Function("drive_rates", [eq.x, eq.u, eq.p], [value])(x, u, p)
 
     @property
     def sweeps(self) -> bool:
@@ -117,7 +128,8 @@ class Functions(Remade, Summarized):
         part, n = ca.MX.sym("part"), eq.q.numel()
         if self.sweeps:
             rates, lagging = sweep_function(Builder(eq, implicit=True))(x, u, w, p, part, x[n : 2 * n])
-            k = ca.vertcat(x[n : 2 * n] + part * rates, rates, lagging)
+            driven = self._drive_rates(x, u, p) if eq.z.numel() else lagging
+            k = ca.vertcat(x[n : 2 * n] + part * rates, rates, driven)
         else:
             symbol = ca.SX.sym("part")
             value = ca.cse(ca.densify(column(eq.implicit_rate(symbol))))

@@ -105,9 +105,7 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
     frictions = sorted({tendon.friction for tendon in finger.tendon_list})
-    if len(frictions) > 1:
-        raise InputError(f"expected one friction coefficient for all tendons, got {frictions}", key="finger.tendons")
-    if frictions:
+    if len(frictions) == 1:
         values["tendon_friction"] = frictions
     if finger.profile.rest_curvature.constant is not None:
         values["rest_curvature"] = [finger.profile.rest_curvature.constant]

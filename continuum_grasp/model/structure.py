@@ -16,11 +16,13 @@ from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Family, Mesh, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
 from continuum_grasp.model.parameters import Parameters, at_tip
+from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.tendons import channels
 
 
 class Structure:
@@ -72,6 +74,8 @@ class Structure:
         self.sources = self._sources()
         self.mesh = self._mesh()
         self.family = self._make_family()
+        self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
+        self.cell_sets = self._cell_sets()
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
         for k, load in enumerate(self.loads):
@@ -240,7 +244,8 @@ class Structure:
         """What gives bending moments, one per shape."""
         whole = Curve.uniform(self.length, 1.0)
         drives = max(self.inputs.tendons, 1)
-        found = [Source(c.shape, c.arms, (), c.time_constant) for c in self.finger.channels]
+        own = self.has_tendon_friction
+        found = [Source(c.shape, c.arms, (), c.time_constant, k if own else None) for k, c in enumerate(self.channels)]
         if not found:
             found = [Source(whole, (1.0,), (), None)]
         couples = [load for load in self.loads if self._is_input(load)]
@@ -253,6 +258,40 @@ class Structure:
             else:
                 found.append(Source(shape, (0.0,) * drives, (k,), None))
         return tuple(found)
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Shapes of the moments of the tendons; one per tendon with friction, by which their tensions differ."""
+        return channels(self.length, self.finger.tendon_list, apart=self.has_tendon_friction)
+
+    def _cell_sets(self) -> tuple[CellSet, ...]:
+        if not self.has_tendon_friction:
+            return ()
+        runtime = self.parameters.is_runtime("tendon_friction")
+        return cell_sets(self.family, self.channels, self.finger.tendon_list, runtime)
+
+    @property
+    def friction_states(self) -> int:
+        """Number of states of tendon friction."""
+        return sum(cells.states for cells in self.cell_sets)
+
+    def check_reached_by(self, initial: Initial) -> None:
+        """Raise InputError where a pose of a finger whose tendons have friction lacks its history."""
+        if not self.friction_states:
+            return
+        if initial.reached_by is None:
+            raise InputError(
+                "tendons with friction hold a finger anywhere between two shapes: state how it got there, pulling, "
+                "releasing, or state with friction_states",
+                key="initial.reached_by",
+            )
+        given = initial.friction_states
+        if given is not None and len(given) != self.friction_states:
+            raise InputError(
+                f"expected {self.friction_states} entries, one per friction cell "
+                f"({', '.join(self.friction_names)}), got {len(given)}",
+                key="initial.friction_states",
+            )
 
     def _mesh(self) -> Mesh:
         """Elements, with the finger along them."""
@@ -290,8 +329,13 @@ class Structure:
         ]
         lagged = [k for k, source in enumerate(self.sources) if source.time_constant is not None]
         for k in lagged:
-            name = "tip_moment" if len(lagged) == 1 else f"moment_{k + 1}"
-            self.x_names += [f"{name} [N m]", f"{name}_rate [N m/s]"]
+            tendon = self.sources[k].tendon
+            name, unit = "tip_moment" if len(lagged) == 1 else f"moment_{k + 1}", "N m"
+            if tendon is not None:
+                name, unit = f"tension_{tendon + 1}", "N"
+            self.x_names += [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"]
+        self.friction_names = [name for k, cells in enumerate(self.cell_sets) for name in cells.names(k + 1)]
+        self.x_names += self.friction_names
         self.u_names = self.inputs.labels
         self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]
         if self.tip_force:

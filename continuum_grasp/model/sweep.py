@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import friction_step
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.link import EndBody
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
@@ -55,10 +54,11 @@ class Kernels:
     | root     | end, base                           | start                                    |
     | onward   | start, shape, gain, row             | following, rates                         |
 
-    q, qd and r are the local entries of full vectors, ``row`` describes the link, ``spin`` is what motion and friction
-    at its start depend on of the links before, ``turn`` its rotation, ``end`` what the inward sweep hands on, ``start``
+    q, qd and r are the local entries of full vectors, ``row`` describes the link, ``spin`` is the angular velocity
+    of its start, ``turn`` its rotation, ``end`` what the inward sweep hands on, ``start``
     the accelerations at the start of a link, ``rates`` those of the coordinates that it does not share with the link
-    before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load. Inputs of no
+    before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load, and
+    per link where tendons with a tension of their own act. Inputs of no
     use are empty.
 
     Attributes
@@ -141,7 +141,7 @@ class Builder:
     @property
     def _splits(self) -> list[int]:
         size, sources = self._local, len(self._made.sources)
-        sizes = (size * (size + 1) // 2, size * sources, size, 1, 1, self._touching.size // len(self._made.lengths))
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, self._touching.size // len(self._made.lengths))
         return [0, *np.cumsum(sizes).tolist()]
 
     def _described(self) -> tuple[ca.SX, Array]:
@@ -158,7 +158,7 @@ class Builder:
                 driven = [*np.vstack([family.nodal, family.known[:1]])[list(local)].ravel()]
             bends = [family.work(k, made.lengths)[a] for a in local]
             mass = float(self._par[masses[k]]) if k in masses else 0.0
-            rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, h / made.length])
+            rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass])
             if self._touching.size:
                 rows[-1] += self._touching[k].T.ravel().tolist()
         numbers = np.array(rows, dtype=float)
@@ -183,7 +183,7 @@ class Builder:
             self._root(),
             self._onward(),
             self.rows,
-            tuple(load.place.link for load in self._loads),
+            self._loaded,
             self._shared,
             self._made.n,
         )
@@ -195,12 +195,18 @@ class Builder:
         return ca.Function(f"{name}_{_digest(ca.Function(name, *arguments).serialize().encode())}", *arguments)
 
     @property
-    def _frictional(self) -> bool:
-        return self._made.has_tendon_friction
+    def _own_tendons(self) -> bool:
+        """Whether tendons with a tension of their own act: like loads, on the coordinates of every link."""
+        return bool(self._made.own_tendons)
+
+    @property
+    def _loaded(self) -> tuple[int, ...]:
+        every = range(len(self._made.lengths) if self._own_tendons else 0)
+        return (*(load.place.link for load in self._loads), *every)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """What is carried to a link, its coordinates and their rates."""
-        spin = ca.SX.sym("spin", 1 + self._frictional)
+        spin = ca.SX.sym("spin")
         return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local)
 
     def _tip(self) -> ca.Function:
@@ -223,15 +229,12 @@ class Builder:
     def _carry(self) -> ca.Function:
         spin, q, qd = self._symbols()
         following: list[Scalar] = [spin[0] + ca.dot(self._own["bends"], qd)]
-        if self._frictional:
-            bend = self._pattern.link(ca.vertsplit(q), self._numbers).whole_bend
-            following.append(friction_step(0.0, spin[1], bend, self._own["share"])[1])
         return self._function("carry", {"spin": spin, "q": q, "qd": qd, "row": self.row}, {"spun": following})
 
     def _turn(self) -> ca.Function:
-        turn, shape = ca.SX.sym("turn", 2 * bool(self._loads)), ca.SX.sym("shape", 4 + 2 * self._local + 2)
+        turn, shape = ca.SX.sym("turn", 2 * bool(self._loaded)), ca.SX.sym("shape", 4 + 2 * self._local + 2)
         turned: list[Scalar] = []
-        if self._loads:
+        if self._loaded:
             after = Rotation(turn[0], turn[1]) @ Rotation(shape[0], shape[1])
             turned = [after.c, after.s]
         return self._function("turn", {"turn": turn, "shape": shape}, {"turned": turned})
@@ -242,10 +245,8 @@ class Builder:
         if held:
             drive = [eq.per_stiffness([1.0], [each.total]) for each in eq.drives]
         else:
-            # Friction wears the moments of the tendons, not the couples.
-            drive = [
-                v for each in eq.drives for v in ((each.moment, each.couple) if self._frictional else (each.total,))
-            ]
+            sources = zip(self._made.sources, eq.drives, strict=True)
+            drive = [each.couple if source.tendon is not None else each.total for source, each in sources]
         tip: list[Scalar] = [eq.full[-1]] if held else []
         tip_rate: list[Scalar] = [eq.full_rates[-1]] if held else []
         weight = eq.gravity_vector.perp()
@@ -257,7 +258,8 @@ class Builder:
                 "tip": tip,
                 "tip_rate": tip_rate,
                 "base": [weight.x, weight.y],
-                "lagging": eq.lag_rates,
+                # Friction states depend on the motion of the finger: their rates are found elsewhere, with these.
+                "lagging": [] if eq.z.numel() else eq.drive_rates,
             },
         )
 
@@ -265,7 +267,7 @@ class Builder:
         size, par, sources = self._local, self._par, len(self._made.sources)
         spin, q, qd = self._symbols()
         r, part = ca.SX.sym("r", size * self.implicit), ca.SX.sym("part", int(self.implicit))
-        drive = ca.SX.sym("drive", sources * (1 + self._frictional))
+        drive = ca.SX.sym("drive", sources)
         link = self._pattern.link(ca.vertsplit(q), self._numbers)
         end, inertia, bias = link.end, link.inertia, link.bias(spin[0], ca.vertsplit(qd))
         block, bends = _symmetric(self._own["stiffness"], size), self._own["bends"]
@@ -278,10 +280,7 @@ class Builder:
         if self._touching.size:
             numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
             own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
-        if self._frictional:
-            factor = friction_step(par["tendon_friction"], spin[1], link.whole_bend, self._own["share"])[0]
-            own += ca.mtimes(driven, factor * drive[::2] + drive[1::2])
-        elif not self._made.matched:
+        if not self._made.matched:
             own += ca.mtimes(driven, drive)
         matrix = _lower(inertia.matrix)
         if self.implicit:
@@ -308,7 +307,7 @@ class Builder:
 
     def _load_forces(self) -> ca.Function:
         """Generalized forces of point loads on the section and the coordinates of their links."""
-        eq, turns = self.equations, ca.SX.sym("turns", 2 * len(self._loads))
+        eq, turns = self.equations, ca.SX.sym("turns", 2 * len(self._loaded))
         forces: list[Scalar] = []
         for j, load in enumerate(self._loads):
             section = eq.chain.links[load.place.link].link.section(load.place.fraction)
@@ -317,6 +316,8 @@ class Builder:
             forces += [force.y, -force.x, section.position.cross(force) + load.couple]
             for arm, angle in zip(section.arms, section.angles, strict=True):
                 forces.append(arm.cross(force) + angle * load.couple)
+        for local in eq.tendons.on_elements if self._own_tendons else ():
+            forces += [0.0, 0.0, 0.0, *local]
         return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
 
     def _inward(self) -> ca.Function:
@@ -324,7 +325,7 @@ class Builder:
         matched, packed = self._made.matched, state * (state + 1) // 2
         end = ca.SX.sym("end", packed + state + 2 * matched)
         shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", self._body_size)
-        force = ca.SX.sym("force", (SECTION + size) * bool(self._loads))
+        force = ca.SX.sym("force", (SECTION + size) * bool(self._loaded))
         inertia, bends = self._pattern.link([0.0] * size, self._numbers).inertia, ca.vertsplit(self._own["bends"])
         turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
         # What is beyond, with the mass at the end of the link, in the axes of the link.
@@ -423,10 +424,10 @@ class Builder:
         )
 
 
-_OWN = ("stiffness", "driven", "bends", "mass", "share", "stops")
+_OWN = ("stiffness", "driven", "bends", "mass", "stops")
 """What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
-where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; share of the
-finger's length [1]; where links may touch."""
+where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; where links may
+touch."""
 
 
 def _digest(content: bytes) -> str:
@@ -502,7 +503,7 @@ def sweep_function(builder: Builder) -> ca.Function:
     n, count, local = made.unknowns, made.links, made.local
     if builder.implicit:
         inputs |= {"part": ca.MX.sym("part"), "r": ca.MX.sym("r", n)}
-    drive, tip, tip_rate, base, lagging = made.head(x[2 * n :], u, p)
+    drive, tip, tip_rate, base, lagging = made.head(x[2 * n : 2 * n + eq.lag.numel()], u, p)
 
     def windows(vector: ca.MX, tip: ca.MX) -> ca.MX:
         """Local entries of every link (L, N)."""
@@ -521,7 +522,7 @@ def sweep_function(builder: Builder) -> ca.Function:
         return ca.horzcat(state, function.mapaccum(count)(state, *given))
 
     *starts, last = ca.horzsplit(from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows))
-    spins, end = ca.horzcat(*starts), made.tip(last, x[2 * n :], u, p)
+    spins, end = ca.horzcat(*starts), made.tip(last, x[2 * n : 2 * n + eq.lag.numel()], u, p)
     shape, body = made.outward.map(count)(spins, q, qd, r, rows, *same)
     force = ca.MX(made.inward.size1_in("force"), count)
     if made.loaded:

@@ -6,6 +6,7 @@ tip as far as that of the uniform rod.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -41,7 +42,8 @@ class RodProblem:
     levers: tuple[tuple[float, complex, complex], ...]
     following: tuple[tuple[float, complex], ...]  # that turn with their section: across + i along
     couples: tuple[tuple[float, float], ...]
-    # Moments of tendons that run alike: shape along the rod in SI units, amplitude, and capstan coefficient [1].
+    # Moments of tendons: shape along the rod in SI units, amplitude, and capstan coefficient [1], negative for tendons
+    # on the other side; of those without friction that run alike together.
     drives: tuple[tuple[Curve, float, float], ...]
     # Curvature from which on links touch, in SI units; signs of the curvatures that are stopped; stiffness added there.
     stops: tuple[Curve, tuple[float, ...], float] | None
@@ -127,15 +129,17 @@ def bodies(finger: Finger) -> list[Body]:
 
 
 def _drives(finger: Finger, tensions: Sequence[float], scale: float) -> list[tuple[Curve, float, float]]:
-    """Moments of the tendons, of those with one shape and one friction together; amplitudes are scaled."""
-    frictions = [tendon.friction for tendon in finger.tendon_list]
+    """Moments of the tendons, of those with one shape and without friction together; amplitudes are scaled."""
     found = []
     for channel in finger.channels:
-        for friction in dict.fromkeys(frictions):
-            pulls = zip(channel.arms, tensions, frictions, strict=True)
-            amplitude = sum(arm * tension for arm, tension, own in pulls if own == friction)
-            if amplitude != 0.0:
-                found.append((channel.shape, amplitude * scale, friction))
+        pulls = [(arm * tension, arm) for arm, tension in zip(channel.arms, tensions, strict=True)]
+        free = sum(pull for (pull, _), own in zip(pulls, finger.tendon_list, strict=True) if own.friction == 0.0)
+        if free != 0.0:
+            found.append((channel.shape, free * scale, 0.0))
+        for (pull, arm), own in zip(pulls, finger.tendon_list, strict=True):
+            if own.friction > 0.0 and pull != 0.0:
+                side = math.copysign(own.friction, arm)
+                found.append((channel.shape, pull * scale, side))
     return found
 
 

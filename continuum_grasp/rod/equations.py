@@ -17,6 +17,9 @@ BEND_ROUNDING = 1e-3
 """Curvature times length below which the capstan law is rounded off [rad], so that its derivative exists: as the finger
 model does."""
 
+WAY_ROUNDING = 1e-3
+"""Bend beyond a place at which a tendon slides one way or the other there [rad]: with a coefficient of 0.4 the tip is
+off by 2e-6 rad."""
 
 STOP_ROUNDING = 0.005
 """Curvature about that at which links touch, per it [1], over which the stop's law is rounded off: as the finger model
@@ -36,14 +39,16 @@ class RodEquations:
     """The rod as an integral equation of the second kind for its curvature k at the nodes, in dimensionless numbers.
 
     With the section's angle psi = angle + integral of k, the tangent t = i exp(i psi) and the force n(s) that the part
-    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drive(s) exp(-friction b(s)) + integral from
-    s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
+    beyond s exerts, the moment of the loads is m(s) = (couples beyond s) + drives(s) exp(-friction b(s)) + integral
+    from s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
     chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
     its rows it is well conditioned on any mesh.
 
-    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Tendons lose
-    tension by the capstan law, each drive by its own friction; b(s) is the integral of |k| from the base,
-    with |k| rounded off to k^2 / sqrt(k^2 + (1e-3 rad / L)^2). The mesh has panels between the problem's breaks.
+    Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Tendons slid
+    from the straight rod on, and each drive changes by the capstan law, by its own friction, negative where the rod
+    bends away from its tendon when that is pulled: b(s) is the integral of w |k| from the base, with |k| rounded off
+    to k^2 / sqrt(k^2 + (1e-3 rad / L)^2) and the way w = u / sqrt(u^2 + (1e-3 rad)^2) of the sliding u(s), the bend
+    beyond s. The mesh has panels between the problem's breaks.
     """
 
     def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
@@ -89,9 +94,10 @@ class RodEquations:
         """
         mesh = self.mesh
         functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
-        losses = [friction * float(np.abs(drive).max()) for drive, friction in self._drives]
+        losses = [abs(friction) * float(np.abs(drive).max()) for drive, friction in self._drives]
         if any(losses):
-            functions.append(sum(losses) * _rounded_size(curvature)[0])
+            way, _ = self._ways(curvature)
+            functions.append(sum(losses) * _rounded_size(curvature)[0] * way)
         return np.asarray(mesh.widths * np.max([mesh.tails(function) for function in functions], axis=0))
 
     def turn(self, change: Array) -> float:
@@ -132,13 +138,21 @@ class RodEquations:
                 moment += drive
                 continue
             size, rate = _rounded_size(curvature)
-            pull = drive * np.exp(-friction * (mesh.forward @ size))
+            slid, turned = self._ways(curvature)
+            pull = drive * np.exp(-friction * (mesh.forward @ (slid * size)))
             moment += pull
-            slope += (friction * pull)[:, None] * mesh.forward * rate
+            by_bend = mesh.forward * (slid * rate) + (mesh.forward * (turned * size)) @ mesh.backward
+            slope += (friction * pull)[:, None] * by_bend
         slope *= share
         _, elastic, stiffness = self._elastic(curvature)
         slope.flat[:: mesh.size + 1] += stiffness
         return Balance(elastic - share * moment, slope, -moment)
+
+    def _ways(self, curvature: Array) -> tuple[Array, Array]:
+        """Which way tendons slid, from -1 to 1, and its derivative by the bend beyond."""
+        slid = self.mesh.backward @ curvature
+        root = np.sqrt(slid**2 + WAY_ROUNDING**2)
+        return slid / root, WAY_ROUNDING**2 / root**3
 
     def _elastic(self, curvature: Array) -> tuple[Array, Array, Array]:
         """Elastic energy per length at the nodes, and its first and second derivative: moment and stiffness."""

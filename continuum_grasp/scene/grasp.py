@@ -316,6 +316,10 @@ class GraspScene(Value):
         for key in ("stops", "tip_body"):
             if getattr(finger, key) is not None:
                 raise ValueError(f"{where}.{key}: grasps do not know what this does to the finger; leave it out")
+        if any(tendon.conduit_bend for tendon in finger.tendon_list):
+            raise ValueError(
+                f"{where}.tendons.conduit_bend must be zero here: tensions of a grasp are those that enter the finger"
+            )
         if setup.graded and finger.has_tendon_friction:
             raise ValueError(
                 f"{where}.tendons.friction must be zero here: friction along a finger that changes along its length is "

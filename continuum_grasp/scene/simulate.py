@@ -71,9 +71,17 @@ class Initial(Value):
     (clothoids)."""
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
+    reached_by: Literal["pulling", "releasing", "state"] | None = None
+    """How the finger came to be where it is, for tendons with friction. pulling: from straight, its tendons slid all
+    the way; releasing: it was bent further, and they slid back; state: by ``friction_states``. None: they never slid,
+    and friction is zero; an equilibrium needs one of the others."""
+    friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
+    """State of each friction cell, -1 to 1 where it slides [1]: as ``x_names`` of the model lists them."""
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q", "q_above_rest")
+        if (self.reached_by == "state") != (self.friction_states is not None):
+            raise ValueError("friction_states and reached_by: state need each other")
         if self.qd is not None and self.coordinates is None:
             raise ValueError("qd needs q; a named pose is at rest")
         if self.held_by and self.pose != "equilibrium":
@@ -174,6 +182,8 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
             self._check_actuation(self.actuation)
+        if self.initial.reached_by is not None and not self.finger.has_tendon_friction:
+            raise ValueError("initial.reached_by has no effect: the tendons have no friction")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")

@@ -33,8 +33,14 @@ class _Tensions(Value):
     max_tension: Annotated[Positive, Unit("N")]
     """Greatest tension [N]."""
     friction: Friction = 0.0
-    """Capstan friction coefficient between tendons and guides [1], the same for all tendons: tension falls as
-    exp(-friction * bent angle)."""
+    """Capstan friction coefficient between tendon and guides [1]: where the tendon slides, its tension changes by the
+    factor exp(friction * bend) against the sliding; where it sticks, by less."""
+    friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
+    """Cells per element with a friction state each: one costs least, two follow loops within 1 %."""
+    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] = 20e-6
+    """Sliding within which friction turns from one direction to the other, halved [m]."""
+    conduit_bend: Annotated[NonNegative, Field(le=100.0), Unit("rad")] = 0.0
+    """Bend of a sheath between drive and finger, whose friction the tendon passes first [rad]."""
     time_constant: TimeConstant | None = None
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
@@ -42,6 +48,8 @@ class _Tensions(Value):
     def _check(self) -> None:
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
+        if self.conduit_bend > 0.0 and self.friction == 0.0:
+            raise ValueError("conduit_bend has no effect without friction")
 
 
 class Tendons(_Tensions):
@@ -101,9 +109,6 @@ def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -
                 f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
                 "for tendons that are nearly parallel to the backbone"
             )
-    for key, tendon in zip(keys, singles, strict=True):
-        if tendon.friction != singles[0].friction:
-            raise ValueError(f"{key}.friction differs from that of {keys[0]}: all tendons must have the same")
     for first, *others in alike(singles, length):
         for k in others:
             if singles[k].time_constant != singles[first].time_constant:
@@ -113,10 +118,12 @@ def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -
                 )
 
 
-def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:
-    """Numbers of the tendons whose moments have the same shape up to a factor, in groups."""
+def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) -> list[list[int]]:
+    """Numbers of the tendons whose moments have the same shape up to a factor, in groups; ``apart``: each alone."""
     shapes: list[tuple[float, float]] = []
     groups: list[list[int]] = []
+    if apart:
+        return [[k] for k in range(len(tendons))]
     for k, tendon in enumerate(tendons):
         first, last = ends(tendon.offset)
         shape = (last / first, length if tendon.to is None else tendon.to)
@@ -130,9 +137,9 @@ def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:
     return groups
 
 
-def channels(length: float, tendons: tuple[Tendon, ...]) -> tuple[Channel, ...]:
-    """One channel per shape of moment along a finger of a length [m]."""
-    return tuple(_channel(length, tendons, group) for group in alike(tendons, length))
+def channels(length: float, tendons: tuple[Tendon, ...], *, apart: bool = False) -> tuple[Channel, ...]:
+    """One channel per shape of moment along a finger of a length [m], or ``apart`` one per tendon."""
+    return tuple(_channel(length, tendons, group) for group in alike(tendons, length, apart=apart))
 
 
 def _channel(length: float, tendons: tuple[Tendon, ...], group: list[int]) -> Channel:

@@ -11,9 +11,9 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.structure import tip_moment_jumps
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 
 Array = NDArray[np.float64]
 
@@ -63,11 +63,22 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     elif initial.pose == "equilibrium":
         held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
         acting = Signals(scene, held)
-        q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0]).q
+        friction = friction_of(initial, held)
+        q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0], **friction).q
     elif initial.pose == "straight":
         q = model.structure.straight()
     # The lag has reached what the tensions command at time zero: nothing moves because of it.
-    return np.concatenate([q, qd, model.structure.lag_at(u)])
+    return np.concatenate([q, qd, model.structure.lag_at(u), _friction_states(initial, model, q, u)])
+
+
+def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -> Array:
+    if initial.reached_by is None or not model.friction_names:
+        return np.zeros(len(model.friction_names))
+    model.structure.check_reached_by(initial)
+    if initial.friction_states is not None:
+        return np.array(initial.friction_states)
+    slid = np.clip(np.array(model.sliding()(q, u, model.p_nominal)).ravel(), -1.0, 1.0)
+    return np.asarray(slid if initial.reached_by == "pulling" else -slid)
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

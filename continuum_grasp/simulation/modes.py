@@ -102,7 +102,8 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core = Core(model, compiled=False)
     mass = core.mass_matrix(q, u, p)
-    stiffness = core.statics(q, u, w, p)[1]
+    friction = (found.history,) if found.history.size else ()
+    stiffness = core.statics(q, u, w, p, *friction)[1]
     damping = damping_matrix(core, q, u, p)
     values, right, left = _eigen(mass, stiffness)
     # The root of a negative square is imaginary: its real part, zero, marks what is unstable.

@@ -42,6 +42,8 @@ _MOST_SUBSTEPS = 10_000
 """Sub-steps per output step beyond which an explicit method is refused."""
 _MOST_IMPLICIT = 256
 """Sub-steps per output step of an implicit method, which contacts need to be resolved."""
+_FRICTION_STEP = 2.5e-3
+"""Implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10 ms ran away."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
 _GROWTH = (1.3, 16.0)
@@ -153,6 +155,8 @@ class _Run:
         asked = self._time.method
         # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them.
         self._implicit_substeps = self._wanted(self._of_contacts(contact_frequency, bent))
+        if self._model.friction_names:
+            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)

@@ -98,6 +98,8 @@ def _at_rest(system: System, x: Array) -> Array:
 
 TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
+_SLIDING = 1.5
+"""A friction state beyond its range [1], as of a tendon that slides."""
 _POSES = 12
 """Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
@@ -108,6 +110,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     Infinite where the model's numbers are not finite. Velocities are left out.
     """
     model = core.model
+    if model.friction_names:
+        return _radius_with_friction(core, np.atleast_2d(q), u, w, p)
     lags = [channel.time_constant for channel in model.finger.channels]
     largest = max((1.0 / lag for lag in lags if lag is not None), default=0.0)
     for shape in np.atleast_2d(q):
@@ -117,6 +121,21 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
         if not all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping)):
             return math.inf
         largest = max(largest, float(np.abs(poles(mass, stiffness, damping)).max()))
+    return largest
+
+
+def _radius_with_friction(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+    """The same of a finger whose tendons have friction: stuck, where they are stiffest, and sliding."""
+    model, largest = core.model, 0.0
+    states = len(model.friction_names)
+    for shape in q:
+        x = np.concatenate([shape, np.zeros(model.n), model.structure.lag_at(u), np.zeros(states)])
+        for sliding in (0.0, _SLIDING):
+            x[len(x) - states :] = sliding
+            slope = core.linearization(x, u, w, p)[0]
+            if not np.all(np.isfinite(slope)):
+                return math.inf
+            largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max()))
     return largest
 
 

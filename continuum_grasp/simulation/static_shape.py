@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -34,6 +34,8 @@ class Equilibrium(Result):
         Smallest eigenvalue of the stiffness in the metric of the mass matrix [rad2/s2]; negative when unstable.
     residual : float
         Largest missing generalized force, relative to the largest of those that balance.
+    history : (states + 1,) ndarray
+        Friction of the tendons that it has, as functions of the model take it; empty without friction.
     warnings : tuple of str
         Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
     """
@@ -44,6 +46,7 @@ class Equilibrium(Result):
         Stored("u", "(input,)", "", "input that it is an equilibrium of"),
         Stored("w", "(force_component,)", "", "forces and moments that it is an equilibrium of"),
         Stored("p", "(parameter,)", "", "parameters of the model"),
+        Stored("friction_states", "(friction_cell,)", "1", "which way friction of the tendons acts, per cell"),
         Stored("tip", "(xy,)", "m", "world position of the tip"),
         Stored("places", "(place,)", "m", "positions along the finger, from base to tip"),
         Stored("shape", "(place, xy)", "m", "world positions of the backbone there"),
@@ -53,6 +56,7 @@ class Equilibrium(Result):
         Dimension("input", "tendon tensions or tip moment", "model.u_names"),
         Dimension("force_component", "forces and moments that act, in the world's axes", "model.w_names"),
         Dimension("parameter", "run-time parameters", "model.p_names"),
+        Dimension("friction_cell", "friction cells of the tendons", "model.friction_names"),
         Dimension("place", "places along the finger", "places", "m"),
         XY,
     )
@@ -69,6 +73,16 @@ class Equilibrium(Result):
     model: FingerModel
     warnings: tuple[str, ...] = ()
     scene: Scene | None = None
+    history: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def friction_states(self) -> Array:
+        """Which way friction of the tendons acts, per cell, from -1 to 1 [1]."""
+        if not self.history.size:
+            return np.zeros(0)
+        *states, moved = self.history
+        slid = np.array(self.model.sliding()(self.q, self.u, self.p)).ravel()
+        return np.asarray(np.clip(states + moved * slid, -1.0, 1.0))
 
     @property
     def status(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import Load
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 from continuum_grasp.simulation.static_shape import Equilibrium
@@ -34,12 +35,18 @@ second for families of order 2, arcs, divided by the square of their number. Col
 clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
 number."""
 
+_MOST_TURNS = 8
+"""Searches in which the directions of friction settle [1]."""
+_SAME_STATE = 1e-6
+"""Change of a friction state that is none [1]."""
+
 
 class Search:
-    """Equilibria of a model at given input, forces and parameters."""
+    """Equilibria of a model at given input, forces and parameters; ``history`` is that of tendon friction."""
 
-    def __init__(self, model: FingerModel, u: Array, w: Array, p: Array) -> None:
-        self._model, self._u, self._w, self._p = model, u, w, p
+    def __init__(self, model: FingerModel, u: Array, w: Array, p: Array, history: Array) -> None:
+        self._model, self._u, self._w, self._p, self._history = model, u, w, p, history
+        self._friction = (history,) if history.size else ()
         self._core = Core(model, compiled=False)
 
     def rest(self) -> Array:
@@ -65,7 +72,7 @@ class Search:
                 q, iterations = self._descend(q + size * kick, iterations)
                 margin, _, steady = self._stability(q)
             warnings = (*self._checked(q), *self._buckling(q, margin))
-            missing = self._core.statics(q, self._u, self._w, self._p)[0]
+            missing = self._core.statics(q, self._u, self._w, self._p, *self._friction)[0]
         except np.linalg.LinAlgError as error:
             raise SolverError(
                 "no equilibrium found",
@@ -75,7 +82,19 @@ class Search:
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
         residual = float(np.abs(missing).max() / self._scale(q))
-        return Equilibrium(q, self._u, self._w, self._p, steady, margin, residual, iterations, self._model, warnings)
+        return Equilibrium(
+            q,
+            self._u,
+            self._w,
+            self._p,
+            steady,
+            margin,
+            residual,
+            iterations,
+            self._model,
+            warnings,
+            history=self._history,
+        )
 
     def _checked(self, q: Array) -> tuple[str, ...]:
         """Warnings of a shape that the model is good for."""
@@ -110,7 +129,7 @@ class Search:
 
     def _descend(self, start: Array, iterations: int) -> tuple[Array, int]:
         q = start.copy()
-        missing, stiffness = self._core.statics(q, self._u, self._w, self._p)
+        missing, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
         mass = self._core.mass_matrix(q, self._u, self._p)
         if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
             raise np.linalg.LinAlgError("not finite at the start")
@@ -127,7 +146,7 @@ class Search:
             change = np.linalg.solve(stiffness + (shift + 2.0 * max(0.0, -weakest)) * mass, -missing)
             change *= min(1.0, limit / max(np.abs(change).max(), 1e-300))
             trial = q + change
-            after, stiffness_after = self._core.statics(trial, self._u, self._w, self._p)
+            after, stiffness_after = self._core.statics(trial, self._u, self._w, self._p, *self._friction)
             if not np.all(np.isfinite(after)):
                 shift = 10.0 * max(shift, rate)
                 continue
@@ -154,16 +173,16 @@ class Search:
             core.elastic(q, u, p),
             core.elastic(np.zeros_like(q), u, p),
             core.gravity(q, u, p),
-            core.actuation(q, u, p),
+            core.actuation(q, u, p, *self._friction),
             core.external_force(q, u, w, p),
         ]
         # Where nothing loads the finger: what a bend of a part in 1e9 of the range would ask for.
-        floor = 1e-9 * np.abs(core.statics(q, u, w, p)[1]).max() * self._reach()
+        floor = 1e-9 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
         return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:
         """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""
-        _, stiffness = self._core.statics(q, self._u, self._w, self._p)
+        _, stiffness = self._core.statics(q, self._u, self._w, self._p, *self._friction)
         mass = self._core.mass_matrix(q, self._u, self._p)
         root, scaled, symmetric = in_mass_metric(mass, stiffness)
         values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -194,7 +213,28 @@ def equilibrium(
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
     signals = Signals(scene, model)
     u, w = signals.u(0.0)[0], signals.w(0.0)[0]
-    return replace(equilibrium_under(model, u, w, guess=guess, stable=stable, side=side), scene=scene)
+    found = equilibrium_under(model, u, w, guess=guess, stable=stable, side=side, **friction_of(scene.initial, model))
+    return replace(found, scene=scene)
+
+
+class Friction(TypedDict, total=False):
+    """How a finger came to its shape, for tendons with friction; see ``equilibrium_under``."""
+
+    reached_by: str
+    friction_states: Sequence[float]
+
+
+def friction_of(initial: Initial, model: FingerModel) -> Friction:
+    """What a scene says of the friction of its tendons; InputError where it says nothing, and they have some."""
+    found: Friction = {}
+    if not model.friction_names:
+        return found
+    model.structure.check_reached_by(initial)
+    if initial.reached_by is not None:
+        found["reached_by"] = initial.reached_by
+    if initial.friction_states is not None:
+        found["friction_states"] = initial.friction_states
+    return found
 
 
 @check_arguments
@@ -206,6 +246,8 @@ def equilibrium_under(
     guess: ArrayLike | None = None,
     stable: bool = True,
     side: int = 1,
+    reached_by: str = "pulling",
+    friction_states: ArrayLike | None = None,
 ) -> Equilibrium:
     """Find the equilibrium of a model under constant input and forces.
 
@@ -223,6 +265,11 @@ def equilibrium_under(
         Whether to leave an unstable equilibrium for a stable one.
     side : {1, -1}
         Side to which it is left.
+    reached_by : {"pulling", "releasing", "state"}
+        How the finger came to this shape, for tendons with friction: from straight, with tendons that slid all the way;
+        from where it was bent further, with tendons that slid back; or with ``friction_states``.
+    friction_states : array_like, optional
+        Which way friction acts, per cell, from -1 to 1, for ``state``.
 
     Examples
     --------
@@ -234,11 +281,32 @@ def equilibrium_under(
     [1.0]
     """
     choice("side", side, (1, -1))
-    search = Search(model, real_array("u", u), real_array("w", w), np.array(model.p_nominal))
-    start = search.rest() if guess is None else real_array("guess", guess)
-    if start.shape != (model.n,) or not np.all(np.isfinite(start)):
+    choice("reached_by", reached_by, ("pulling", "releasing", "state"))
+    given, forces, p = real_array("u", u), real_array("w", w), np.array(model.p_nominal)
+    start = None if guess is None else real_array("guess", guess)
+    if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
-    return search.find(start, stable, side)
+    history = np.zeros(model.structure.friction_states)
+    if not history.size:
+        search = Search(model, given, forces, p, history)
+        return search.find(search.rest() if start is None else start, stable, side)
+    if reached_by == "state":
+        states = np.array([] if friction_states is None else friction_states, dtype=float).ravel()
+        if states.shape != history.shape:
+            raise InputError(f"friction_states: expected {history.size} entries, got {states.tolist()}")
+        search = Search(model, given, forces, p, np.append(states, 0.0))
+        return search.find(search.rest() if start is None else start, stable, side)
+    # Pulled from straight: the tendons slide, and every state is at an end of its range.
+    search = Search(model, given, forces, p, np.append(history, 1.0))
+    found = search.find(search.rest() if start is None else start, stable, side)
+    for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
+        states = -found.friction_states if not np.any(history) else history
+        found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
+        # The shape decides which way the tendons slid back; it seldom changes that.
+        history = -np.clip(np.array(model.sliding()(found.q, given, p)).ravel(), -1.0, 1.0)
+        if np.abs(history - states).max() <= _SAME_STATE:
+            break
+    return found
 
 
 @check_arguments
@@ -274,9 +342,11 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     u, w, p = signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
     path: list[Equilibrium] = []
+    if model.friction_names:
+        raise InputError("paths of equilibria are of fingers whose tendons have no friction", key="finger.tendons")
     for factor in factors:
         scaled = p.copy()
         scaled[gravity] *= factor
-        search = Search(model, factor * u, factor * w, scaled)
+        search = Search(model, factor * u, factor * w, scaled, np.zeros(0))
         path.append(search.find(path[-1].q if path else search.rest(), True, side))
     return path

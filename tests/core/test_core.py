@@ -139,8 +139,9 @@ def test_tendon_friction_batches():
     finger = Finger(rod=ROD, tendons=Tendons(offset=0.01, max_tension=50.0, friction=0.3))
     model = cg.FingerModel(finger, family="arc")
     compiled, at = cg.compile(model), state(model, 1.0)
-    rows = compiled.batch("forward_dynamics", np.tile(at.x, (5, 1)), [30.0, 4.0])
-    expected = evaluate(model.forward_dynamics, at.x, [30.0, 4.0], 0 * at.w, [])
+    x = np.append(at.x, [0.5, 1.2, -0.3, -1.0])  # and friction states
+    rows = compiled.batch("forward_dynamics", np.tile(x, (5, 1)), [30.0, 4.0])
+    expected = evaluate(model.forward_dynamics, x, [30.0, 4.0], 0 * at.w, [])
     assert rows == pytest.approx(np.tile(expected, (5, 1)), rel=1e-12)
 
 

@@ -202,7 +202,8 @@ def test_places_and_equilibrium_are_those_of_the_model(family):
         assert angle == pytest.approx(float(model.orientation(q, u, s, p)), abs=1e-12)
         assert_allclose(places[:, j], point, atol=1e-12)
     zero = np.zeros(model.n)
-    still = np.array(model.inverse_dynamics(q, zero, zero, u, w, p)).ravel()
+    pulled = [np.append(np.zeros(len(model.friction_names)), 1.0)] if model.friction_names else []
+    still = np.array(model.inverse_dynamics(q, zero, zero, u, w, p, *pulled)).ravel()
     # A mass within an element bears like its Jacobian.
     carried = np.array(model.jacobian(q, u, 0.55, p)).T @ LOADED["gravity"] * 0.7
     assert_allclose(np.array(backbone.missing(1)(q, u, w, [0.7, 0.55], p)).ravel(), still - carried, atol=1e-11)

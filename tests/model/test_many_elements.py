@@ -105,7 +105,7 @@ def state_of(model: FingerModel, seed: int = 3) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
     limits = np.array(model.structure.coordinate_limits())
     q, qd = 0.4 * limits * rng.uniform(-1, 1, model.n), 3.0 * limits * rng.uniform(-1, 1, model.n)
-    lag = rng.uniform(-0.05, 0.05, model.nx - 2 * model.n)
+    lag = rng.uniform(-0.05, 0.05, model.nx - 2 * model.n) * (10.0 if model.friction_names else 1.0)
     u, w = rng.uniform(0.0, 0.3, model.nu), rng.uniform(-0.5, 0.5, model.nw)
     return [np.concatenate([q, qd, lag]), u, w, 1.1 * np.array(model.p_nominal)]
 
@@ -116,7 +116,10 @@ def dense(model: FingerModel, x, u, w, p) -> tuple[np.ndarray, float]:
     if model.structure.lagged:
         model, u = without_lag(model, x, u)
     mass = np.array(model.mass_matrix(q, u, p))
-    missing = np.array(model.inverse_dynamics(q, qd, np.zeros(model.n), u, w, p)).ravel()
+    friction = x[len(x) - len(model.friction_names) :]
+    # the cubic of a motion's friction state, of which a history has the value
+    history = [np.append(1.5 * friction - 0.5 * friction**3, 0.0)] if friction.size else []
+    missing = np.array(model.inverse_dynamics(q, qd, np.zeros(model.n), u, w, p, *history)).ravel()
     scale = 1.0 / np.sqrt(np.diag(mass))
     condition = np.linalg.cond(scale[:, None] * mass * scale)
     return np.linalg.solve(mass, -missing), max(20 * condition * np.finfo(float).eps, 1e-12)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 
 import casadi as ca
 import mpmath
 import numpy as np
 import pytest
 
-from continuum_grasp.model import FingerModel
 from continuum_grasp.model.chain import Chain, Place
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.moment_linear import Clothoid
@@ -200,31 +200,31 @@ def test_the_tendons_time_constant_is_a_critically_damped_lag(family):
 
 @pytest.mark.parametrize("family", ["arc", "clothoid"])
 def test_tendon_friction_follows_the_capstan_law(family):
-    friction, rounding = 0.3, 1e-3
-    case = Case().with_finger(tendons=TENDONS.model_copy(update={"friction": friction}))
+    """The work of two tensions in a shape, by quadrature of T(s) = T exp(-side mu b(s)) with states at their ends."""
+    friction, count = 0.3, 16
+    case = Case().with_finger(tendons=TENDONS.model_copy(update={"friction": friction, "friction_cells": count}))
     model = case.model(family, 3)
+    rng = np.random.default_rng(4)
     at = state(model, 1.2)
-    bends = evaluate(model.bending, at.q, at.u, [])
-    rounded = rounding * np.array(model.lengths) / sum(model.lengths)
-    sizes = bends**2 / np.sqrt(bends**2 + rounded**2)
-    reached = np.exp(-friction * (np.cumsum(sizes) - 0.5 * sizes))
-    symbol = ca.SX.sym("q", model.n)
-    gradient = evaluate(ca.Function("g", [symbol], [ca.jacobian(model.bending(symbol, at.u, []), symbol)]), at.q)
-    moment = TENDONS.offset * (at.u[0] - at.u[1])
-    assert relative_error(evaluate(model.actuation, at.q, at.u, []), gradient.T @ (reached * moment)) <= 1e-14
-
-
-def test_tendon_friction_does_not_depend_on_the_number_of_elements():
-    """Bends add up: a finger bent to a circle loses the same share of tension in any number of arcs."""
-    friction, bend = 0.4, 0.05
-    sticky = TENDONS.model_copy(update={"friction": friction})
-    finger = Case().with_finger(tendons=sticky, rest_curvature=0.0).finger
-    moment = TENDONS.offset * 2.0
-    for count in (2, 16, 64):
-        model = FingerModel(finger, family="arc", elements=count)
-        forces = evaluate(model.actuation, np.full(count, bend / count), [2.0, 0.0], [])
-        places = (np.arange(count) + 0.5) / count
-        assert forces == pytest.approx(moment * np.exp(-friction * bend * places), rel=1e-5)
+    # cells that slide in, and others out
+    ways = np.sign(rng.uniform(-1.0, 1.0, len(model.friction_names)))
+    u = np.array([8.0, 3.0])
+    found = evaluate(model.actuation, at.q, u, [], [*ways, 0.0])
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    expected, lost, tip = np.zeros(model.n), 0.0, model.finger.rod.length
+    edges = np.concatenate([np.linspace(a, b, count + 1)[:-1] for a, b in pairwise(np.cumsum([0.0, *model.lengths]))])
+    angles = ca.SX.sym("q", model.n)
+    for way, a, b in zip(ways, edges, [*edges[1:], tip], strict=True):
+        s = 0.5 * (a + b) + 0.5 * (b - a) * nodes
+        turns = [ca.jacobian(model.orientation(angles, u, x, []), angles) for x in (a, b)]
+        turn = float(model.orientation(at.q, u, b, [])[0] - model.orientation(at.q, u, a, [])[0])
+        slope = ca.Function("slope", [angles], [turns[1] - turns[0]])
+        gradient = np.array(slope(at.q)).ravel()
+        loss = way * friction * abs(turn)
+        shares = [np.exp(-side * (lost + loss * (s - a) / (b - a))) @ weights / 2.0 for side in (1.0, -1.0)]
+        expected += TENDONS.offset * (u[0] * shares[0] - u[1] * shares[1]) * gradient
+        lost += loss
+    assert relative_error(found, expected) <= 1e-4
 
 
 # What is cut off on purpose.

@@ -107,9 +107,9 @@ REFUSED = {
         lambda: finger({"offset": 0.004}, rod=CONE),
         "Finger: tendons[0].offset: tendons[0].offset: 0.004 m at 0.25 m along the finger is more than half its",
     ),
-    "of different friction": (
-        lambda: finger({"offset": 0.01, "friction": 0.1}, {"offset": -0.01, "to": 0.1}),
-        "Finger: tendons[1]: tendons[1].friction differs from that of tendons[0]",
+    "a sheath without friction": (
+        lambda: finger({"offset": 0.01, "conduit_bend": 1.0}),
+        "tendons[0].conduit_bend: conduit_bend has no effect without friction",
     ),
     "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension (20.0) must"),
 }

@@ -291,7 +291,13 @@ class TestTendonFriction:
         """Of the whole bend [rad] and of the tip [m]."""
         tendons = {"offset": self.offset, "max_tension": 100.0, "friction": self.friction}
         scene = rod_scene(
-            UNIT, family, elements, gravity=NONE, finger={"tendons": tendons}, actuation={"tensions": [self.tension, 0]}
+            UNIT,
+            family,
+            elements,
+            gravity=NONE,
+            finger={"tendons": tendons},
+            actuation={"tensions": [self.tension, 0]},
+            initial={"pose": "straight", "reached_by": "pulling"},
         )
         found = equilibrium(scene)
         assert found.stable

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,8 @@ SHARE = 1e-3
 tendons which balance each other to 1e-9 leave as much."""
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
+_PRESLIDING = 1e-3
+"""Bend beyond a friction cell from which on it slides [rad]: that of the law that is verified."""
 _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
@@ -62,7 +66,6 @@ class RecomputedFinger:
         self.skin = skin(self.profile.half_thickness)
         self.thickness = self.skin(self.rod.edges)  # half the thickness (P + 1,) at the ends of panels [m]
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
-        self.tendon_shares = self._capstan()
         self.loads: list[FingerLoad] = []
 
     @property
@@ -137,9 +140,7 @@ class RecomputedFinger:
         angle = rod.angle(curvature)
         points = rod.edge_points(curvature, angle)
         energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
-        element = np.clip(np.searchsorted(rod.joints, s) - 1, 0, self.lengths.size - 1)
-        drive = self.shape.actuation(s, self.amplitudes) * self.tendon_shares[element]
-        energy = energy - curvature @ (rod.weights * drive)
+        energy = energy - curvature @ (rod.weights * self._tendon_moment(s))
         if self.gravity.any():
             energy = energy - rod.first_moment(self.profile.linear_density(s), angle) @ self.gravity
             for mass in self.finger.masses:
@@ -149,17 +150,34 @@ class RecomputedFinger:
             energy = energy - points[..., edge, :] @ load.force - edge_angles[..., edge] * load.couple
         return np.asarray(energy)
 
-    def _capstan(self) -> Array:
-        """Share of the tendons' moment that reaches each element's middle past the friction of the guides."""
-        # The capstan equation, exp(-friction * turn); up to the middle of an element half of its own turn counts.
-        friction = self.setup.tendons.friction
+    def _tendon_moment(self, s: Array) -> Array:
+        """Bending moment of the tendons (G,) at positions [m] past the friction of the guides, of the stored shape.
+
+        Tendons slid from the straight finger on: the capstan equation, T exp(-friction turn) where they slid towards
+        the base and T exp(friction turn) where they slid away from it.
+        """
+        friction, cells = self.setup.tendons.friction, self.setup.tendons.friction_cells
         if friction == 0.0:
-            return np.ones(self.lengths.size)
-        bends = self.rod.bends(self.curvature)
-        rounded = 1e-3 * self.lengths / self.lengths.sum()
-        # Without sign, and rounded off below 1e-3 rad: the law of the model that is verified.
-        turned = bends**2 / np.sqrt(bends**2 + rounded**2)
-        return np.asarray(np.exp(-friction * (np.cumsum(turned) - 0.5 * turned)))
+            return self.shape.actuation(s, self.amplitudes)
+        parts = [np.linspace(a, b, cells + 1)[:-1] for a, b in pairwise(self.shape.joints)]
+        edges = np.append(np.concatenate(parts), self.shape.joints[-1])
+        # The curvature is linear within an element: half a cell turns by that in its middle.
+        width = np.diff(edges)
+        early, late = (0.5 * width * self.shape.curvature(edges[:-1] + part * width) for part in (0.25, 0.75))
+        turned, rounding = early + late, 1e-3 * width / edges[-1]
+        # The law of the model that is verified: of a constant curvature in a cell, without sign, and rounded off.
+        loss = friction * turned**2 / np.sqrt(turned**2 + rounding**2)
+        beyond = np.append(np.cumsum(turned[::-1])[::-1][1:], 0.0) + late
+        loss *= np.clip(beyond / _PRESLIDING, -1.0, 1.0)
+        cell = np.clip(np.searchsorted(edges, s) - 1, 0, width.size - 1)
+        across = (s - edges[cell]) / width[cell] - 0.5
+        moment = np.zeros(s.shape)
+        for arm, tension in zip(self.shape.channels[0].arms, self.tensions, strict=True):
+            own = math.copysign(1.0, arm) * loss
+            middle = np.exp(-(np.cumsum(own) - 0.5 * own))
+            mean = middle * (1.0 + own**2 / 24.0)
+            moment += arm * tension * (mean[cell] - (middle * own)[cell] * across)
+        return np.asarray(moment * self.shape.channels[0].shape(s))
 
 
 @dataclass

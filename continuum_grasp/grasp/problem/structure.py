@@ -29,7 +29,7 @@ class FingerSpec:
     touching: tuple[bool, ...]  # which middle contacts are on
     stations: bool  # whether the middle contacts are stations
     tip: bool  # whether the tip touches
-    has_tendon_friction: bool
+    friction_cells: int  # per element; 0: the tendons have no friction
     weighs: bool  # whether its own weight acts
     preshaped: bool  # whether it is curved at rest
     tip_heavy: bool  # whether there is a mass on the tip
@@ -53,7 +53,7 @@ class FingerSpec:
             touching=tuple(name in on for name in setup.middle_names),
             stations=bool(setup.stations),
             tip=setup.tip_name in on,
-            has_tendon_friction=setup.tendons.friction > 0.0,
+            friction_cells=setup.tendons.friction_cells if setup.tendons.friction > 0.0 else 0,
             weighs=weighs,
             preshaped=graded is None and finger.profile.rest_curvature.constant != 0.0,
             tip_heavy=graded is None and weighs and len(inner) < len(finger.masses),

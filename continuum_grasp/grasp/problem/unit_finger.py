@@ -27,6 +27,10 @@ ACCURACY = 1e-7
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
 
+PRESLIDING = 1e-3
+"""Bend beyond a friction cell from which on its friction is that of a tendon that was pulled [rad]: below the model's
+own errors, and wide enough for second derivatives. `continuum_grasp.grasp.certificate` has its own."""
+
 
 class UnitFinger:
     """The unknowns and run-time numbers of a finger, its model, and what follows from them as expressions."""
@@ -55,14 +59,20 @@ class UnitFinger:
         self._optional = {
             "gravity": spec.weighs,
             "rest_curvature": spec.preshaped,
-            "tendon_friction": spec.has_tendon_friction,
+            "tendon_friction": spec.friction_cells > 0,
             "tip_mass": spec.tip_heavy,
         }
         # The values only state what there is: the run-time argument replaces them.
         unit = Finger(
             rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
             masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
-            tendons=Tendons(offset=_OFFSET, max_tension=1.0, friction=0.1 if spec.has_tendon_friction else 0.0),
+            tendons=Tendons(
+                offset=_OFFSET,
+                max_tension=1.0,
+                friction=0.1 if spec.friction_cells else 0.0,
+                friction_cells=spec.friction_cells or 1,
+                presliding=_OFFSET * PRESLIDING,
+            ),
         )
         contacts = tuple(count / spec.elements for count in spec.before)
         self.model = FingerModel(

@@ -1,0 +1,184 @@
+"""Dry friction of tendons with a memory: cells along the finger, each with a state of its sliding.
+
+By the capstan law (W. Euler and J. A. Eytelwein) the tension changes by the factor exp(-friction bend) along a tendon
+that slides towards the base, and by its inverse where it slides the other way; where it sticks, by something between.
+Cell k has a state z whose clipped value says which of these it is. It follows the sliding u of the tendon at the middle
+of the cell as a stop operator does (M. A. Krasnosel'skii, A. V. Pokrovskii, 1989, doi:10.1007/978-3-642-61302-9), so
+that loops close, nothing creeps at rest, and small cycles of the load do not add up:
+
+    z' = u' / presliding - (z - clip(z)) / time,    S = y (3 - y^2) / 2,  y = clip(z, -1, 1).
+
+The cubic has a continuous slope, for equations of motion. At rest S is y itself: Newton's method meets no flat spots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.model.family import Family
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.profile import Channel
+from continuum_grasp.scene.tendons import Tendon
+
+Array = NDArray[np.float64]
+
+RETURN_TIME = 1e-3
+"""Time in which a friction state comes back to its range [s]: a tenth of the shortest drive lags."""
+_BEND_ROUNDING = 1e-3
+"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
+the tension is off by a share of 5e-4 at most."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A part of an element along which one friction state holds; arrays have an entry per local coordinate.
+
+    Integrals along the cell are of the curvature shapes: ``bend``; with the shape of the tendon's moment ``work``;
+    this with the fraction of the cell less a half ``lean``; and ``late`` is ``work`` of the half towards the tip. The
+    same of the rest curvature follows.
+    """
+
+    element: int
+    share: float  # length per that of the finger [1]
+    length: float  # [m]
+    bend: Array
+    work: Array
+    lean: Array
+    late: Array
+    rest_bend: float
+    rest_work: float
+    rest_late: float
+
+
+@dataclass(frozen=True)
+class CellSet:
+    """Friction cells of tendons that slide alike, to and fro: one state per cell serves them all."""
+
+    tendons: tuple[int, ...]
+    sides: tuple[float, ...]  # sign of each one's arm
+    presliding: float  # [m]
+    conduit_bend: float  # [rad]; where it is not zero, the first state is that of the conduit
+    cells: tuple[Cell, ...]
+
+    @property
+    def states(self) -> int:
+        """Number of friction states."""
+        return len(self.cells) + (self.conduit_bend > 0.0)
+
+    def names(self, number: int) -> list[str]:
+        """Name and unit of each state; ``number`` counts the sets from one."""
+        inside = [f"friction_{number}_{k + 1} [1]" for k in range(len(self.cells))]
+        return [f"friction_{number}_conduit [1]"] * (self.conduit_bend > 0.0) + inside
+
+
+def cell_sets(
+    family: Family, channels: Sequence[Channel], tendons: Sequence[Tendon], frictional: bool
+) -> tuple[CellSet, ...]:
+    """The sets of cells of a finger whose tendons have a channel each; ``frictional``: all tendons have friction."""
+    groups: dict[object, list[int]] = {}
+    for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
+        if frictional or tendon.friction > 0.0:
+            own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
+            groups.setdefault((channel.shape, abs(channel.arms[k]), own), []).append(k)
+    found = []
+    for group in groups.values():
+        first = tendons[group[0]]
+        sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
+        cells = _cells(family, channels[group[0]], first.friction_cells)
+        found.append(CellSet(tuple(group), sides, first.presliding, first.conduit_bend, cells))
+    return tuple(found)
+
+
+def _cells(family: Family, channel: Channel, count: int) -> tuple[Cell, ...]:
+    mesh, found = family.mesh, []
+    for element in range(family.elements):
+        start, end = mesh.ends[element], min(mesh.ends[element + 1], channel.to)
+        if end - start <= 1e-9 * mesh.ends[-1]:
+            break
+        for a, b in zip(*(np.linspace(start, end, count + 1)[k:][:count] for k in (0, 1)), strict=True):
+            middle = 0.5 * (a + b)
+            early, late = (_integrals(family, channel, element, *half) for half in ((a, middle), (middle, b)))
+            bend, work, first = (one + other for one, other in zip(early, late, strict=True))
+            # The fraction of the cell less a half, of the integral with the position.
+            lean = (first - middle * work) / (b - a)
+            found.append(
+                Cell(
+                    element,
+                    float(b - a) / mesh.ends[-1],
+                    float(b - a),
+                    bend[:-1],
+                    work[:-1],
+                    np.where(np.abs(lean[:-1]) > 1e-12 * np.abs(work[:-1]).max(), lean[:-1], 0.0),
+                    late[1][:-1],
+                    float(bend[-1]),
+                    float(work[-1]),
+                    float(late[1][-1]),
+                )
+            )
+    return tuple(found)
+
+
+def _integrals(family: Family, channel: Channel, element: int, a: float, b: float) -> tuple[Array, Array, Array]:
+    """Integrals (K + 1,) of the shapes and the rest curvature; with the tendon's shape; and with the position too."""
+    total = [np.zeros(len(family.local(element)) + 1) for _ in range(3)]
+    for low, high in family.mesh.panels(element, family.mesh.stiffness, family.mesh.rest, channel.shape):
+        low, high = max(low, a), min(high, b)
+        if high <= low:
+            continue
+        s, weights = 0.5 * (low + high) + 0.5 * (high - low) * _NODES, 0.5 * (high - low) * _WEIGHTS
+        shapes, drawn = family.shapes_at(element, s), channel.shape(s)
+        total[0] += shapes @ weights
+        total[1] += shapes @ (weights * drawn)
+        total[2] += shapes @ (weights * drawn * s)
+    return total[0], total[1], total[2]
+
+
+def direction(z: Scalar) -> Scalar:
+    """Which way friction acts, from -1 to 1, of a state of a motion."""
+    y = clipped(z)
+    return y * (1.5 - 0.5 * (y * y))
+
+
+def clipped(z: Scalar) -> Scalar:
+    """A state within its range."""
+    return ca.fmin(ca.fmax(z, -1.0), 1.0)
+
+
+def state_rate(z: Scalar, sliding: Scalar, presliding: float) -> Scalar:
+    """Rate of a friction state [1/s] of a sliding [m/s]."""
+    return sliding * (1.0 / presliding) - (z - clipped(z)) * (1.0 / RETURN_TIME)
+
+
+def rounded(bend: Scalar, share: float) -> Scalar:
+    """A bend [rad] without sign, smooth when straight: b^2 / sqrt(b^2 + (1e-3 rad share)^2)."""
+    square, rounding = bend * bend, _BEND_ROUNDING * share
+    return square / ca.sqrt(square + rounding * rounding)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of a tendon's tension at the base: mean along each cell, in its middle, and its loss across it in logs."""
+
+    mean: list[Scalar]
+    middle: list[Scalar]
+    loss: list[Scalar]
+
+
+def shares(losses: Sequence[Scalar], conduit: Scalar | None) -> Shares:
+    """Shares by the losses across the cells, and across a conduit before them."""
+    mean: list[Scalar] = []
+    middle: list[Scalar] = []
+    entering: Scalar = 1.0 if conduit is None else ca.exp(-1.0 * conduit)
+    for loss in losses:
+        half = ca.exp(-0.5 * loss)
+        middle.append(entering * half)
+        # sinh(x / 2) / (x / 2): the mean of the exponential over its value in the middle.
+        mean.append(middle[-1] * (1.0 + loss * loss * (1.0 / 24.0)))
+        entering = middle[-1] * half
+    return Shares(mean, middle, list(losses))

@@ -1,0 +1,230 @@
+"""Tendons with friction: what their history makes of the same tensions, by closed forms and by a chain of guides."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.simulation import equilibrium_under
+from tests.truth.tendon import HingedFinger
+
+LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
+ROD = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
+PASSIVE = {"rod": ROD, "damping": {"material": 3e-5}, "masses": [{"at": LENGTH, "mass": 0.002}]}
+
+
+def finger(friction, **tendons):
+    return cg.Finger(**PASSIVE, tendons={"offset": OFFSET, "max_tension": 60.0, "friction": friction, **tendons})
+
+
+def model(friction, family="clothoid", elements=2, **tendons):
+    return cg.FingerModel(
+        finger(friction, **tendons), family=family, elements=elements, gravity=(0, 0), bending_range=2.0
+    )
+
+
+def bend(model, q):
+    return float(np.array(model.bending(q, np.zeros(model.nu), [])).sum())
+
+
+class Loaded:
+    """A model that is moved from one shape at rest to the next, each with the friction that the way there leaves."""
+
+    def __init__(self, model):
+        self.model, self.q = model, np.zeros(model.n)
+        self.states = np.zeros(len(model.friction_names))
+        self._slid = np.zeros_like(self.states)
+
+    def move(self, tensions, force=(0.0, 0.0)):
+        history, model, q = np.append(self.states - self._slid, 1.0), self.model, self.q
+        for _ in range(100):
+            missing, slope = (np.array(v) for v in model.statics(q, tensions, force, [], history))
+            if np.abs(missing).max() < 1e-12:
+                break
+            step, size = np.linalg.solve(slope, -missing).ravel(), np.abs(missing).max()
+            # the stop has kinks: shorter steps where they throw Newton's method
+            while np.abs(np.array(model.statics(q + step, tensions, force, [], history)[0])).max() > size > 1e-12:
+                step *= 0.5
+                if np.abs(step).max() < 1e-12:
+                    break
+            q = q + step
+        self._slid = np.array(model.sliding()(q, tensions, [])).ravel()
+        self.q, self.states = q, np.clip(history[:-1] + self._slid, -1.0, 1.0)
+        return bend(model, q)
+
+
+def way(points, step):
+    """Values from point to point."""
+    found = [points[0]]
+    for a, b in pairwise(points):
+        found += list(np.linspace(a, b, max(1, math.ceil(abs(b - a) / step)) + 1)[1:])
+    return found
+
+
+FORMS = {
+    "one pulled": (0.1, [20.0, 0.0], "pulling", 2.58201009),
+    "one released": (0.1, [10.0, 0.0], "releasing", -math.log(1 - 0.1 * OFFSET / STIFFNESS * 10.0 * LENGTH) / 0.1),
+    "one pulled against the other": (0.1, [20.0, 6.0], "pulling", 1.72252137),
+    "against much friction": (0.3, [20.0, 6.0], "pulling", 1.26368692),
+    "the other way": (0.1, [6.0, 20.0], "pulling", -1.72252137),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_shapes_at_rest_are_those_of_closed_forms(name):
+    friction, tensions, reached_by, angle = FORMS[name]
+    for elements, error in ((2, 5e-3), (12, 2e-4)):
+        made = model(friction, elements=elements)
+        found = equilibrium_under(made, tensions, np.zeros(made.nw), reached_by=reached_by)
+        assert bend(made, found.q) == pytest.approx(angle, rel=error)
+        assert found.friction_states == pytest.approx(np.sign(angle) * (1 if reached_by == "pulling" else -1))
+
+
+def test_releasing_leaves_what_is_beyond_the_front_as_it_was():
+    """1/T(s) is the play of 1/T at the base, of radius mu e s/EI: 20 N, then 12 N."""
+    pulled = Loaded(model(0.1, elements=12, presliding=1e-6))
+    for tension in way([0.5, 20.0, 12.0], 0.5):
+        angle = pulled.move([tension, 0.0])
+    assert angle == pytest.approx(1.94506789, rel=2e-3)
+    front = (1 / 12.0 - 1 / 20.0) / (2 * 0.1 * OFFSET / STIFFNESS) / LENGTH
+    middle = (np.arange(24) + 0.5) / 24
+    assert np.all(pulled.states[middle < front - 0.05] < -0.99)
+    assert np.all(pulled.states[middle > front + 0.05] > 0.5)
+
+
+@pytest.mark.parametrize(("friction", "most"), [(0.1, (0.012, 0.006)), (0.3, (0.035, 0.026))])
+def test_loops_are_those_of_a_chain_of_guides(friction, most):
+    """With inner loops; the greatest difference of the bend per its range, at one and at two cells per element."""
+    chain = HingedFinger(LENGTH, STIFFNESS, OFFSET, friction, sides=(1.0,), hinges=30)
+    tensions = way([1.0, 20.0, 6.0, 14.0, 1.0, 20.0], 1.0)
+    exact = []
+    for tension in tensions:
+        chain.move([("tension", tension)])
+        exact.append(chain.angle)
+    for cells, error in zip((1, 2), most, strict=True):
+        own = Loaded(model(friction, friction_cells=cells))
+        found = [own.move([tension, 0.0]) for tension in tensions]
+        assert np.abs(np.subtract(found, exact)).max() <= error * np.ptp(exact)
+
+
+def test_nested_loops_close():
+    """Return-point memory: after an inner loop the outer one goes on as if there had been none."""
+    loaded = Loaded(model(0.1))
+    for tension in way([0.5, 20.0, 8.0], 0.5):
+        before = loaded.move([tension, 0.0])
+    states = loaded.states
+    for tension in way([8.0, 13.0, 8.0], 0.5):
+        after = loaded.move([tension, 0.0])
+    assert after == pytest.approx(before, abs=1e-9)
+    assert loaded.states == pytest.approx(states, abs=1e-6)
+
+
+def test_small_cycles_shake_down():
+    """They do not add up without end, as they do with Dahl's law."""
+    loaded = Loaded(model(0.2, friction_cells=1))
+    for tension in way([0.5, 12.0], 0.5):
+        loaded.move([tension, 0.0])
+    ends = []
+    for _ in range(15):
+        for force in (-0.035, -0.05, -0.065, -0.05):
+            angle = loaded.move([12.0, 0.0], (force, 0.0))
+        ends.append(angle)
+    assert abs(ends[-1] - ends[-2]) < 1e-7
+
+
+SCENE = {"gravity": [0.0, 0.0], "fidelity": {"family": "clothoid"}}
+RISING = {"times": [0.0, 0.3, 0.6], "values": [0.0, 22.0, 10.0]}
+
+
+@pytest.mark.parametrize("lag", [None, 0.02])
+def test_a_motion_ends_where_its_history_says_and_does_not_creep(lag):
+    scene = cg.Scene(
+        finger=finger(0.1, time_constant=lag),
+        actuation={"tensions": [RISING, 0.0]},
+        time={"duration": 10.0, "step": 0.02},
+        **SCENE,
+    )
+    motion = cg.simulate(scene)
+    bends = [bend(motion.model, q) for q in motion.q]
+    # between what pulling and releasing alone would leave, and there to stay
+    assert 1.374 < bends[-1] < 1.5937
+    assert np.ptp(bends[-250:]) < 1e-6
+    states = motion.x[:, -len(motion.model.friction_names) :]
+    assert np.abs(states[-1]).max() <= 1.0 + 1e-9
+    assert states[-1] == pytest.approx(states[-250], abs=1e-5)
+
+
+def test_mirrored_fingers_move_alike():
+    ends = []
+    for tensions in ([RISING, 1.0], [1.0, RISING]):
+        time = {"duration": 0.6, "step": 0.01}
+        ends.append(cg.simulate(cg.Scene(finger=finger(0.2), actuation={"tensions": tensions}, time=time, **SCENE)).x)
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-8)
+
+
+def test_implicit_steps_of_milliseconds_follow():
+    def end(**time):
+        given = {"tensions": [RISING, 0.0]}
+        timing = {"duration": 0.6, **time}
+        return cg.simulate(cg.Scene(finger=finger(0.15), actuation=given, time=timing, **SCENE)).tip[-1]
+
+    exact = end(step=1e-3, method="reference")
+    for step, error in ((1e-3, 5e-4), (5e-3, 2e-3)):
+        assert end(step=step, method="rodas") == pytest.approx(exact, abs=error * LENGTH)
+
+
+def test_friction_costs_what_it_is_worth():
+    def cost(**tendons):
+        own = cg.FingerModel(finger(**tendons), family="clothoid", elements=2)
+        return own.instructions, own.nx
+
+    free, lagged = cost(friction=0.0), cost(friction=0.0, time_constant=0.02)
+    assert cost(friction=0.0, friction_cells=4, presliding=1e-5) == free
+    one, two = (cost(friction=0.1, friction_cells=cells, time_constant=0.02) for cells in (1, 2))
+    assert one[0] <= lagged[0] + 200
+    assert two[0] <= lagged[0] + 340
+    # tensions and rates of both tendons in place of a moment and its rate, and a state per cell
+    assert (one[1], two[1]) == (lagged[1] + 2 + 2, lagged[1] + 2 + 4)
+
+
+def test_a_sheath_is_one_more_cell():
+    made = model(0.1, conduit_bend=1.5)
+    plain = equilibrium_under(model(0.1), [20.0 * math.exp(-0.15), 0.0], [0.0, 0.0])
+    found = equilibrium_under(made, [20.0, 0.0], [0.0, 0.0])
+    assert found.q == pytest.approx(plain.q, abs=1e-8)
+    assert made.friction_names[0] == "friction_1_conduit [1]"
+
+
+def test_every_tendon_has_its_own_friction():
+    """On one side without, on the other with: the same as a pair with and without."""
+    tendons = [{"offset": OFFSET, "max_tension": 60.0, "friction": 0.2}, {"offset": -OFFSET, "max_tension": 60.0}]
+    mixed = cg.FingerModel(cg.Finger(**PASSIVE, tendons=tendons), family="clothoid", elements=2, gravity=(0, 0))
+    for pair, tensions in ((model(0.2), [9.0, 0.0]), (model(0.0), [0.0, 9.0])):
+        one, other = (equilibrium_under(made, tensions, [0.0, 0.0]) for made in (mixed, pair))
+        assert one.q == pytest.approx(other.q, abs=1e-8)
+
+
+def test_an_equilibrium_names_its_history():
+    scene = {"finger": finger(0.1), "actuation": {"tensions": [10.0, 0.0]}, **SCENE}
+    with pytest.raises(InputError, match=r"initial.reached_by: tendons with friction hold a finger anywhere between"):
+        cg.equilibrium(cg.Scene(**scene))
+
+    def angle(**initial):
+        found = cg.equilibrium(cg.Scene(**scene, initial={"pose": "straight", **initial}))
+        return bend(found.model, found.q)
+
+    assert angle(reached_by="pulling") == pytest.approx(1.374, abs=1e-3)
+    assert angle(reached_by="releasing") == pytest.approx(1.593, abs=1e-3)
+    free = 10.0 * OFFSET * LENGTH / STIFFNESS
+    assert angle(reached_by="state", friction_states=[0.0] * 4) == pytest.approx(free)
+    with pytest.raises(InputError, match=r"friction_states: expected 4 entries, one per friction cell"):
+        angle(reached_by="state", friction_states=[0.0])
+    with pytest.raises(InputError, match=r"friction_states and reached_by: state need each other"):
+        angle(reached_by="state")
+    with pytest.raises(InputError, match=r"initial.reached_by has no effect: the tendons have no friction"):
+        cg.Scene(finger=finger(0.0), initial={"pose": "straight", "reached_by": "pulling"}, gravity=(0, 0))
