@@ -107,14 +107,17 @@ def test_functions_are_those_of_the_model(name, real, packages, tmp_path):  # no
     q = rng.uniform(-0.5, 0.5, model.n) * (1.0 if model.family == "arc" else 5.0)
     u, w, p = np.array([3.0, 1.0])[: model.nu] * 0.1, rng.uniform(-0.05, 0.05, model.nw), model.p_nominal
     x = [*q, *rng.uniform(-1.0, 1.0, model.n)]
-    x += [(u[0] - u[1]) * model.finger.tendons.offset, 0.0] if model.nx > 2 * model.n else []
+    states = rng.uniform(-0.9, 0.9, len(model.friction_names))
+    x += [*model.structure.lag_at(u), *states]
+    # the cubic of a motion's friction state, of which a history has the value
+    history = [np.append(1.5 * states - 0.5 * states**3, 0.0)] if states.size else []
     acting = [finger.State(*x), finger.Input(*u)]
     forced = acting + ([finger.Forces(*w)] if model.nw else [])
     rate = library.dynamics(*forced)
     s = 0.4 * sum(model.lengths)
     at, tip = library.section_at(*acting, s), library.tip(*acting)
     balance = library.statics(*forced)
-    residual, stiffness = model.statics(q, u, w, p)
+    residual, stiffness = model.statics(q, u, w, p, *history)
     pairs = [
         ([getattr(rate, field) for field, _ in rate._fields_], model.forward_dynamics(x, u, w, p)),
         ([at.x, at.y], model.position(q, u, s, p)),
