@@ -228,6 +228,14 @@ class _SuperellipseOutline(Outline):
             turning,
         )
 
+    @property
+    def rough_numbers(self) -> list[float]:
+        at, normal, reach, radius = self._lines
+        axis = np.exp(1j * self.angle)
+        numbers = np.concatenate([normal.real, normal.imag, reach, at.real, at.imag, radius]).tolist()
+        own = [self.center.real, self.center.imag, axis.real, axis.imag, *numbers]
+        return [1.0, len(at), len(own), *own]
+
     def rough_distance(self, points: Array) -> Array:
         local = (points - self.center) * np.exp(-1j * self.angle)
         x, y = np.abs(local.real), np.abs(local.imag)
