@@ -83,19 +83,18 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
 
 
-def find_reasons(scene: GraspScene, search: Search, thorough: bool = True) -> list[Reason]:
+def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
     """Find the limits each of which, relaxed alone, gives a grasp that the certificate confirms.
 
     The starts of a ``search`` without success are used, and grasps that turn up after all are added to it. Reasons that
-    the scene has a number for come first, by how small a factor is missing. Where no limit is a reason at first sight,
-    a ``thorough`` look goes on.
+    the scene has a number for come first, by how small a factor is missing.
     """
-    repairs = repaired(scene, search, thorough)
+    repairs = repaired(scene, search)
     return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
 
 
-def repaired(scene: GraspScene, search: Search, thorough: bool = True) -> Repairs:
-    """Relax each limit alone, once more and ``thorough`` if none gives a grasp."""
+def repaired(scene: GraspScene, search: Search) -> Repairs:
+    """Relax each limit alone, once more from other starts if none gives a grasp."""
     repairs = Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
     for relaxation in RELAXATIONS:
@@ -105,7 +104,7 @@ def repaired(scene: GraspScene, search: Search, thorough: bool = True) -> Repair
             starts[relaxation.name] = repairs.starts(relaxation)
             repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
     found = repairs.relaxations
-    for relaxation in found or [r for r in RELAXATIONS if thorough and r.name in starts]:
+    for relaxation in found or [r for r in RELAXATIONS if r.name in starts]:
         repairs.resume(relaxation)
         more = starts[relaxation.name][FIRST:MORE]
         if not found and not starts[relaxation.name]:
