@@ -161,6 +161,7 @@ class Search:
         self.build_seconds = self.start_seconds = 0.0
         self._effort, self._first_left = _EFFORTS[scene.solver.effort], budget.left
         self._modes = self._alike = 0
+        self._unscanned: list[frozenset[str]] = []
         self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
         self._scans: dict[frozenset[str], Basins] = {}  # the last of each mode
         self.basins: list[Basin] = []
@@ -177,7 +178,9 @@ class Search:
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts."""
+        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless that is
+        `doubtful`.
+        """
         if self.scene.objective != "least_tension":
             self._from_least_tension()
             self._first_left = self.budget.left  # that search has iterations of its own
@@ -185,29 +188,39 @@ class Search:
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
         self._modes = len(modes)
-        rough = [mode for mode in modes if not self._from_basins(mode)]
-        self.exhaust(rough)
+        self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
+        if self.best is None:
+            self._from_dense(modes)
+        if not self.doubtful:
+            self.exhaust()
 
-    def exhaust(self, rough: list[frozenset[str]]) -> None:
-        """Solve with bolder options and from rough starts, of the modes ``rough`` in any case, then let contacts pass
-        on to the next faces and corners.
-        """
+    @property
+    def doubtful(self) -> bool:
+        """Whether the postures of all modes are scanned, and none comes near to balance or led to a grasp."""
+        scanned = self._scans.keys() == set(contact_modes(self.scene))
+        return scanned and not self.good and all(basin.start.imbalance > self._far for basin in self.basins)
+
+    def exhaust(self) -> None:
+        """Solve with bolder options and from rough starts, then let contacts pass on to the next faces and corners."""
         modes = contact_modes(self.scene)
         # Bolder options, and rough starts, only where something better is to be expected.
         for rung in range(1, self._effort.rungs):
             self._retry(rung)
         if self.proven:
             return
-        if self._effort.rungs > 1 and (self.best is None or self.exploration.open):
-            for mode in modes:
-                self._from_basins(mode, dense=True)
-        if self.best is None or self._effort.always_rough or self.exploration.open:
-            rough = modes
-        for mode in rough:
+        if self._effort.rungs > 1 and self.exploration.open:
+            self._from_dense(modes)
+        everywhere = self.best is None or self._effort.always_rough or self.exploration.open
+        for mode in modes if everywhere else self._unscanned:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
             self.slide()
+
+    def _from_dense(self, modes: list[frozenset[str]]) -> None:
+        """Solve from the basins of denser scans: short pieces of curves lie between the places of the others."""
+        for mode in modes:
+            self._from_basins(mode, dense=True)
 
     @property
     def exploration(self) -> Exploration:
@@ -249,7 +262,7 @@ class Search:
         """Solve from a basin, unless it cannot be better than what there is or the budget is used up."""
         if not self._is_worth(basin.start, SKIP_FACTOR) or self._is_over:
             return
-        if rung == 0 and basin.start.imbalance > self._far and len(self.tried) >= CLOSEST:
+        if basin.start.imbalance > self._far and len(self.tried) >= CLOSEST:
             return
         found = self.attempt(basin.start, rung=rung)
         basin.tried = True

@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_clear, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
@@ -165,8 +165,13 @@ class _Verdict:
         # Sets of stations are too many to try all: that none was found to hold is no proof.
         if self._has_stations:
             return self._unsolved(closest)
+        doubtful = search.doubtful
         reasons = self._reasons()
         best = self._best()
+        if doubtful and (best or not reasons or not all(is_clear(each, self.scene) for each in reasons)):
+            search.exhaust()
+            best = self._best()
+            reasons = reasons if reasons or best else self._reasons()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
         # Reasons found before the clock stopped the search may not be the ones that matter.

@@ -99,6 +99,10 @@ def _balances_tilt(scene: GraspScene) -> bool:
     return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0
 
 
+def _may_tilt(scene: GraspScene) -> GraspScene:
+    return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))
+
+
 def _without_obstacles(scene: GraspScene) -> GraspScene:
     """Without the supports that the object must not touch."""
     retained = {name: support for name, support in scene.supports.items() if support.touch != "off"}
@@ -168,7 +172,8 @@ RELAXATIONS = (
         "N m",
         "the object would tip over: the contacts leave a moment of {needed:.3g} N m at least",
         start=lambda s: s.weight * s.object.size,  # moment of the weight about the rim
-        relaxed=lambda s, amount: _with(s, gravity=_with(s.gravity, tilt="ignore")),
+        relaxed=lambda s, amount: _may_tilt(s),
+        without=_may_tilt,
         repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
         size=2,
         applies=_balances_tilt,

@@ -31,6 +31,9 @@ BALANCED = 0.02
 more with few exceptions (28 scenes)."""
 LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
+CLEAR = 0.03
+"""Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates
+of a scan are off by less."""
 RARE = 1.0
 """Friction coefficient that few surfaces have: reasons that ask for more are listed last."""
 
@@ -130,6 +133,14 @@ def rank(reason: Reason) -> tuple[bool, float, int]:
 def is_rare(reason: Reason) -> bool:
     """Whether it asks for a friction that few surfaces have."""
     return reason.name == "friction" and reason.needed > RARE
+
+
+def is_clear(reason: Reason, scene: GraspScene) -> bool:
+    """Whether so much is missing that no other start would do without."""
+    (relaxation,) = (one for one in RELAXATIONS if one.name == reason.name)
+    if relaxation.limit is None or reason.limit <= 0.0:
+        return reason.needed >= CLEAR * relaxation.start(scene)
+    return abs(reason.needed / reason.limit - 1.0) >= CLEAR
 
 
 @dataclass(frozen=True)
