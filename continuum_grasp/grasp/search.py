@@ -191,23 +191,22 @@ class Search:
         self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
         if self.best is None:
             self._from_dense(modes)
+        # Bolder options, and rough starts, only where something better is to be expected.
+        for rung in range(1, self._effort.rungs):
+            self._retry(rung)
         if not self.doubtful:
             self.exhaust()
 
     @property
     def doubtful(self) -> bool:
-        """Whether the postures of all modes are scanned, and none comes near to balance or led to a grasp."""
-        scanned = self._scans.keys() == set(contact_modes(self.scene))
-        return scanned and not self.good and all(basin.start.imbalance > self._far for basin in self.basins)
+        """Whether the postures of all modes are scanned, and none led to a grasp."""
+        return not self.good and self._scans.keys() == set(contact_modes(self.scene))
 
     def exhaust(self) -> None:
-        """Solve with bolder options and from rough starts, then let contacts pass on to the next faces and corners."""
-        modes = contact_modes(self.scene)
-        # Bolder options, and rough starts, only where something better is to be expected.
-        for rung in range(1, self._effort.rungs):
-            self._retry(rung)
+        """Solve from rough starts, then let contacts pass on to the next faces and corners."""
         if self.proven:
             return
+        modes = contact_modes(self.scene)
         if self._effort.rungs > 1 and self.exploration.open:
             self._from_dense(modes)
         everywhere = self.best is None or self._effort.always_rough or self.exploration.open
@@ -262,7 +261,7 @@ class Search:
         """Solve from a basin, unless it cannot be better than what there is or the budget is used up."""
         if not self._is_worth(basin.start, SKIP_FACTOR) or self._is_over:
             return
-        if basin.start.imbalance > self._far and len(self.tried) >= CLOSEST:
+        if basin.start.imbalance > self._far and (rung > 0 or len(self.tried) >= CLOSEST):
             return
         found = self.attempt(basin.start, rung=rung)
         basin.tried = True

@@ -29,6 +29,8 @@ FIRST, MORE = 4, 8
 BALANCED = 0.02
 """Imbalance up to which a posture may hold with the limit relaxed: those that do had 0.003 at most, others 0.02 and
 more with few exceptions (28 scenes)."""
+NEARER, EXACT = 0.95, 1e-3
+"""Imbalance per that without the limit relaxed from which on relaxing it does not help, and imbalance that is none."""
 LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
 CLEAR = 0.03
@@ -44,8 +46,9 @@ SHORT = 1e-3
 HASTY = 80
 """Iterations from one start, all renewals of the guarded places included: most limits are no reason, and of 50 scenes
 98 % of the starts that gave a grasp took fewer."""
-SAME = 1e-4
-"""Relative difference up to which two amounts are taken for the same point."""
+SAME, AGREEING = 1e-4, 3
+"""Relative difference up to which two amounts are taken for the same point, and how many starts end there before no
+more are tried."""
 BETTER = 1e-3
 """By what part of a number linear programming must improve it for its own to be taken."""
 
@@ -97,23 +100,27 @@ def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
 
 
 def repaired(scene: GraspScene, search: Search) -> Repairs:
-    """Relax each limit alone, once more from other starts if none gives a grasp."""
+    """Relax each limit alone, once more from other starts if none gives a grasp.
+
+    Whether fingers may pass through what the scene cannot be without is asked only where no number of the scene helps.
+    """
     repairs = Repairs(scene, search)
     starts: dict[str, list[Start]] = {}
-    for relaxation in RELAXATIONS:
-        if relaxation.applies(scene):
-            if search.budget.over:
-                break
-            starts[relaxation.name] = repairs.starts(relaxation)
-            repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
+    limits = [relaxation for relaxation in RELAXATIONS if relaxation.applies(scene)]
+    numbered = [limit for limit in limits if limit.eased(scene, limit.start(scene)) is not scene]
+    for relaxation in (*numbered, *(limit for limit in limits if limit not in numbered)):
+        if search.budget.over or (relaxation not in numbered and repairs.usual):
+            break
+        starts[relaxation.name] = repairs.starts(relaxation)
+        repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
     found = repairs.relaxations
-    for relaxation in found or [r for r in RELAXATIONS if r.name in starts]:
+    for relaxation in found or [r for r in limits if r.name in starts]:
         repairs.resume(relaxation)
         more = starts[relaxation.name][FIRST:MORE]
         if not found and not starts[relaxation.name]:
             more = repairs.starts(relaxation, rough=True)[:FIRST]
         repairs.try_starts(relaxation, more)
-        if relaxation.name in repairs.found:
+        if relaxation.name in repairs.found and not repairs.agree(relaxation):
             # Where the amount is known, the scan finds postures for just this much: closer starts than the first ones.
             repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
         repairs.resume(relaxation)
@@ -132,7 +139,11 @@ def rank(reason: Reason) -> tuple[bool, float, int]:
 
 def is_rare(reason: Reason) -> bool:
     """Whether it asks for a friction that few surfaces have."""
-    return reason.name == "friction" and reason.needed > RARE
+    return _is_rare(reason.name, reason.needed)
+
+
+def _is_rare(name: str, needed: float) -> bool:
+    return name == "friction" and needed > RARE
 
 
 def is_clear(reason: Reason, scene: GraspScene) -> bool:
@@ -159,11 +170,24 @@ class Repairs:
         self.scene, self._search = scene, search
         self.found: dict[str, Repair] = {}
         self._open: dict[str, list[Attempt]] = {}
+        self._amounts: dict[str, list[float]] = {}
 
     @property
     def relaxations(self) -> list[Relaxation]:
         """Those that give a grasp."""
         return [relaxation for relaxation in RELAXATIONS if relaxation.name in self.found]
+
+    @property
+    def usual(self) -> bool:
+        """Whether a limit that the scene has a number for gives a grasp, if relaxed by what is not rare."""
+        values = {limit: limit.value(self.scene, self.found[limit.name].amount) for limit in self.relaxations}
+        return any(limit.limit is not None and not _is_rare(limit.name, value) for limit, value in values.items())
+
+    def agree(self, relaxation: Relaxation) -> bool:
+        """Whether several starts gave the same least amount."""
+        amounts = self._amounts.get(relaxation.name, [])
+        same = [amount for amount in amounts if math.isclose(amount, min(amounts), rel_tol=SAME)]
+        return relaxation.name in self.found and len(same) >= AGREEING
 
     def starts(self, relaxation: Relaxation, rough: bool = False) -> list[Start]:
         """Starts of the scene with a relaxed limit, those of different branches first: by as much as was found, or
@@ -175,8 +199,9 @@ class Repairs:
         eased = relaxation.eased(self.scene, amount)
         known: list[Start] = []
         if relaxation.limit is None:
-            tried = [t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)]
-            known = spread(tried or self._search.rough_starts_of(contact_modes(self.scene)[0]))
+            closest = sorted(self._search.tried, key=lambda t: t.attempt.badness)
+            tried = {id(t.attempt.start): t.attempt.start for t in closest}
+            known = spread(list(tried.values()) or self._search.rough_starts_of(contact_modes(self.scene)[0]))
         if eased is self.scene:
             return known
         if not relaxation.bounds_shape and not rough:
@@ -188,14 +213,16 @@ class Repairs:
         eased_starts = []
         for mode in contact_modes(eased):
             scanned = None if rough else search.basins_of(mode)
-            eased_starts.append(spread(search.rough_starts_of(mode) if scanned is None else _hopeful(scanned)))
+            eased_starts.append(
+                spread(search.rough_starts_of(mode) if scanned is None else _hopeful(self._search, scanned))
+            )
         self._search.start_seconds += search.start_seconds
         return interleaved([*eased_starts, known])
 
     def try_starts(self, relaxation: Relaxation, starts: Iterable[Start]) -> None:
-        """Relax one limit as little as possible, from every start."""
+        """Relax one limit as little as possible, from every start until several agree."""
         for start in starts:
-            if self._search.budget.over:
+            if self._search.budget.over or self.agree(relaxation):
                 return
             self.attempt(relaxation, start, relaxation.start(self.scene), iterations=HASTY)
 
@@ -223,6 +250,7 @@ class Repairs:
         if attempt.violations:
             return
         amount, best = solver.given(self.scene, attempt.x, relaxation), self.found.get(name)
+        self._amounts.setdefault(name, []).append(amount)
         if amount < min(math.inf if best is None else best.amount, relaxation.most * (1.0 - SHORT)):
             arrays = solver.arrays(self.scene, attempt)
             amount = max(amount, self._depth(relaxation, arrays))
@@ -230,12 +258,11 @@ class Repairs:
                 self.found[name] = Repair(amount, arrays, attempt)
 
     def reason(self, relaxation: Relaxation) -> Reason:
-        """The best repair in words, confirmed by linear programming where it applies; whether its posture needs no
-        repair after all is tried too.
+        """The best repair in words, confirmed by linear programming where it applies; where little is missing, whether
+        its posture needs no repair after all is tried too.
         """
         scene, best = self.scene, self.found[relaxation.name]
         attempt, amount = best.attempt, best.amount
-        self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
         least = least_amount(relaxation.name, scene, best.arrays, amount)
         confirmed = None if least is None else relaxation.value(scene, least.amount)
         if least is not None and confirmed is not None and least.amount < amount:
@@ -249,7 +276,10 @@ class Repairs:
         if confirmed is not None:
             text += f" ({confirmed:.4g} by linear programming at that posture)"
         advice = relaxation.repair.format(key=relaxation.key, needed=needed, unit=unit).strip()
-        return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
+        reason = Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
+        if not (attempt.optimal and is_clear(reason, scene)):
+            self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
+        return reason
 
     def _holds(self, relaxation: Relaxation, amount: float, arrays: Mapping[str, Array]) -> bool:
         """Whether the certificate confirms the grasp, but for what the relaxation excuses."""
@@ -282,7 +312,6 @@ def balanced_starts(
     usual amounts for which there are any; none: however much they are relaxed, they are no reason. None where postures
     are not scanned.
     """
-    most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
     for factor in factors:
         eased = search.scene
         for limit in limits:
@@ -291,15 +320,17 @@ def balanced_starts(
         scans = search.rebalanced(eased)
         if scans is None:
             return None
-        starts = [start for start in interleaved(scans) if start.imbalance < most]
+        starts = _hopeful(search, interleaved(scans))
         if starts:
             return starts
     return []
 
 
-def _hopeful(starts: list[Start]) -> list[Start]:
-    """None where all are far from balance, whatever the shape."""
-    return starts if any(not start.imbalance > BALANCED for start in starts) else []
+def _hopeful(search: Search, starts: list[Start]) -> list[Start]:
+    """Those nearly in balance, and nearer than without the limit relaxed."""
+    most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
+    known = min((basin.start.imbalance for basin in search.basins), default=math.inf)
+    return [start for start in starts if start.imbalance < min(most, max(NEARER * known, EXACT))]
 
 
 def interleaved(lists: list[list[Start]]) -> list[Start]:
