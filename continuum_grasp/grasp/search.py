@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.bound import least_normal_force_bound
+from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -200,7 +200,11 @@ class Search:
     @property
     def doubtful(self) -> bool:
         """Whether the postures of all modes are scanned, and none led to a grasp."""
-        return not self.good and self._scans.keys() == set(contact_modes(self.scene))
+        return self._is_scanned and not self.good
+
+    @property
+    def _is_scanned(self) -> bool:
+        return self._scans.keys() == set(contact_modes(self.scene))
 
     def exhaust(self) -> None:
         """Solve from rough starts, then let contacts pass on to the next faces and corners."""
@@ -320,7 +324,7 @@ class Search:
                 continue
             if self.best and not self._promises(start):
                 continue
-            if self._is_over or self.proven:
+            if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
                 return
             basin = Basin(start, tried=True)
             if not math.isnan(start.estimate):
@@ -345,6 +349,11 @@ class Search:
         if self.bound is None or self.best is None or self.bound <= 0.0:
             return 0.0
         return float(self.best.arrays["contact_forces"][:, 0].max()) / self.bound - 1.0
+
+    @cached_property
+    def impossible(self) -> bool:
+        """Whether it is proven that there is no grasp; where postures are scanned, their forces show it sooner."""
+        return not self._is_scanned and cannot_balance(self.scene)
 
     @property
     def left_out(self) -> int:
@@ -423,7 +432,7 @@ class Search:
         """The starts that the postures scanned so far give for a scene that differs in mass or in limits of forces
         alone, per mode; None where not all modes are scanned.
         """
-        if self._scans.keys() != set(contact_modes(scene)):
+        if not self._is_scanned:
             return None
         began = time.perf_counter()
         starts = [rebalanced_starts(scan, scene) for scan in self._scans.values()]

@@ -34,6 +34,8 @@ class Relaxation:
     without: Callable[[GraspScene], GraspScene] = lambda scene: scene
     """The scene without what is in the way, where no key of it can be changed by the amount."""
     applies: Callable[[GraspScene], bool] = lambda scene: True  # whether a scene has the limit at all
+    spare: float = 1e-4
+    """Part of an amount that may be added to it where it is just enough; none where it changes what forces balance."""
     bounds_shape: bool = True  # whether it bounds shapes and places; False: it bounds forces alone
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
@@ -162,6 +164,7 @@ RELAXATIONS = (
         limit=lambda s: s.object.mass,
         relaxed=lambda s, amount: _with(s, object=_with(s.object, mass=s.object.mass * (1.0 - amount))),
         most=1.0,
+        spare=0.0,
         additive=False,
         applies=lambda s: s.weight > 0.0,
         bounds_shape=False,

@@ -31,6 +31,9 @@ CONSTRAINT_TOLERANCE = 1e-7
 """Scaled violation below which a constraint counts as satisfied when violations are listed."""
 EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
+MODEST = 0.8
+"""Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
+zero for a trace of another limit."""
 ROUNDS = 8
 """How often the places that must stay clear are moved to where fingers are deepest."""
 STEADY = 1e-5
@@ -121,7 +124,7 @@ class GraspSolverRun:
         x = starting_point(problem, scene, start, features) if x0 is None else x0
         for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
-            high[at] = relaxation.most / scale
+            high[at] = relaxation.most / scale * (1.0 if len(relaxed) == 1 else MODEST)
             if relaxation.size > 1:
                 low[at] = -high[at]
             x[at] = amount / scale

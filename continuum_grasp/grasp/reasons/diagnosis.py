@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
@@ -89,42 +90,15 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
 
 
-def find_reasons(scene: GraspScene, search: Search) -> list[Reason]:
+def find_reasons(repairs: Repairs, further: bool = False) -> list[Reason]:
     """Find the limits each of which, relaxed alone, gives a grasp that the certificate confirms.
 
-    The starts of a ``search`` without success are used, and grasps that turn up after all are added to it. Reasons that
-    the scene has a number for come first, by how small a factor is missing.
+    The starts of a search without success are used, and grasps that turn up after all are added to it. Reasons that
+    the scene has a number for come first, by how small a factor is missing. At first those limits alone are relaxed
+    without which there would be a scene; ``further``, all are, from more starts.
     """
-    repairs = repaired(scene, search)
+    repairs.look_further() if further else repairs.look()
     return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
-
-
-def repaired(scene: GraspScene, search: Search) -> Repairs:
-    """Relax each limit alone, once more from other starts if none gives a grasp.
-
-    Whether fingers may pass through what the scene cannot be without is asked only where no number of the scene helps.
-    """
-    repairs = Repairs(scene, search)
-    starts: dict[str, list[Start]] = {}
-    limits = [relaxation for relaxation in RELAXATIONS if relaxation.applies(scene)]
-    numbered = [limit for limit in limits if limit.eased(scene, limit.start(scene)) is not scene]
-    for relaxation in (*numbered, *(limit for limit in limits if limit not in numbered)):
-        if search.budget.over or (relaxation not in numbered and repairs.usual):
-            break
-        starts[relaxation.name] = repairs.starts(relaxation)
-        repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
-    found = repairs.relaxations
-    for relaxation in found or [r for r in limits if r.name in starts]:
-        repairs.resume(relaxation)
-        more = starts[relaxation.name][FIRST:MORE]
-        if not found and not starts[relaxation.name]:
-            more = repairs.starts(relaxation, rough=True)[:FIRST]
-        repairs.try_starts(relaxation, more)
-        if relaxation.name in repairs.found and not repairs.agree(relaxation):
-            # Where the amount is known, the scan finds postures for just this much: closer starts than the first ones.
-            repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
-        repairs.resume(relaxation)
-    return repairs
 
 
 def rank(reason: Reason) -> tuple[bool, float, int]:
@@ -139,11 +113,7 @@ def rank(reason: Reason) -> tuple[bool, float, int]:
 
 def is_rare(reason: Reason) -> bool:
     """Whether it asks for a friction that few surfaces have."""
-    return _is_rare(reason.name, reason.needed)
-
-
-def _is_rare(name: str, needed: float) -> bool:
-    return name == "friction" and needed > RARE
+    return reason.name == "friction" and reason.needed > RARE
 
 
 def is_clear(reason: Reason, scene: GraspScene) -> bool:
@@ -171,17 +141,44 @@ class Repairs:
         self.found: dict[str, Repair] = {}
         self._open: dict[str, list[Attempt]] = {}
         self._amounts: dict[str, list[float]] = {}
+        self._starts: dict[str, list[Start]] = {}
+
+    def look(self) -> None:
+        """Relax each limit alone that scenes without it show starts for."""
+        limits = [limit for limit in RELAXATIONS if limit.applies(self.scene)]
+        self._try([limit for limit in limits if limit.eased(self.scene, limit.start(self.scene)) is not self.scene])
+
+    def look_further(self) -> None:
+        """Relax the other limits: whether fingers may pass through what the scene cannot be without; if none gives a
+        grasp, all once more.
+        """
+        limits = [limit for limit in RELAXATIONS if limit.applies(self.scene)]
+        self._try([limit for limit in limits if limit.name not in self._starts])
+        for relaxation in [] if self.found else limits:
+            self.resume(relaxation)
+            starts = self._starts.get(relaxation.name, [])
+            self.try_starts(relaxation, starts[FIRST:MORE] or self.starts(relaxation, rough=True)[:FIRST])
+            self.resume(relaxation)
+
+    def _try(self, limits: Sequence[Relaxation]) -> None:
+        """Relax limits, those that give a grasp from more starts."""
+        for relaxation in limits:
+            if self._search.budget.over:
+                return
+            self._starts[relaxation.name] = self.starts(relaxation)
+            self.try_starts(relaxation, self._starts[relaxation.name][:FIRST])
+        for relaxation in [limit for limit in limits if limit.name in self.found]:
+            self.resume(relaxation)
+            self.try_starts(relaxation, self._starts[relaxation.name][FIRST:MORE])
+            if not self.agree(relaxation):
+                # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
+                self.try_starts(relaxation, self.starts(relaxation)[:MORE])
+            self.resume(relaxation)
 
     @property
     def relaxations(self) -> list[Relaxation]:
         """Those that give a grasp."""
         return [relaxation for relaxation in RELAXATIONS if relaxation.name in self.found]
-
-    @property
-    def usual(self) -> bool:
-        """Whether a limit that the scene has a number for gives a grasp, if relaxed by what is not rare."""
-        values = {limit: limit.value(self.scene, self.found[limit.name].amount) for limit in self.relaxations}
-        return any(limit.limit is not None and not _is_rare(limit.name, value) for limit, value in values.items())
 
     def agree(self, relaxation: Relaxation) -> bool:
         """Whether several starts gave the same least amount."""
@@ -197,6 +194,8 @@ class Repairs:
         best = self.found.get(relaxation.name)
         amount = relaxation.start(self.scene) if best is None else best.amount
         eased = relaxation.eased(self.scene, amount)
+        if self._search.impossible and cannot_balance(_eased(self.scene, relaxation, LARGER[-1])):
+            return []
         known: list[Start] = []
         if relaxation.limit is None:
             closest = sorted(self._search.tried, key=lambda t: t.attempt.badness)
@@ -315,8 +314,7 @@ def balanced_starts(
     for factor in factors:
         eased = search.scene
         for limit in limits:
-            amount = min(factor * limit.start(search.scene), limit.most * (1.0 - SHORT))
-            eased = limit.eased(eased, amount)
+            eased = _eased(eased, limit, factor)
         scans = search.rebalanced(eased)
         if scans is None:
             return None
@@ -324,6 +322,11 @@ def balanced_starts(
         if starts:
             return starts
     return []
+
+
+def _eased(scene: GraspScene, limit: Relaxation, factor: float) -> GraspScene:
+    """A scene with a limit relaxed by a multiple of the usual amount."""
+    return limit.eased(scene, min(factor * limit.start(scene), limit.most * (1.0 - SHORT)))
 
 
 def _hopeful(search: Search, starts: list[Start]) -> list[Start]:
