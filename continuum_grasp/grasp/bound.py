@@ -44,6 +44,8 @@ _CUTS, _CLOSE = 24, 1e-3
 """Most rounds of cutting planes, and the relative gap at which no more are added."""
 _SAMPLES, _EDGES = 24, 8
 """Places of a contact and edges of its friction cone that are cutting planes from the start."""
+_ROUNDING = 1e-6
+"""Part by which the bound must exceed a limit to be more than rounding."""
 _FAR = 1e3
 """Greatest multiplier, per that of the weight: with far greater ones the LP would lose digits, and any y is valid."""
 
@@ -92,6 +94,15 @@ def least_normal_force_bound(scene: GraspScene) -> float:
         if not np.isfinite(value):
             break
     return scene.weight / least if least > 0.0 else math.inf
+
+
+def cannot_balance(scene: GraspScene) -> bool:
+    """Whether forces within their cones and limits cannot balance the object, wherever fingers may touch it: a proof
+    that there is no grasp, by `least_normal_force_bound`.
+    """
+    limits = [setup.normal_force_max for setup in scene.setups]
+    limits += [scene.normal_force_max(body.name) for body in scene.places if body.touch != "off"]
+    return least_normal_force_bound(scene) > (1.0 + _ROUNDING) * max(limits)
 
 
 def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tuple[Array, float]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.bound import least_normal_force_bound
+from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -161,6 +161,7 @@ class Search:
         self.build_seconds = self.start_seconds = 0.0
         self._effort, self._first_left = _EFFORTS[scene.solver.effort], budget.left
         self._modes = self._alike = 0
+        self._unscanned: list[frozenset[str]] = []
         self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
         self._scans: dict[frozenset[str], Basins] = {}  # the last of each mode
         self.basins: list[Basin] = []
@@ -177,7 +178,9 @@ class Search:
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts."""
+        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless that is
+        `doubtful`.
+        """
         if self.scene.objective != "least_tension":
             self._from_least_tension()
             self._first_left = self.budget.left  # that search has iterations of its own
@@ -185,29 +188,42 @@ class Search:
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
         self._modes = len(modes)
-        rough = [mode for mode in modes if not self._from_basins(mode)]
-        self.exhaust(rough)
-
-    def exhaust(self, rough: list[frozenset[str]]) -> None:
-        """Solve with bolder options and from rough starts, of the modes ``rough`` in any case, then let contacts pass
-        on to the next faces and corners.
-        """
-        modes = contact_modes(self.scene)
+        self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
+        if self.best is None:
+            self._from_dense(modes)
         # Bolder options, and rough starts, only where something better is to be expected.
         for rung in range(1, self._effort.rungs):
             self._retry(rung)
+        if not self.doubtful:
+            self.exhaust()
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the postures of all modes are scanned, and none led to a grasp."""
+        return self._is_scanned and not self.good
+
+    @property
+    def _is_scanned(self) -> bool:
+        return self._scans.keys() == set(contact_modes(self.scene))
+
+    def exhaust(self) -> None:
+        """Solve from rough starts, then let contacts pass on to the next faces and corners."""
         if self.proven:
             return
-        if self._effort.rungs > 1 and (self.best is None or self.exploration.open):
-            for mode in modes:
-                self._from_basins(mode, dense=True)
-        if self.best is None or self._effort.always_rough or self.exploration.open:
-            rough = modes
-        for mode in rough:
+        modes = contact_modes(self.scene)
+        if self._effort.rungs > 1 and self.exploration.open:
+            self._from_dense(modes)
+        everywhere = self.best is None or self._effort.always_rough or self.exploration.open
+        for mode in modes if everywhere else self._unscanned:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
             self.slide()
+
+    def _from_dense(self, modes: list[frozenset[str]]) -> None:
+        """Solve from the basins of denser scans: short pieces of curves lie between the places of the others."""
+        for mode in modes:
+            self._from_basins(mode, dense=True)
 
     @property
     def exploration(self) -> Exploration:
@@ -249,7 +265,7 @@ class Search:
         """Solve from a basin, unless it cannot be better than what there is or the budget is used up."""
         if not self._is_worth(basin.start, SKIP_FACTOR) or self._is_over:
             return
-        if rung == 0 and basin.start.imbalance > self._far and len(self.tried) >= CLOSEST:
+        if basin.start.imbalance > self._far and (rung > 0 or len(self.tried) >= CLOSEST):
             return
         found = self.attempt(basin.start, rung=rung)
         basin.tried = True
@@ -308,7 +324,7 @@ class Search:
                 continue
             if self.best and not self._promises(start):
                 continue
-            if self._is_over or self.proven:
+            if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
                 return
             basin = Basin(start, tried=True)
             if not math.isnan(start.estimate):
@@ -333,6 +349,11 @@ class Search:
         if self.bound is None or self.best is None or self.bound <= 0.0:
             return 0.0
         return float(self.best.arrays["contact_forces"][:, 0].max()) / self.bound - 1.0
+
+    @cached_property
+    def impossible(self) -> bool:
+        """Whether it is proven that there is no grasp; where postures are scanned, their forces show it sooner."""
+        return not self._is_scanned and cannot_balance(self.scene)
 
     @property
     def left_out(self) -> int:
@@ -411,7 +432,7 @@ class Search:
         """The starts that the postures scanned so far give for a scene that differs in mass or in limits of forces
         alone, per mode; None where not all modes are scanned.
         """
-        if self._scans.keys() != set(contact_modes(scene)):
+        if not self._is_scanned:
             return None
         began = time.perf_counter()
         starts = [rebalanced_starts(scan, scene) for scan in self._scans.values()]

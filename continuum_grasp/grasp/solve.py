@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare, out_of_reach
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
@@ -130,6 +130,7 @@ class _Verdict:
         self.scene, self.budget = scene, budget
         self.began = time.monotonic()
         self.search = Search(scene, budget)
+        self.repairs = Repairs(scene, self.search)
         self._has_stations = any(setup.stations for setup in scene.setups)
         self.interrupted = False
 
@@ -165,7 +166,12 @@ class _Verdict:
         # Sets of stations are too many to try all: that none was found to hold is no proof.
         if self._has_stations:
             return self._unsolved(closest)
-        reasons = self._reasons()
+        doubtful, reasons = search.doubtful, self._reasons()
+        clear = bool(reasons) and all(is_clear(reason, self.scene) for reason in reasons)
+        if doubtful and not (clear and self._best() is None):
+            search.exhaust()
+        if not any(not is_rare(reason) for reason in reasons) and self._best() is None:
+            reasons = self._reasons(further=True)
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
@@ -174,13 +180,13 @@ class _Verdict:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
 
-    def _reasons(self) -> list[Reason]:
-        """Limits that are in the way, alone or two at once."""
-        reasons = find_reasons(self.scene, self.search)
+    def _reasons(self, further: bool = False) -> list[Reason]:
+        """Limits that are in the way, alone or two at once; ``further`` ones where those at sight do not convince."""
+        reasons = find_reasons(self.repairs, further)
         if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
             return reasons
         alone = {reason.name for reason in reasons}  # needs no second one
-        pairs = find_pairs(self.scene, self.search)
+        pairs = find_pairs(self.scene, self.search, further)
         return [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
 
     # -- verdicts --------------------------------------------------------------------------------------------

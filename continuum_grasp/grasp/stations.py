@@ -49,6 +49,8 @@ def without_stations(scene: GraspScene) -> GraspScene:
 def search_stations(search: Search, before: Search) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
     search.run_before(before)
+    if before.doubtful:
+        before.exhaust()
     scene, plain = search.scene, before.scene
     for held in sorted(before.good, key=lambda t: t.attempt.objective)[:STARTS]:
         if search.budget.over:

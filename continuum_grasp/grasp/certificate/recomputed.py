@@ -19,8 +19,9 @@ from continuum_grasp.scene.supports import Peg, Wall
 
 Array = NDArray[Any]
 
-TRACE = 1e-5
-"""Part of E I / L^2 that a contact force counts as at least: less is what solvers leave of forces that are zero."""
+TRACE = 1e-4
+"""Part of E I / L^2 that a contact force counts as at least, of which residuals may be 1e-6: solvers leave 1e-11 as a
+rule, so that forces that are zero are told from others."""
 SHARE = 1e-3
 """Part of the greatest moment in a finger that a load's moment counts as at least: an elastic moment and that of the
 tendons which balance each other to 1e-9 leave as much."""
