@@ -21,7 +21,7 @@ from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.stations import search_stations, without_stations
 from continuum_grasp.grasp.steady import stabilize
-from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
+from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
@@ -193,8 +193,8 @@ class _Verdict:
 
     def _solved(self, best: Tried) -> GraspResult:
         steadied = best.solver.problem.spec.steadied
-        flaws = [] if best.certificate.stability.stable else [UNSTABLE]
-        status, message = verdict(self._forces(best), flaws, list(self._notes(best)))
+        stable, required = best.certificate.stability.stable, self.scene.stability == "require"
+        status, message = verdict(self._forces(best), stable, required, list(self._notes(best)))
         return GraspResult(
             self.scene,
             status,

@@ -133,7 +133,8 @@ def test_linear_programming_over_sampled_places(seed):
     com = (0.01 - 0.004j) * np.exp(1j * turn)
     columns, owners = [], []
     for k, finger in enumerate(fingers.values()):
-        near = np.abs(points - complex(*finger["base"]["position"])) <= LENGTH + HALF
+        # The line of the finger is half a thickness away from what it touches.
+        near = np.abs(points + HALF * np.exp(1j * normals) - complex(*finger["base"]["position"])) <= LENGTH
         for sign in (-1.0, 1.0):
             force = np.exp(1j * normals[near]) * (1.0 + 1j * sign * friction)
             moment = (np.conj(points[near] - com) * force).imag / 0.05

@@ -45,8 +45,9 @@ def test_a_stable_grasp_is_sought_next_to_an_unstable_one():
     """The least tension of all is that of an unstable grasp, which the oracle of the benchmark confirms."""
     scene = one_finger(125)
     loose, steady = solved(scene), solved(scene.changed({"stability": "require"}))
-    assert (loose.status, steady.status) == (Status.FEASIBLE, Status.OPTIMAL)
-    assert loose.message.startswith("held but unstable: ")
+    # Each is the best of what its scene asks for; the first line says what was not asked for.
+    assert (loose.status, steady.status) == (Status.OPTIMAL, Status.OPTIMAL)
+    assert loose.message.startswith("held but unstable (as the scene allows): ")
     assert not loose.certificate.stability.stable
     assert steady.certificate.passed
     assert steady.certificate.stability.eigenvalue > 0.0
