@@ -21,7 +21,7 @@ Array = NDArray[Any]
 
 TRACE = 1e-4
 """Part of E I / L^2 that a contact force counts as at least, of which residuals may be 1e-6: solvers leave 1e-11 as a
-rule, so that forces that are zero are told from others."""
+rule, so that forces that are zero stand out from others."""
 SHARE = 1e-3
 """Part of the greatest moment in a finger that a load's moment counts as at least: an elastic moment and that of the
 tendons which balance each other to 1e-9 leave as much."""
