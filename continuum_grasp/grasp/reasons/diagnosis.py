@@ -52,6 +52,8 @@ SAME, AGREEING = 1e-4, 3
 more are tried."""
 BETTER = 1e-3
 """By what part of a number linear programming must improve it for its own to be taken."""
+_ROUNDING = 1e-9
+"""Part of its reach by which a straight finger may end short of the object."""
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
@@ -59,7 +61,7 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
     needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
     away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
     missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda one: one[0], default=(0.0, 0.0, 0.0))
-    if missing <= 0.0:
+    if missing <= _ROUNDING * reach:
         return None
     text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
     repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
