@@ -330,7 +330,9 @@ def _eased(scene: GraspScene, limit: Relaxation, factor: float) -> GraspScene:
 
 
 def _hopeful(search: Search, starts: list[Start]) -> list[Start]:
-    """Those nearly in balance, and nearer than without the limit relaxed."""
+    """Those nearly in balance, and nearer than without the limit relaxed, where that tells."""
+    if not search.knows_postures:
+        return starts
     most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
     known = min((basin.start.imbalance for basin in search.basins), default=math.inf)
     return [start for start in starts if start.imbalance < min(most, max(NEARER * known, EXACT))]
