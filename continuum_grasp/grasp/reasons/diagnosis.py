@@ -311,17 +311,18 @@ def balanced_starts(
     usual amounts for which there are any; none: however much they are relaxed, they are no reason. None where postures
     are not scanned.
     """
+    last: GraspScene | None = None
     for factor in factors:
         eased = search.scene
         for limit in limits:
             eased = _eased(eased, limit, factor)
-        scans = search.rebalanced(eased)
+        scans = None if eased == last else search.rebalanced(eased)
         if scans is None:
-            return None
-        starts = _hopeful(search, interleaved(scans))
+            break
+        last, starts = eased, _hopeful(search, interleaved(scans))
         if starts:
             return starts
-    return []
+    return None if last is None else []
 
 
 def _eased(scene: GraspScene, limit: Relaxation, factor: float) -> GraspScene:
