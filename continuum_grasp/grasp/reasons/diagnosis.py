@@ -155,7 +155,6 @@ class Repairs:
         limits = [limit for limit in RELAXATIONS if limit.applies(self.scene)]
         self._try([limit for limit in limits if limit.name not in self._starts])
         for relaxation in [] if self.found else limits:
-            self.resume(relaxation)
             starts = self._starts.get(relaxation.name, [])
             self.try_starts(relaxation, starts[FIRST:MORE] or self.starts(relaxation, rough=True)[:FIRST])
             self.resume(relaxation)
@@ -167,6 +166,8 @@ class Repairs:
                 return
             self._starts[relaxation.name] = self.starts(relaxation)
             self.try_starts(relaxation, self._starts[relaxation.name][:FIRST])
+        for relaxation in [] if self.found else limits:
+            self.resume(relaxation)
         for relaxation in [limit for limit in limits if limit.name in self.found]:
             self.resume(relaxation)
             self.try_starts(relaxation, self._starts[relaxation.name][FIRST:MORE])
