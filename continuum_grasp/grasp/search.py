@@ -199,8 +199,16 @@ class Search:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the postures of all modes are scanned, and none led to a grasp."""
-        return self._is_scanned and not self.good
+        """Whether all postures are known, and none led to a grasp."""
+        return self.knows_postures and not self.good
+
+    @property
+    def knows_postures(self) -> bool:
+        """Whether the postures of all modes are scanned, ends included: behind the last contact a finger is as its
+        tendons bend it, and its imbalance says little.
+        """
+        tips = {setup.tip_name for setup in self.scene.setups}
+        return self._is_scanned and all(tips <= mode for mode in self._scans)
 
     @property
     def _is_scanned(self) -> bool:

@@ -13,8 +13,9 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs
+from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried

@@ -109,6 +109,17 @@ def test_what_a_fine_model_refutes_is_not_optimal():
     assert result.message.startswith("held but refuted by the fine model: ")
 
 
+@pytest.mark.parametrize("seed", [23, 2214])
+def test_a_limit_just_above_what_a_verified_grasp_takes_is_enough(seed):
+    """Of 2214 the scan at first sees no posture that holds."""
+    scene = one_finger(seed)
+    held = solved(scene)
+    limit = (1.0 + 5e-4) * float(held.arrays["finger.tensions"].max())
+    edge = solved(scene.changed({"finger.tendons.max_tension": limit}))
+    assert edge.solved
+    assert edge.tension <= 1.001 * held.tension
+
+
 def test_two_limits_at_once_are_named_with_their_numbers():
     """Arcs that touch in the middle and at the tip are isolated: the oracle of the benchmark has their strain from
     geometry and the tension by linear programming.

@@ -22,8 +22,7 @@ from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import BENT, Search, branch_of, contact_modes
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Status
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import greatest_shift
+from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 4, 8
 """Starts per limit, and per limit that gives a grasp, or per limit again if none does."""
@@ -52,44 +51,6 @@ SAME, AGREEING = 1e-4, 3
 more are tried."""
 BETTER = 1e-3
 """By what part of a number linear programming must improve it for its own to be taken."""
-_ROUNDING = 1e-9
-"""Part of its reach by which a straight finger may end short of the object."""
-
-
-def out_of_reach(scene: GraspScene) -> Reason | None:
-    """The exact test of distance: no shape at all can touch."""
-    needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
-    away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
-    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda one: one[0], default=(0.0, 0.0, 0.0))
-    if missing <= _ROUNDING * reach:
-        return None
-    text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
-    repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
-    return Reason("reach", "object.position", "m", distance, reach, text, repair)
-
-
-def _reach(setup: FingerSetup) -> float:
-    """How far from its base a finger can touch at most [m]."""
-    length = setup.finger.rod.length
-    middle = setup.middle_bounds[1] if "on" in setup.middles else length
-    return min(middle, length) + setup.finger.thickness_radius
-
-
-def _distance(scene: GraspScene, setup: FingerSetup) -> float:
-    """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
-    x, y = setup.finger.base.position
-    body = scene.object
-    if body.free is None or body.free.angle is None:
-        away = body.distance((x, y))
-    else:
-        # However it is turned, the object lies within its size of its center of mass, which turns about the origin.
-        c, s = math.cos(body.angle), math.sin(body.angle)
-        com = (
-            body.position[0] + c * body.com[0] - s * body.com[1],
-            body.position[1] + s * body.com[0] + c * body.com[1],
-        )
-        away = math.dist((x, y), com) - body.size - math.dist(com, body.position)
-    return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
 
 
 def find_reasons(repairs: Repairs, further: bool = False) -> list[Reason]:
@@ -157,7 +118,6 @@ class Repairs:
         limits = [limit for limit in RELAXATIONS if limit.applies(self.scene)]
         self._try([limit for limit in limits if limit.name not in self._starts])
         for relaxation in [] if self.found else limits:
-            self.resume(relaxation)
             starts = self._starts.get(relaxation.name, [])
             self.try_starts(relaxation, starts[FIRST:MORE] or self.starts(relaxation, rough=True)[:FIRST])
             self.resume(relaxation)
@@ -169,6 +129,8 @@ class Repairs:
                 return
             self._starts[relaxation.name] = self.starts(relaxation)
             self.try_starts(relaxation, self._starts[relaxation.name][:FIRST])
+        for relaxation in [] if self.found else limits:
+            self.resume(relaxation)
         for relaxation in [limit for limit in limits if limit.name in self.found]:
             self.resume(relaxation)
             self.try_starts(relaxation, self._starts[relaxation.name][FIRST:MORE])
@@ -313,17 +275,18 @@ def balanced_starts(
     usual amounts for which there are any; none: however much they are relaxed, they are no reason. None where postures
     are not scanned.
     """
+    last: GraspScene | None = None
     for factor in factors:
         eased = search.scene
         for limit in limits:
             eased = _eased(eased, limit, factor)
-        scans = search.rebalanced(eased)
+        scans = None if eased == last else search.rebalanced(eased)
         if scans is None:
-            return None
-        starts = _hopeful(search, interleaved(scans))
+            break
+        last, starts = eased, _hopeful(search, interleaved(scans))
         if starts:
             return starts
-    return []
+    return None if last is None else []
 
 
 def _eased(scene: GraspScene, limit: Relaxation, factor: float) -> GraspScene:
@@ -332,7 +295,9 @@ def _eased(scene: GraspScene, limit: Relaxation, factor: float) -> GraspScene:
 
 
 def _hopeful(search: Search, starts: list[Start]) -> list[Start]:
-    """Those nearly in balance, and nearer than without the limit relaxed."""
+    """Those nearly in balance, and nearer than without the limit relaxed, where that tells."""
+    if not search.knows_postures:
+        return starts
     most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
     known = min((basin.start.imbalance for basin in search.basins), default=math.inf)
     return [start for start in starts if start.imbalance < min(most, max(NEARER * known, EXACT))]
