@@ -32,9 +32,9 @@ _PLACES, _DENSE, _FEW = 128, 0.25, 10
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
-_WINDOW = 0.25 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+_WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_ROUNDS, _SHRINK, _BETTER = 3, 0.25, 0.4
+_ROUNDS, _SHRINK, _BETTER = 2, 0.125, 0.2
 """Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
 _SETTLED = 3e-4
 """Relative difference of the scores of the best two neighbors from which on a basin is refined no more."""
