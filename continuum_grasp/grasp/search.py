@@ -346,7 +346,11 @@ class Search:
         return self.basins_of(mode) or self.rough_starts_of(mode)
 
     def basins_of(self, mode: frozenset[str], dense: bool = False) -> list[Start] | None:
-        """The starts of a mode's basins, of a ``dense`` scan if wanted; None where it has none that are scanned."""
+        """The starts of a mode's basins, of a ``dense`` scan if wanted, none if the last one was dense already; None
+        where it has none that are scanned.
+        """
+        if dense and mode in self._scans and self._scans[mode].is_dense:
+            return []
         began = time.perf_counter()
         found = basin_starts(self.scene, mode, dense)
         self.start_seconds += time.perf_counter() - began

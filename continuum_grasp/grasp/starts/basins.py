@@ -101,6 +101,7 @@ class Basins:
 
     def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
         self.on, self._dense = on, dense
+        self.is_dense = True  # whether a dense scan would find no more
         base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
@@ -146,6 +147,7 @@ class Basins:
         few: list[int] = []
         if not isolated:
             few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
+            self.is_dense = len(few) == 2
         if few:
             dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
             others = ~np.isin(some.side, few)
