@@ -283,8 +283,8 @@ class _Line:
         return line[len(_EVEN) :]
 
 
-_AROUND, _CLOSER = np.arange(-16.0, 17.0), 16.0
-"""Places around a pick at which the depth is looked at again, in steps, and how much smaller these are."""
+_AROUND = np.arange(-8.0, 9.0)
+"""Places around a pick at which the depth is looked at again, in steps."""
 
 
 def _most_strained(setup: FingerSetup, line: _Line, fractions: Array) -> Array:
@@ -317,12 +317,14 @@ def _refined(depth: Callable[[Array], Array], picks: Array) -> Array:
     Beside a contact the depth is far from a parabola over the first spacing, and the limit there has a multiplier of
     thousands: a place that is off by 0.005 changes the derivatives of tensions by 1e-4 (mug).
     """
-    rows, step = np.arange(picks.size), 1.0 / (_CLOSER * FINE)
-    around = np.clip(picks[..., None] + step * _AROUND, 1.0 / FINE, 1.0 - 1.0 / FINE)
-    seen, places = (v.reshape(picks.size, -1) for v in (depth(around.reshape(len(picks), -1)), around))
-    pick = np.clip(seen.argmax(axis=1), 1, _AROUND.size - 2)
-    picks = (places[rows, pick] + step * _peak(seen, rows, pick)).reshape(picks.shape)
-    picks = np.clip(picks, 1.0 / FINE, 1.0 - 1.0 / FINE)
+    rows, step = np.arange(picks.size), 1.0 / FINE
+    for _ in range(2):
+        step /= 8.0
+        around = np.clip(picks[..., None] + step * _AROUND, 1.0 / FINE, 1.0 - 1.0 / FINE)
+        seen, places = (v.reshape(picks.size, -1) for v in (depth(around.reshape(len(picks), -1)), around))
+        pick = np.clip(seen.argmax(axis=1), 1, _AROUND.size - 2)
+        picks = (places[rows, pick] + step * _peak(seen, rows, pick)).reshape(picks.shape)
+        picks = np.clip(picks, 1.0 / FINE, 1.0 - 1.0 / FINE)
     return np.sort(picks, axis=1)
 
 
