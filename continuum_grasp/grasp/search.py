@@ -1,16 +1,12 @@
-"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified.
-
-Which contacts are on: every choice that the switches of a scene leave.
-"""
+"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,17 +14,17 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
+from continuum_grasp.grasp.exploration import Basin, Exploration
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
-from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
-from continuum_grasp.scene.supports import Switch
 
 Array = NDArray[Any]
 
@@ -67,11 +63,6 @@ LEAST_DIFFERENCE = 1e-4
 SLIDES = 12
 """How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
 
-MOST = 64
-"""Sets of contacts that are tried, those with the most contacts first:
-all choices of six contacts."""
-_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
-
 
 @dataclass(frozen=True)
 class _Limits:
@@ -105,48 +96,6 @@ class Tried:
     def acceptable(self) -> bool:
         """Whether it is verified, and stable where the scene asks for that."""
         return self.certificate.acceptable
-
-
-@dataclass
-class Basin:
-    """A basin of the estimated tension, whether it was tried, and whether a verified grasp was found from it."""
-
-    start: Start
-    tried: bool = False
-    solved: bool = False
-
-
-@dataclass(frozen=True)
-class Exploration:
-    """What a search looked at.
-
-    Attributes
-    ----------
-    modes : int
-        Sets of contacts.
-    places, postures : int
-        Places of contacts on the object that were scanned, and touching postures there whose forces were balanced.
-    basins : int
-        Minima of the estimated tension among these.
-    starts_solved, starts_failed : int
-        Starts of the solver that led to a verified grasp, and the others. A failure proves nothing.
-    open : int
-        Basins without a verified grasp that are estimated to take at least 2 % less tension than the result.
-    best_open : float
-        Least of their estimates [N]; NaN where there is none.
-    pruned : dict of str to int
-        Starts that were not tried, by the reason.
-    """
-
-    modes: int = 0
-    places: int = 0
-    postures: int = 0
-    basins: int = 0
-    starts_solved: int = 0
-    starts_failed: int = 0
-    open: int = 0
-    best_open: float = math.nan
-    pruned: dict[str, int] = field(default_factory=dict)
 
 
 class Search:
@@ -426,7 +375,11 @@ class Search:
         return self.basins_of(mode) or self.rough_starts_of(mode)
 
     def basins_of(self, mode: frozenset[str], dense: bool = False) -> list[Start] | None:
-        """The starts of a mode's basins, of a ``dense`` scan if wanted; None where it has none that are scanned."""
+        """The starts of a mode's basins, of a ``dense`` scan if wanted, none if the last one was dense already; None
+        where it has none that are scanned.
+        """
+        if dense and mode in self._scans and self._scans[mode].is_dense:
+            return []
         began = time.perf_counter()
         found = basin_starts(self.scene, mode, dense)
         self.start_seconds += time.perf_counter() - began
@@ -542,28 +495,3 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
                 else:
                     x[place] = 1.0 - end, new.lower[1]
                 yield {**attempt.features, contact.name: new}, x
-
-
-def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
-    """The sets of contacts that may be on, those with the most contacts first, at most `MOST`.
-
-    They name contacts of fingers, of which every one touches somewhere, and supports that the object touches.
-    """
-    choices: list[list[frozenset[str]]] = []
-    for setup in scene.setups:
-        chosen = _chosen(zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True))
-        choices.append([names for names in chosen if names])
-    supports = [(body.name, body.touch) for body in scene.places]
-    if scene.object.free is None:
-        touching = touching_supports(scene, scene.object.pose)
-        choices.append([frozenset(name for name, touch in supports if touch != "off" and name in touching)])
-    else:
-        choices.append(_chosen(supports))
-    modes = [frozenset[str]().union(*sets) for sets in product(*choices)]
-    return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]
-
-
-def _chosen(switches: Iterable[tuple[str, Switch]]) -> list[frozenset[str]]:
-    """The sets of names that switches leave to choose."""
-    each = [[frozenset({name}) if on else frozenset() for on in _CHOICES[state]] for name, state in switches]
-    return [frozenset[str]().union(*chosen) for chosen in product(*each)]

@@ -10,7 +10,7 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 
-from continuum_grasp.grasp.search import contact_modes
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.starts.boxed import within_bounds
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import sample

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import (
@@ -27,7 +28,7 @@ from continuum_grasp.grasp.reasons.diagnosis import (
     spread,
 )
 from continuum_grasp.grasp.result import Reason
-from continuum_grasp.grasp.search import Search, contact_modes
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -200,43 +201,50 @@ class _Mesh:
     """Elements of P postures with Gauss points, and the shapes over which their moments are balanced."""
 
     sections: Array  # positions (P, 4 M + 1), the last one the tip's
-    shares: Array  # lengths of the elements (P, M)
-    constant: bool  # whether the shapes are constant on each element, not hats over the ends of elements
+    shares: Array  # lengths of the elements (P, 4 M), at each point
+    shapes: Array  # (R, 4 M) at the points, times the weights of these
     matches_tip: bool
 
     @staticmethod
     def of(setup: FingerSetup, found: Candidates) -> _Mesh:
         """The elements of a finger, or fewer where it has many."""
-        counts = np.diff((0, *setup.before, setup.elements))
-        few = setup.elements <= _FINE
-        if not few:
-            counts = np.minimum(counts, 2)
-        count = len(found)
+        few, count = setup.elements <= _FINE, len(found)
+        counts = tuple(n if few else min(n, 2) for n in np.diff((0, *setup.before, setup.elements)).tolist())
+        at, share, shapes = _elements(counts, few and family_class(setup.family).degree == 0)
         ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
-        shares = np.concatenate(
-            [np.repeat(np.diff(ends[:, k : k + 2]) / n, n, axis=1) for k, n in enumerate(counts)], axis=1
-        )
-        starts = np.cumsum(shares, axis=1) - shares
-        at = (starts[..., None] + shares[..., None] * _NODES).reshape(count, -1)
-        constant = few and family_class(setup.family).degree == 0
-        sections = np.concatenate([at, np.ones((count, 1))], axis=1)
-        return _Mesh(sections, shares, constant, FAMILIES[setup.family].matches_tip)
+        return _Mesh(ends @ at, ends @ share, shapes, FAMILIES[setup.family].matches_tip)
 
     def project(self, values: Array) -> Array:
         """Means (P, R, n) of values (P, 4 M + 1, n) over the shapes."""
-        count, size = self.shares.shape
-        inner = values[:, :-1].reshape(count, size, len(_NODES), -1) * self.shares[..., None, None]
-        if self.constant:
-            return np.asarray((inner * _WEIGHTS[:, None]).sum(axis=2))
-        left = (inner * (_WEIGHTS * (1.0 - _NODES))[:, None]).sum(axis=2)
-        right = (inner * (_WEIGHTS * _NODES)[:, None]).sum(axis=2)
-        rows = np.zeros((count, size + 1, values.shape[2]))
-        rows[:, :-1] += left
-        rows[:, 1:] += right
+        rows = self.shapes @ (values[:, :-1] * self.shares[..., None])
         if self.matches_tip:
             # The tip's curvature has a balance of its own, which counts as half an element's.
             rows[:, -1] = 0.5 * values[:, -1]
-        return rows
+        return np.asarray(rows)
+
+
+@lru_cache(maxsize=64)
+def _elements(counts: tuple[int, ...], constant: bool) -> tuple[Array, Array, Array]:
+    """For so many elements per segment, what the ends of the segments are multiplied by: (J, 4 M + 1) for the Gauss
+    points and the tip, (J, 4 M) for the lengths of the elements there; and the shapes (R, 4 M), which are ``constant``
+    on each element, or hats over the ends of elements.
+    """
+    total, points = sum(counts), len(_NODES)
+    at, share = np.zeros((len(counts) + 1, total * points + 1)), np.zeros((len(counts) + 1, total * points))
+    at[-1, -1] = 1.0
+    shapes = np.zeros((total + (0 if constant else 1), total * points))
+    element = 0
+    for segment, count in enumerate(counts):
+        for k in range(count):
+            own = slice(element * points, (element + 1) * points)
+            part = (k + _NODES) / count
+            at[segment, own], at[segment + 1, own] = 1.0 - part, part
+            share[segment, own], share[segment + 1, own] = -1.0 / count, 1.0 / count
+            shapes[element, own] = _WEIGHTS if constant else _WEIGHTS * (1.0 - _NODES)
+            if not constant:
+                shapes[element + 1, own] = _WEIGHTS * _NODES
+            element += 1
+    return at, share, shapes
 
 
 def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -> Array:

@@ -147,28 +147,119 @@ int sample(int count, int knots, int places, const double *knot, const double *b
     return 0;
 }
 
-/* Distances from the object of the ends of curves from points (x, y, turn, length), with linear curvature from first to
-   last; lines of `lines` end curvatures each, by a Gauss rule of `size` nodes, at most 16. Where `arc`, the first is
-   the last. */
+/* Distance from the object of the end of a curve from a point (x, y, turn, length) with linear curvature, by a Gauss
+   rule of `size` nodes, at most 16. */
+static double tip_gap(int size, const double *object, const double *node, const double *weight, const double *from,
+                      double first, double last)
+{
+    double angle[16] = {0.0}, sines[16], cosines[16], x = 0.0, y = 0.0;
+    for (int g = 0; g < size; ++g) {
+        const double late = 0.5 * node[g] * node[g];
+        angle[g] = from[2] + from[3] * (first * (node[g] - late) + last * late);
+    }
+    turns(size, angle, sines, cosines);
+    for (int g = 0; g < size; ++g) {
+        x -= weight[g] * sines[g];
+        y += weight[g] * cosines[g];
+    }
+    return distance(object, from[0] + from[3] * x, from[1] + from[3] * y);
+}
+
+/* Such distances for lines of `lines` last curvatures each; where `arc`, the first is the last. */
 int tip_gaps(int count, int lines, int size, int arc, const double *object, const double *node, const double *weight,
              const double *from, const double *first, const double *last, double *out)
 {
-    double angle[16], sines[16], cosines[16];
     for (int b = 0; b < count; ++b, from += 4)
-        for (int k = 0; k < lines; ++k, ++last, ++out) {
-            const double start = arc ? *last : first[b], ell = from[3];
-            for (int g = 0; g < size; ++g) {
-                const double late = 0.5 * node[g] * node[g];
-                angle[g] = from[2] + ell * (start * (node[g] - late) + *last * late);
-            }
+        for (int k = 0; k < lines; ++k, ++last)
+            *out++ = tip_gap(size, object, node, weight, from, arc ? *last : first[b], *last);
+    return 0;
+}
+
+/* As `touching.bracketed_root` for `count` brackets (low, high, gap at low, gap at high), property after property: the
+   last curvatures with which such distances are `half`. */
+int tip_roots(int count, int size, int arc, int steps, double half, double rounded, const double *object,
+              const double *node, const double *weight, const double *from, const double *first, const double *ends,
+              double *out)
+{
+    for (int k = 0; k < count; ++k, from += 4) {
+        double a = ends[k], b = ends[count + k], fa = ends[2 * count + k], fb = ends[3 * count + k];
+        for (int step = 0; step < steps; ++step) {
+            const double x = b - fb * (b - a) / (fb == fa ? 1.0 : fb - fa);
+            const double fx = tip_gap(size, object, node, weight, from, arc ? x : first[k], x) - half;
+            const int crossed = fb * fx < 0.0;
+            a = crossed ? b : a;
+            fa = crossed ? fb : 0.5 * fa;
+            b = x;
+            fb = fx;
+            if (fabs(fx) < rounded)
+                break;
+        }
+        out[k] = b;
+    }
+    return 0;
+}
+
+/* As `chords.exact_bends`, with a Gauss rule (node, weight): first curvatures next to guesses, lengths, and whether they
+   were found, property after property. The aims are unit vectors. */
+int exact_bends(int count, int size, double away, const double *node, const double *weight, const double *aim,
+                const double *turn, const double *guess, double *out)
+{
+    double angle[16], sines[16], cosines[16];
+    for (int b = 0; b < count; ++b) {
+        const double c = aim[2 * b], s = -aim[2 * b + 1];
+        double bend = guess[b], along = 0.0, off = 0.0;
+        for (int step = 0; step < 5; ++step) {
+            double x = 0.0, y = 0.0, dx = 0.0, dy = 0.0;
+            for (int g = 0; g < size; ++g)
+                angle[g] = bend * (node[g] - node[g] * node[g]) + turn[b] * node[g] * node[g];
             turns(size, angle, sines, cosines);
-            double x = 0.0, y = 0.0;
             for (int g = 0; g < size; ++g) {
+                const double early = weight[g] * (node[g] - node[g] * node[g]);
                 x -= weight[g] * sines[g];
                 y += weight[g] * cosines[g];
+                dx -= early * cosines[g];
+                dy -= early * sines[g];
             }
-            *out = distance(object, from[0] + ell * x, from[1] + ell * y);
+            along = x * c - y * s;
+            off = x * s + y * c;
+            if (step == 4)
+                break;
+            const double fall = dx * s + dy * c;
+            bend = less(more(bend - off / (fabs(fall) < 1e-9 ? 1e-9 : fall), guess[b] - away), guess[b] + away);
         }
+        out[b] = bend;
+        out[count + b] = along;
+        out[2 * count + b] = off;
+    }
+    return 0;
+}
+
+/* As `chords.bends_to` finds brackets: from tables (2, rows, columns) of chords by their parts, linear between rows at
+   `at`; the row and the column, with the share of the way to the next, of each change of sign across the direction of
+   an aim, a unit vector. The first number is how many there are. */
+int crossings(int count, int rows, int columns, int first, int last, const double *table, const double *aim,
+              const double *at, double *out)
+{
+    int found = 0;
+    for (int b = 0; b < count; ++b) {
+        const int row = (int)less(more(at[b], 0.0), rows - 2.0);
+        const double share = at[b] - row, c = aim[2 * b], s = -aim[2 * b + 1];
+        const double *x = table + row * columns, *y = x + rows * columns;
+        double old_x = 0.0, old_y = 0.0, old = 0.0;
+        for (int k = first; k < last; ++k) {
+            const double here_x = x[k] + share * (x[k + columns] - x[k]), here_y = y[k] + share * (y[k + columns] - y[k]);
+            const double off = here_x * s + here_y * c;
+            if (k > first && (off < 0.0) != (old < 0.0) && (here_x + old_x) * c > (here_y + old_y) * s) {
+                out[1 + 2 * found] = b;
+                out[2 + 2 * found] = k - 1 + old / (old - off);
+                ++found;
+            }
+            old_x = here_x;
+            old_y = here_y;
+            old = off;
+        }
+    }
+    out[0] = found;
     return 0;
 }
 

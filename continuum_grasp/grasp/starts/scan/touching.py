@@ -301,11 +301,13 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         move = ell * (-(np.sin(angle) @ _WEIGHTS) + 1j * (np.cos(angle) @ _WEIGHTS))
         return first.point[rows, None] + move, first.turn[rows, None] + 0.5 * ell * (start + last)
 
+    start = np.stack([first.point.real, first.point.imag, first.turn, rest], axis=1)
+    rule = task.object_numbers, _AT, _WEIGHTS
+
     def gaps(rows: Array, last: Array) -> Array:
         """Gaps (R, G) between such tips and the object."""
         if kernel.library():
-            start = np.stack([first.point.real, first.point.imag, first.turn, rest], axis=1)[rows]
-            numbers = *last.shape, len(_AT), int(one_arc), task.object_numbers, _AT, _WEIGHTS, start, begin[rows], last
+            numbers = *last.shape, len(_AT), int(one_arc), *rule, start[rows], begin[rows], last
             return kernel.called("tip_gaps", np.empty(last.shape), *numbers) - task.half
         return task.rough_distance(tips(rows, last)[0]) - task.half
 
@@ -328,7 +330,11 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     def miss(last: Array) -> Array:
         return np.asarray(gaps(rows, last[:, None])[:, 0])
 
-    last = bracketed_root(miss, *ends)
+    if kernel.library():
+        numbers = len(rows), len(_AT), int(one_arc), _ROOT, task.half, _ROUNDED, *rule, start[rows], begin[rows], ends
+        last = kernel.called("tip_roots", np.empty(len(rows)), *numbers)
+    else:
+        last = bracketed_root(miss, *ends)
     tip, facing = (v[:, 0] for v in tips(rows, last[:, None]))
     part, point, normal = task.touched(tip)
     ahead = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
