@@ -19,7 +19,7 @@ from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
-from continuum_grasp.grasp.stations import search_stations, without_stations
+from continuum_grasp.grasp.stations import find_station_reasons, search_stations, without_stations
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
 from continuum_grasp.nlp import Budget
@@ -130,7 +130,9 @@ class _Verdict:
         self.scene, self.budget = scene, budget
         self.began = time.monotonic()
         self.search = Search(scene, budget)
-        self._has_stations = any(setup.stations for setup in scene.setups)
+        has_stations = any(setup.stations for setup in scene.setups)
+        # Of the scene with one middle contact in place of stations, where there are any.
+        self._before = Search(without_stations(scene), budget) if has_stations else None
         self.interrupted = False
 
     def result(self) -> GraspResult:
@@ -153,18 +155,16 @@ class _Verdict:
         if far is not None:
             return self._infeasible([far], None)
         search = self.search
-        if self._has_stations:
-            search_stations(search, Search(without_stations(self.scene), self.budget))
-        else:
+        if self._before is None:
             search.run()
+        else:
+            search.run_before(self._before)
+            search_stations(search, self._before)
         stabilize(search)
         best = self._best()
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        # Sets of stations are too many to try all: that none was found to hold is no proof.
-        if self._has_stations:
-            return self._unsolved(closest)
         reasons = self._reasons()
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
@@ -176,11 +176,18 @@ class _Verdict:
 
     def _reasons(self) -> list[Reason]:
         """Limits that are in the way, alone or two at once."""
-        reasons = find_reasons(self.scene, self.search)
+        before = self._before
+        if before is None:
+            reasons = find_reasons(self.scene, self.search)
+        else:
+            reasons = find_station_reasons(self.search, before)
+            search_stations(self.search, before)
         if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
             return reasons
         alone = {reason.name for reason in reasons}  # needs no second one
-        pairs = find_pairs(self.scene, self.search)
+        # What one middle contact needs is enough for stations, too.
+        where = before or self.search
+        pairs = find_pairs(where.scene, where)
         return [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
 
     # -- verdicts --------------------------------------------------------------------------------------------
@@ -211,7 +218,7 @@ class _Verdict:
             yield f"the solver stopped early ({best.attempt.outcome})"
         if not best.acceptable:
             yield "no stable grasp was found"
-        if self._has_stations:
+        if self._before is not None:
             yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration
         if search.excess > OPEN and search.left_out:
