@@ -9,26 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, rank, repaired
-from continuum_grasp.grasp.result import Reason
-from continuum_grasp.grasp.search import ITERATION_CAP, NEAR
+from continuum_grasp.grasp.result import GraspResult, Reason
+from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.search import Search
 
 Array = NDArray[Any]
 
 STARTS, EXCHANGES = 3, 24
 """Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
+LESS = 0.01
+"""Part by which half the distance between stations may lower the tension before the first line says so."""
 ELEMENTS = 3
 """Elements per segment of the grasps with one middle contact: with two, a finger that tapers is not found (spirob_cup).
 """
@@ -47,8 +47,15 @@ def without_stations(scene: GraspScene) -> GraspScene:
 def search_stations(search: Search, before: Search) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
     for held in sorted(before.good, key=lambda t: t.attempt.objective)[:STARTS]:
+        start = _on_nearest(search.scene, before.scene, held.arrays)
         # Nearly exact: bold options stay next to it.
-        _better(search, _on_nearest(search.scene, before.scene, held.arrays), rung=0)
+        if not _better(search, start, rung=0) and search.best is None:
+            search.attempt(start)
+    _exchange(search)
+
+
+def _exchange(search: Search) -> None:
+    """Exchange stations as long as that is better."""
     for _ in range(EXCHANGES):
         best = search.best
         if best is None or not any(_better(search, start) for start in _exchanges(search.scene, best.arrays)):
@@ -79,6 +86,39 @@ def find_station_reasons(search: Search, before: Search) -> list[Reason]:
             else:
                 break
     return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
+
+
+def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
+    """The result with what half the distance between stations changes, in its statistics and, where that takes
+    `LESS` tension, in its message.
+    """
+    scene = result.scene
+    denser = _denser(scene)
+    search = Search(denser, budget)
+    _better(search, _on_nearest(denser, scene, result.arrays))
+    _exchange(search)
+    count = max(len(setup.stations) for setup in denser.setups)
+    if search.best is None:
+        note = f"with {count} stations no grasp was found next to this one, which says nothing"
+        return replace(result, statistics={**result.statistics, "fine_stations": note})
+    tension = sum(float(search.best.arrays[f"{name}.tensions"].sum()) for name in scene.named_fingers)
+    part = tension / result.tension - 1.0
+    note = f"with {count} stations the tension changes by {part:+.2%} to {tension:#.4g} N"
+    message = f"{result.message}; {note}" if part < -LESS else result.message
+    return replace(result, message=message, statistics={**result.statistics, "fine_stations": note})
+
+
+def _denser(scene: GraspScene) -> GraspScene:
+    """The scene with one more station between every two, and elements between all."""
+    fingers = {}
+    for setup in scene.setups:
+        count = 2 * len(setup.stations) - 1
+        fidelity = (setup.finger.fidelity or scene.fidelity).replaced(elements=max(setup.elements, count + 1))
+        # No limit of a scene's own number of stations: they cost little without building a problem of all.
+        contacts = setup.finger.contacts.model_copy(update={"stations": count, "middle_after": None})
+        change = {"contacts": contacts, "fidelity": fidelity} if setup.stations else {}
+        fingers[setup.name] = setup.finger.model_copy(update=change)
+    return scene.with_fingers(fingers)
 
 
 def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Array]) -> Start:
