@@ -47,11 +47,16 @@ def without_stations(scene: GraspScene) -> GraspScene:
 def search_stations(search: Search, before: Search) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
     for held in sorted(before.good, key=lambda t: t.attempt.objective)[:STARTS]:
-        start = _on_nearest(search.scene, before.scene, held.arrays)
-        # Nearly exact: bold options stay next to it.
-        if not _better(search, start, rung=0) and search.best is None:
-            search.attempt(start)
+        _begin(search, before.scene, held.arrays)
     _exchange(search)
+
+
+def _begin(search: Search, before: GraspScene, arrays: Mapping[str, Array]) -> None:
+    """Solve from a grasp of a scene with other stations."""
+    start = _on_nearest(search.scene, before, arrays)
+    # Nearly exact: bold options stay next to it.
+    if not _better(search, start, rung=0) and search.best is None:
+        search.attempt(start)
 
 
 def _exchange(search: Search) -> None:
@@ -95,7 +100,7 @@ def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
     scene = result.scene
     denser = _denser(scene)
     search = Search(denser, budget)
-    _better(search, _on_nearest(denser, scene, result.arrays))
+    _begin(search, scene, result.arrays)
     _exchange(search)
     count = max(len(setup.stations) for setup in denser.setups)
     if search.best is None:
@@ -132,15 +137,16 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
             continue
         own = plain.fingers[setup.name]
         joints = list(setup.stations)
+        # Names of old stations are those of others now.
+        contacts = {name: start for name, start in contacts.items() if name not in old.middle_names}
+        forces = {name: force for name, force in forces.items() if name not in old.middle_names}
         for name, at in zip(old.middle_names, own.joints, strict=True):
             if name not in plain.contacts:
                 continue
-            del contacts[name]
             nearest = int(np.argmin(np.abs(np.array(setup.stations) - at)))
             station = setup.middle_names[nearest]
             joints[nearest], contacts[station] = at, plain.contacts[name]
-            if name in forces:
-                forces[station] = forces.pop(name)
+            forces[station] = plain.forces[name]
         sides = (own.sides[0],) * len(joints)
         fingers[setup.name] = FingerStart(own.base, tuple(joints), sides, own.knots, own.curvatures)
     return _with_only(scene, replace(plain, fingers=fingers, contacts=contacts, forces=forces), set(contacts))
