@@ -32,7 +32,7 @@ def wrapped() -> GraspResult:
 
 @pytest.fixture(scope="module")
 def bent() -> GraspResult:
-    """By a finger with a rest curvature, whose tendons rub, in the plane."""
+    """By a finger with a rest curvature, with tendon friction, in the plane."""
     return optimize_grasp(_mug("preshaped", **PLACES))
 
 
@@ -163,3 +163,8 @@ def test_the_greatest_mass_can_be_held_and_more_cannot() -> None:
 def test_stations_stand_in_place_of_middle_contacts() -> None:
     with pytest.raises(InputError, match="stations stands in place of"):
         _mug(middle="auto", **PLACES)
+
+
+def test_there_is_an_element_between_every_two_stations() -> None:
+    with pytest.raises(InputError, match="stations: 8 needs fidelity.elements of 9 at least, got 8"):
+        _mug(stations=8, middle_range=(0.06, 0.12))
