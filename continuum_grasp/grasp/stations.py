@@ -68,18 +68,18 @@ def _exchange(search: Search) -> None:
 
 
 def find_station_reasons(search: Search, before: Search) -> list[Reason]:
-    """Find the limits each of which, relaxed alone, gives a grasp, next to those that give one `without_stations`;
-    none where that search finds a grasp after all.
+    """Find the limits each of which, relaxed alone, gives a grasp, next to those that give one `without_stations`,
+    which are enough; none where that search finds a grasp after all.
     """
     scene, known = search.scene, repaired(before.scene, before)
-    for relaxation in known.relaxations:
-        known.reason(relaxation)  # which tries the posture without the repair
+    # Which tries the posture without the repair, too.
+    enough = {relaxation.name: known.reason(relaxation) for relaxation in known.relaxations}
     if before.good:
         return []
     repairs = Repairs(scene, search)
     for relaxation in known.relaxations:
         one = known.found[relaxation.name]
-        repairs.attempt(relaxation, _on_nearest(scene, before.scene, one.arrays), one.amount, iterations=ITERATION_CAP)
+        repairs.attempt(relaxation, _on_nearest(scene, before.scene, one.arrays), one.amount)
         for _ in range(EXCHANGES):
             best = repairs.found.get(relaxation.name)
             if best is None or best.amount <= 0.0 or search.budget.over:
@@ -90,7 +90,7 @@ def find_station_reasons(search: Search, before: Search) -> list[Reason]:
                     break
             else:
                 break
-    return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
+    return sorted((enough | {r.name: repairs.reason(r) for r in repairs.relaxations}).values(), key=rank)
 
 
 def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
@@ -107,9 +107,10 @@ def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
         note = f"with {count} stations no grasp was found next to this one, which says nothing"
         return replace(result, statistics={**result.statistics, "fine_stations": note})
     tension = sum(float(search.best.arrays[f"{name}.tensions"].sum()) for name in scene.named_fingers)
-    part = tension / result.tension - 1.0
+    part = tension / result.tension - 1.0 if result.tension else 0.0
     note = f"with {count} stations the tension changes by {part:+.2%} to {tension:#.4g} N"
-    message = f"{result.message}; {note}" if part < -LESS else result.message
+    less = scene.objective == "least_tension" and part < -LESS
+    message = f"{result.message}; {note}" if less else result.message
     return replace(result, message=message, statistics={**result.statistics, "fine_stations": note})
 
 
@@ -119,7 +120,7 @@ def _denser(scene: GraspScene) -> GraspScene:
     for setup in scene.setups:
         count = 2 * len(setup.stations) - 1
         fidelity = (setup.finger.fidelity or scene.fidelity).replaced(elements=max(setup.elements, count + 1))
-        # No limit of a scene's own number of stations: they cost little without building a problem of all.
+        # Copied unchecked: there may be more than a scene may ask for.
         contacts = setup.finger.contacts.model_copy(update={"stations": count, "middle_after": None})
         change = {"contacts": contacts, "fidelity": fidelity} if setup.stations else {}
         fingers[setup.name] = setup.finger.model_copy(update=change)
