@@ -20,7 +20,12 @@ from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
-from continuum_grasp.grasp.stations import search_stations, without_stations
+from continuum_grasp.grasp.stations import (
+    find_station_reasons,
+    search_stations,
+    with_twice_the_stations,
+    without_stations,
+)
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
 from continuum_grasp.nlp import Budget
@@ -47,8 +52,9 @@ def optimize_grasp(
     raise_on_failure : bool, optional
         Raise where there is no verified grasp; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model and report in the result's ``fine`` what that changes; takes some seconds.
-        Not for a scene with ``robust``.
+        Solve once more with a fine model and report in the result's ``fine`` what that changes, and of a scene with
+        stations in ``statistics["fine_stations"]`` what twice as many change; takes some seconds. Not for a scene with
+        ``robust``.
 
     Returns
     -------
@@ -83,6 +89,8 @@ def optimize_grasp(
         if fine and not scene.robust and result.solved and not result.statistics["interrupted"]:
             try:
                 result = with_fine(result, budget)
+                if any(setup.stations for setup in scene.setups):
+                    result = with_twice_the_stations(result, budget)
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
@@ -131,8 +139,11 @@ class _Verdict:
         self.scene, self.budget = scene, budget
         self.began = time.monotonic()
         self.search = Search(scene, budget)
-        self.repairs = Repairs(scene, self.search)
-        self._has_stations = any(setup.stations for setup in scene.setups)
+        has_stations = any(setup.stations for setup in scene.setups)
+        # Of the scene with one middle contact in place of stations, where there are any.
+        self._before = Search(without_stations(scene), budget) if has_stations else None
+        self._plain = self._before or self.search
+        self.repairs = Repairs(self._plain.scene, self._plain)
         self.interrupted = False
 
     def result(self) -> GraspResult:
@@ -155,22 +166,21 @@ class _Verdict:
         if far is not None:
             return self._infeasible([far], None)
         search = self.search
-        if self._has_stations:
-            search_stations(search, Search(without_stations(self.scene), self.budget))
-        else:
+        if self._before is None:
             search.run()
+        else:
+            search.run_before(self._before)
+            self._to_stations()
         stabilize(search)
         best = self._best()
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        # Sets of stations are too many to try all: that none was found to hold is no proof.
-        if self._has_stations:
-            return self._unsolved(closest)
-        doubtful, reasons = search.doubtful, self._reasons()
+        doubtful, reasons = self._plain.doubtful, self._reasons()
         clear = bool(reasons) and all(is_clear(reason, self.scene) for reason in reasons)
         if doubtful and not (clear and self._best() is None):
-            search.exhaust()
+            self._plain.exhaust()
+            self._to_stations()
         if not any(not is_rare(reason) for reason in reasons) and self._best() is None:
             reasons = self._reasons(further=True)
         best = self._best()
@@ -181,13 +191,26 @@ class _Verdict:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
 
+    def _to_stations(self) -> None:
+        """From grasps with one middle contact to those with stations, where there are any."""
+        if self._before is not None:
+            search_stations(self.search, self._before)
+
     def _reasons(self, further: bool = False) -> list[Reason]:
         """Limits that are in the way, alone or two at once; ``further`` ones where those at sight do not convince."""
-        reasons = find_reasons(self.repairs, further)
+        before = self._before
+        if before is None:
+            reasons = find_reasons(self.repairs, further)
+        else:
+            reasons = find_station_reasons(self.search, before, self.repairs, further)
+            self._to_stations()
         if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
             return reasons
         alone = {reason.name for reason in reasons}  # needs no second one
-        pairs = find_pairs(self.scene, self.search, further)
+        if before is not None and before.good:  # one middle contact holds, stations alone do not
+            return reasons
+        # What one middle contact needs is enough for stations, too.
+        pairs = find_pairs(self._plain.scene, self._plain, further)
         return [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
 
     # -- verdicts --------------------------------------------------------------------------------------------
@@ -218,7 +241,7 @@ class _Verdict:
             yield f"the solver stopped early ({best.attempt.outcome})"
         if not best.acceptable:
             yield "no stable grasp was found"
-        if self._has_stations:
+        if self._before is not None:
             yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration
         if search.excess > OPEN and search.left_out:
