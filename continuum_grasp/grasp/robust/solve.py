@@ -124,4 +124,5 @@ def _trials(
         np.array([response.margin for response in corners]),
         single,
         weakest,
+        responder.anew,
     )
