@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import Status, Trials, optimize_grasp
 from continuum_grasp.grasp.problem.problem import GraspProblem
@@ -77,6 +78,18 @@ def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
     assert found.robustness.robust.held == 20
     assert found.robustness.nominal.held < 20
     assert found.robustness.nominal.retensioned == 1.0
+
+
+def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of("one", 365)
+    bounds = Robust(position=0.02 * scene.object.size, radius=0.03, friction=0.15, mass=0.1, draws=20)
+    found = optimize_grasp(scene.replaced(robust=bounds))
+    assert found.certificate.passed
+    assert found.robustness.robust.held == 20
+    assert found.statistics["robust"]["branches"] > 1
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.BRANCHES", 0)
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.HALVINGS", 0)
+    assert not optimize_grasp(scene.replaced(robust=bounds), raise_on_failure=False).solved
 
 
 def test_a_grasp_whose_draws_fail_is_not_called_robust(monkeypatch: pytest.MonkeyPatch) -> None:
