@@ -33,7 +33,7 @@ _EXACT, _SLACK = 1e-8, 1e-6
 """Violation up to which equations and limits hold [units of the problem]: DAQP resolves active limits to 1e-7."""
 _FLAT, _DEPENDENT = 1e-8, 1e-9
 """Least curvature of a QP, per its greatest or 1; least pivot of equations that are independent."""
-_NO_SLOPE = 1e-14
+_NO_SLOPE = 1e-10
 """Slope along the null space below which a limit does not depend on it [units of the problem]."""
 
 

@@ -198,7 +198,8 @@ class Responder:
             if found is not None:
                 moved = np.array(self.solver.derivatives["jac_g"](here.x, numbers)[0]).ravel() - found.g
                 change = abs(float(found.multipliers.constraints @ moved))
-                if sight.deepest < allowed and change < STEADY * max(1.0, abs(found.objective)):
+                # What guarded places are too deep, others may be.
+                if sight.deepest < allowed + found.violation and change < STEADY * max(1.0, abs(found.objective)):
                     total = {**vars(found), "iterations": iterations, "seconds": seconds}
                     return Attempt(**total, start=start, features=features, numbers=here.p, violations=[])
             here = replace(here, p=numbers)
