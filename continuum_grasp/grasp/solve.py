@@ -85,7 +85,8 @@ def optimize_grasp(
     budget = Budget.of(scene.solver)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
-        result = _for_errors(_Verdict(scene, budget).result(), budget)
+        first = _Verdict(scene, budget)
+        result = _for_errors(first.result(), first.search, budget)
         if fine and not scene.robust and result.solved and not result.statistics["interrupted"]:
             try:
                 result = with_fine(result, budget)
@@ -94,7 +95,7 @@ def optimize_grasp(
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
-        result = _for_errors(_within_tolerance(scene, tolerance, budget), budget)
+        result = _for_errors(*_within_tolerance(scene, tolerance, budget), budget)
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -106,30 +107,36 @@ def optimize_grasp(
     return result
 
 
-def _for_errors(result: GraspResult, budget: Budget) -> GraspResult:
-    """The grasp that holds for the errors of a scene that names some."""
+def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
+    """The grasp that holds for the errors of a scene that names some, next to the one found or others of its search."""
     bounds = result.scene.robust
     if bounds is None or not result.solved or result.statistics["interrupted"]:
         return result
     try:
-        return with_robust(result, bounds, budget)
+        return with_robust(result, search, bounds, budget)
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors within robust was found"
         return replace(result, status=Status.FEASIBLE, message=message)
 
 
-def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
-    """Find the grasp with the cheapest model that satisfies a tolerance."""
-    first = _Verdict(with_elements(scene, ELEMENTS[1]), budget).result()
+def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:
+    """Find the grasp with the cheapest model that satisfies a tolerance; its search."""
+    one = _Verdict(with_elements(scene, ELEMENTS[1]), budget)
+    first = one.result()
     if not first.solved or first.statistics["interrupted"]:
-        return first
+        return first, one.search
     try:
         resolved, note, change = resolve_elements(scene, first, tolerance, budget)
     except KeyboardInterrupt:
-        return replace(first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"})
-    result = first if resolved == first.scene or budget.over else _Verdict(resolved, budget).result()
+        return replace(
+            first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"}
+        ), one.search
+    result = first
+    if resolved != first.scene and not budget.over:
+        one = _Verdict(resolved, budget)
+        result = one.result()
     result = replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
-    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result
+    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result, one.search
 
 
 class _Verdict:

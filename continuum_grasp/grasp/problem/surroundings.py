@@ -147,15 +147,16 @@ class Surroundings:
         def look(at: Array, owner: Array, thick: Array) -> list[tuple[Array, Array, Array]]:
             return [obstacle.near(at, owner, thick, setup, emerging, base, pose, units) for obstacle in obstacles]
 
-        def depth(fractions: Array) -> Array:
-            seen = zip(look(*along(fractions)), spare, strict=True)
+        def depth(places: tuple[Array, Array, Array]) -> Array:
+            seen = zip(look(*places), spare, strict=True)
             deepest = np.max([needed - gap - r for (_, gap, needed), r in seen], axis=0)
-            return np.asarray(deepest).reshape(fractions.shape)
+            return np.asarray(deepest).reshape(finger.spec.elements, -1)
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         dense = along(even)
         if given is None:
-            probes = _refined(depth, _deepest(depth(even), finger.probes))
+            picks = _deepest(depth(dense), finger.probes)
+            probes = _refined(lambda fractions: depth(along(fractions)), picks)
         else:
             probes = given[name].reshape(finger.spec.elements, finger.probes)
         at, owner, thick = along(probes)
