@@ -226,13 +226,12 @@ class Search:
             return
         found = self.attempt(basin.start, rung=rung)
         basin.tried = True
-        # A grasp that takes more than was estimated is another basin's.
-        basin.solved = (
-            found is not None
-            and found in self.good
-            and found.attempt.converged
-            and OPEN_FACTOR * self._tension(found) <= basin.start.estimate + self._least_difference
-        )
+        basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
+
+    def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
+        """Whether a start led to a grasp that takes no more than was estimated: otherwise it is another basin's."""
+        most = basin.start.estimate + self._least_difference
+        return found in self.good and not OPEN_FACTOR * self._tension(found) > most
 
     @property
     def _is_over(self) -> bool:
@@ -293,7 +292,7 @@ class Search:
             )
             if found is not None and found in self.good:
                 held.add(branch)
-                basin.solved = True
+                basin.solved = self._keeps_promise(found, basin)
 
     @cached_property
     def bound(self) -> float | None:
