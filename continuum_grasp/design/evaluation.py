@@ -115,6 +115,13 @@ class Evaluation:
         return found
 
     @property
+    def left(self) -> float:
+        """Greatest slope of the least cost along a variable between its bounds."""
+        u = self.coordinates
+        between = (u > _AT_BOUND) & (u < 1.0 - _AT_BOUND)
+        return float(np.abs(self.slope[: u.size][between]).max(initial=0.0))
+
+    @property
     def violation(self) -> float:
         """Greatest violation of a limit, as a part of it."""
         return max((-row.value for row in self.limits), default=0.0)

@@ -52,6 +52,8 @@ _SHAPES = (
 )
 _STEP = 1e-3
 """Step of these differences, per range of a variable: they are then good to 1e-11, of which rounding is as much."""
+_ROUNDING = 1e-8
+"""Change over the whole range of a variable that is none, per greatest number of the problem [1]."""
 
 
 class StructureChanges(InputError):
@@ -109,7 +111,9 @@ class Stencil:
         end = 1 if 1 in known else -1
         side = 0 if end == -1 else side
         coarse, fine = (known[end] - known[side]) / ((end - side) * _STEP), self.difference(values)
-        scale = np.maximum(np.abs(fine), 1e-6 * np.abs(fine).max(initial=0.0)) + _LEAST
+        # Numbers that the design leaves alone change by rounding.
+        least = max(1e-6 * np.abs(fine).max(initial=0.0), _ROUNDING * np.abs(here).max(initial=0.0))
+        scale = np.maximum(np.abs(fine), least) + _LEAST
         return float(np.max(np.abs(coarse - fine) / scale, initial=0.0)) ** 2
 
 

@@ -45,6 +45,9 @@ _VERTICES = 6
 _FIRST_ORDER = 0.02
 """Cost by which a combination of errors must exceed those at hand to count, as a part of what errors change."""
 
+_LEFT = 0.02
+"""Slope that is left at an optimum over the range of a variable, as a part of the cost."""
+
 
 @dataclass
 class _Trace:
@@ -172,6 +175,9 @@ class _DesignSearch:
         status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
         before = best if self._first is None else self._first
         message = f"cost {best.cost:.6g}, from {before.cost:.6g} at the start"
+        if status is Status.OPTIMAL and best.left > _LEFT * self._scale:
+            # As at a kink, beside which other grasps are best.
+            status, self._ended = Status.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
         if status is Status.FEASIBLE:
             message += f"; the search ended before it settled ({self._ended})"
         return self._result(best, status, message, worst)

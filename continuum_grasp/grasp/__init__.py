@@ -10,7 +10,8 @@ _MODULES = {
     "continuum_grasp.grasp.bound": ("least_normal_force_bound",),
     "continuum_grasp.grasp.certificate.certificate": ("Certificate", "certify"),
     "continuum_grasp.grasp.certificate.check": ("Check",),
-    "continuum_grasp.grasp.closing.path": ("ClosingPath", "ClosingStatus", "closing_path"),
+    "continuum_grasp.grasp.closing.path": ("closing_path",),
+    "continuum_grasp.grasp.closing.result": ("ClosingPath", "ClosingStatus"),
     "continuum_grasp.grasp.quality.quality": ("Quality",),
     "continuum_grasp.grasp.result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
     "continuum_grasp.grasp.robust.result": ("Robustness", "Trials"),
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate as Certificate
     from continuum_grasp.grasp.certificate.certificate import certify as certify
     from continuum_grasp.grasp.certificate.check import Check as Check
-    from continuum_grasp.grasp.closing.path import ClosingPath as ClosingPath
-    from continuum_grasp.grasp.closing.path import ClosingStatus as ClosingStatus
     from continuum_grasp.grasp.closing.path import closing_path as closing_path
+    from continuum_grasp.grasp.closing.result import ClosingPath as ClosingPath
+    from continuum_grasp.grasp.closing.result import ClosingStatus as ClosingStatus
     from continuum_grasp.grasp.quality.quality import Quality as Quality
     from continuum_grasp.grasp.result import Contact as Contact
     from continuum_grasp.grasp.result import FingerPosture as FingerPosture

@@ -44,6 +44,9 @@ _CUTS, _CLOSE = 24, 1e-3
 """Most rounds of cutting planes, and the relative gap at which no more are added."""
 _SAMPLES, _EDGES = 24, 8
 """Places of a contact and edges of its friction cone that are cutting planes from the start."""
+_EXCEEDS, _SHORT = 1e-6, 1e-9
+"""Parts that are rounding: of a limit, by which the bound exceeds it; of a finger's length, by which it ends short of a
+contact."""
 _FAR = 1e3
 """Greatest multiplier, per that of the weight: with far greater ones the LP would lose digits, and any y is valid."""
 
@@ -94,6 +97,15 @@ def least_normal_force_bound(scene: GraspScene) -> float:
     return scene.weight / least if least > 0.0 else math.inf
 
 
+def cannot_balance(scene: GraspScene) -> bool:
+    """Whether forces within their cones and limits cannot balance the object, wherever fingers may touch it: a proof
+    that there is no grasp, by `least_normal_force_bound`.
+    """
+    limits = [setup.normal_force_max for setup in scene.setups]
+    limits += [scene.normal_force_max(body.name) for body in scene.places if body.touch != "off"]
+    return least_normal_force_bound(scene) > (1.0 + _EXCEEDS) * max(limits)
+
+
 def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tuple[Array, float]:
     """Multipliers (6,) with the least sum of h by the cutting planes so far, and this sum; NaN where the LP fails."""
     count = len(cuts)
@@ -134,20 +146,23 @@ def _contacts(scene: GraspScene) -> list[_Places]:
     body, pose, com, size = scene.object, scene.object.pose, complex(*scene.object.com), scene.object.size
     outlines = object_outlines(scene)
 
-    def anywhere(friction: float, center: complex = 0j, reach: float = math.inf) -> _Places:
-        if _turns(scene):
-            return _Places(friction, (), com, size, center, reach)
-        return _Places(friction, outlines, com, size, center, reach)
+    def anywhere(friction: float, center: complex = 0j, reach: float = math.inf, half: float = 0.0) -> _Places:
+        return _Places(friction, () if _turns(scene) else outlines, com, size, center, reach, half)
 
     found: list[_Places] = []
     for setup in scene.setups:
         x, y = setup.finger.base.position
         center = (complex(x, y) - complex(*pose[:2])) * cmath.exp(-1j * pose[2])
-        length, thick = setup.finger.rod.length, setup.finger.thickness_radius
+        half = setup.finger.profile.half_thickness.constant
+        # Of a finger that is not as thick everywhere, the places themselves must be as near as its greatest thickness.
+        farther, half = (0.0, half) if half is not None else (setup.finger.thickness_radius, 0.0)
         moves = greatest_shift(setup.finger.base_free, (x, y)) + greatest_shift(body.free, body.position)
-        for switch, reach in (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, length)):
-            if switch != "off":
-                found.append(anywhere(setup.friction, center, reach + thick + moves))
+        along = (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, setup.finger.rod.length))
+        found += [
+            anywhere(setup.friction, center, (1.0 + _SHORT) * s + farther + moves, half)
+            for switch, s in along
+            if switch != "off"
+        ]
     wanted = {support.name for support in scene.places if support.touch != "off"}
     if body.free is None:
         wanted &= touching_supports(scene, pose)
@@ -172,8 +187,8 @@ def _contacts(scene: GraspScene) -> list[_Places]:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where a contact may be: on outlines within reach of a point; without outlines, at the center of mass with any
-    normal; or at one place with one normal.
+    """Where a contact may be: on outlines, where the line of a finger that is ``half`` a thickness away is within reach
+    of a point; without outlines, at the center of mass with any normal; or at one place with one normal.
     """
 
     friction: float
@@ -182,6 +197,7 @@ class _Places:
     size: float
     center: complex = 0j
     reach: float = math.inf
+    half: float = 0.0
     spot: tuple[complex, float] | None = None
 
     def samples(self) -> list[Array]:
@@ -193,7 +209,11 @@ class _Places:
         else:
             walks = [o.walk(np.linspace(0.0, o.period, _SAMPLES, endpoint=False)) for o in self.outlines]
             every = [place for at in walks for place in zip(at.point.tolist(), at.angle.tolist(), strict=True)]
-            places = [(point, angle) for point, angle in every if abs(point - self.center) <= self.reach]
+            places = [
+                (point, angle)
+                for point, angle in every
+                if abs(self._line(np.array(point), np.array(angle))) <= self.reach
+            ]
         turns = np.linspace(0.0, math.tau, _EDGES, endpoint=False).tolist()
         return [self._force(*place, math.cos(turn), math.sin(turn)) for place in places for turn in turns]
 
@@ -207,6 +227,10 @@ class _Places:
         found = [self._along(y, outline) for outline in self.outlines]
         most, point, angle = max(found, key=lambda one: one[0])
         return (most, self._effect(y, point, angle)) if most > 0.0 else (0.0, np.zeros(6))
+
+    def _line(self, point: Array, angle: Array) -> Array:
+        """Where the line of the finger is that touches at points with normals, seen from the base."""
+        return np.asarray(point + self.half * np.exp(1j * angle) - self.center)
 
     def _arms(self, y: Array, point: Array) -> tuple[Array, Array]:
         """Multiplier of a force at points, as a complex number, and that of a lift there."""
@@ -251,16 +275,18 @@ class _Places:
         for _ in range(_ROUNDS):
             first, last = outline.walk(low), outline.walk(high)
             turn = np.abs(np.remainder(last.angle - first.angle + math.pi, math.tau) - math.pi)
+            lines = np.stack([self._line(first.point, first.angle), self._line(last.point, last.angle)])
             # A convex arc is no longer than its chord over the cosine of half its turn; half of it is near either end.
-            way = 0.5 * np.abs(last.point - first.point) / np.maximum(np.cos(0.5 * turn), 0.1)
-            near = np.minimum(np.abs(first.point - self.center), np.abs(last.point - self.center)) - way <= self.reach
+            bow = 0.5 / np.maximum(np.cos(0.5 * turn), 0.1)
+            way = bow * np.abs(last.point - first.point)
+            near = np.abs(lines).min(axis=0) - bow * np.abs(lines[1] - lines[0]) <= self.reach
             if not near.any():
                 return (1.0 + _EXACT) * best, *at
-            low, high, turn, way = low[near], high[near], turn[near], way[near]
+            low, high, turn, way, lines = low[near], high[near], turn[near], way[near], lines[:, near]
             points = np.stack([first.point[near], last.point[near]])
             angles = np.stack([first.angle[near], last.angle[near]])
             works = self._work(y, points, angles)
-            there = np.where(np.abs(points - self.center) <= self.reach, works, 0.0)
+            there = np.where(np.abs(lines) <= self.reach, works, 0.0)
             end, row = np.unravel_index(int(np.argmax(there)), works.shape)
             if there[end, row] > best:
                 best, at = float(there[end, row]), (complex(points[end, row]), float(angles[end, row]))

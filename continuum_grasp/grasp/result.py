@@ -25,10 +25,10 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.closing.path import ClosingPath
+    from continuum_grasp.grasp.closing.result import ClosingPath
+    from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
-    from continuum_grasp.grasp.search import Exploration
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
 Array = NDArray[Any]

@@ -1,34 +1,30 @@
-"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified.
-
-Which contacts are on: every choice that the switches of a scene leave.
-"""
+"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.bound import least_normal_force_bound
+from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
+from continuum_grasp.grasp.exploration import Basin, Exploration
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
-from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
-from continuum_grasp.scene.supports import Switch
 
 Array = NDArray[Any]
 
@@ -67,11 +63,6 @@ LEAST_DIFFERENCE = 1e-4
 SLIDES = 12
 """How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
 
-MOST = 64
-"""Sets of contacts that are tried, those with the most contacts first:
-all choices of six contacts."""
-_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
-
 
 @dataclass(frozen=True)
 class _Limits:
@@ -107,48 +98,6 @@ class Tried:
         return self.certificate.acceptable
 
 
-@dataclass
-class Basin:
-    """A basin of the estimated tension, whether it was tried, and whether a verified grasp was found from it."""
-
-    start: Start
-    tried: bool = False
-    solved: bool = False
-
-
-@dataclass(frozen=True)
-class Exploration:
-    """What a search looked at.
-
-    Attributes
-    ----------
-    modes : int
-        Sets of contacts.
-    places, postures : int
-        Places of contacts on the object that were scanned, and touching postures there whose forces were balanced.
-    basins : int
-        Minima of the estimated tension among these.
-    starts_solved, starts_failed : int
-        Starts of the solver that led to a verified grasp, and the others. A failure proves nothing.
-    open : int
-        Basins without a verified grasp that are estimated to take at least 2 % less tension than the result.
-    best_open : float
-        Least of their estimates [N]; NaN where there is none.
-    pruned : dict of str to int
-        Starts that were not tried, by the reason.
-    """
-
-    modes: int = 0
-    places: int = 0
-    postures: int = 0
-    basins: int = 0
-    starts_solved: int = 0
-    starts_failed: int = 0
-    open: int = 0
-    best_open: float = math.nan
-    pruned: dict[str, int] = field(default_factory=dict)
-
-
 class Search:
     """Finds and verifies grasps of a scene within a budget."""
 
@@ -161,6 +110,7 @@ class Search:
         self.build_seconds = self.start_seconds = 0.0
         self._effort, self._first_left = _EFFORTS[scene.solver.effort], budget.left
         self._modes = self._alike = 0
+        self._unscanned: list[frozenset[str]] = []
         self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
         self._scans: dict[frozenset[str], Basins] = {}  # the last of each mode
         self.basins: list[Basin] = []
@@ -177,7 +127,9 @@ class Search:
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts."""
+        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless that is
+        `doubtful`.
+        """
         if self.scene.objective != "least_tension":
             self._from_least_tension()
             self._first_left = self.budget.left  # that search has iterations of its own
@@ -185,29 +137,50 @@ class Search:
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
         self._modes = len(modes)
-        rough = [mode for mode in modes if not self._from_basins(mode)]
-        self.exhaust(rough)
-
-    def exhaust(self, rough: list[frozenset[str]]) -> None:
-        """Solve with bolder options and from rough starts, of the modes ``rough`` in any case, then let contacts pass
-        on to the next faces and corners.
-        """
-        modes = contact_modes(self.scene)
+        self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
+        if self.best is None:
+            self._from_dense(modes)
         # Bolder options, and rough starts, only where something better is to be expected.
         for rung in range(1, self._effort.rungs):
             self._retry(rung)
+        if not self.doubtful:
+            self.exhaust()
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether all postures are known, and none led to a grasp."""
+        return self.knows_postures and not self.good
+
+    @property
+    def knows_postures(self) -> bool:
+        """Whether the postures of all modes are scanned, ends included: behind the last contact a finger is as its
+        tendons bend it, and its imbalance says little.
+        """
+        tips = {setup.tip_name for setup in self.scene.setups}
+        return self._is_scanned and all(tips <= mode for mode in self._scans)
+
+    @property
+    def _is_scanned(self) -> bool:
+        return self._scans.keys() == set(contact_modes(self.scene))
+
+    def exhaust(self) -> None:
+        """Solve from rough starts, then let contacts pass on to the next faces and corners."""
         if self.proven:
             return
-        if self._effort.rungs > 1 and (self.best is None or self.exploration.open):
-            for mode in modes:
-                self._from_basins(mode, dense=True)
-        if self.best is None or self._effort.always_rough or self.exploration.open:
-            rough = modes
-        for mode in rough:
+        modes = contact_modes(self.scene)
+        if self._effort.rungs > 1 and self.exploration.open:
+            self._from_dense(modes)
+        everywhere = self.best is None or self._effort.always_rough or self.exploration.open
+        for mode in modes if everywhere else self._unscanned:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
             self.slide()
+
+    def _from_dense(self, modes: list[frozenset[str]]) -> None:
+        """Solve from the basins of denser scans: short pieces of curves lie between the places of the others."""
+        for mode in modes:
+            self._from_basins(mode, dense=True)
 
     @property
     def exploration(self) -> Exploration:
@@ -249,17 +222,16 @@ class Search:
         """Solve from a basin, unless it cannot be better than what there is or the budget is used up."""
         if not self._is_worth(basin.start, SKIP_FACTOR) or self._is_over:
             return
-        if rung == 0 and basin.start.imbalance > self._far and len(self.tried) >= CLOSEST:
+        if basin.start.imbalance > self._far and (rung > 0 or len(self.tried) >= CLOSEST):
             return
         found = self.attempt(basin.start, rung=rung)
         basin.tried = True
-        # A grasp that takes more than was estimated is another basin's.
-        basin.solved = (
-            found is not None
-            and found in self.good
-            and found.attempt.converged
-            and OPEN_FACTOR * self._tension(found) <= basin.start.estimate + self._least_difference
-        )
+        basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
+
+    def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
+        """Whether a start led to a grasp that takes no more than was estimated: otherwise it is another basin's."""
+        most = basin.start.estimate + self._least_difference
+        return found in self.good and not OPEN_FACTOR * self._tension(found) > most
 
     @property
     def _is_over(self) -> bool:
@@ -308,7 +280,7 @@ class Search:
                 continue
             if self.best and not self._promises(start):
                 continue
-            if self._is_over or self.proven:
+            if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
                 return
             basin = Basin(start, tried=True)
             if not math.isnan(start.estimate):
@@ -320,7 +292,7 @@ class Search:
             )
             if found is not None and found in self.good:
                 held.add(branch)
-                basin.solved = True
+                basin.solved = self._keeps_promise(found, basin)
 
     @cached_property
     def bound(self) -> float | None:
@@ -333,6 +305,11 @@ class Search:
         if self.bound is None or self.best is None or self.bound <= 0.0:
             return 0.0
         return float(self.best.arrays["contact_forces"][:, 0].max()) / self.bound - 1.0
+
+    @cached_property
+    def impossible(self) -> bool:
+        """Whether it is proven that there is no grasp; where postures are scanned, their forces show it sooner."""
+        return not self._is_scanned and cannot_balance(self.scene)
 
     @property
     def left_out(self) -> int:
@@ -397,7 +374,11 @@ class Search:
         return self.basins_of(mode) or self.rough_starts_of(mode)
 
     def basins_of(self, mode: frozenset[str], dense: bool = False) -> list[Start] | None:
-        """The starts of a mode's basins, of a ``dense`` scan if wanted; None where it has none that are scanned."""
+        """The starts of a mode's basins, of a ``dense`` scan if wanted, none if the last one was dense already; None
+        where it has none that are scanned.
+        """
+        if dense and mode in self._scans and self._scans[mode].is_dense:
+            return []
         began = time.perf_counter()
         found = basin_starts(self.scene, mode, dense)
         self.start_seconds += time.perf_counter() - began
@@ -411,7 +392,7 @@ class Search:
         """The starts that the postures scanned so far give for a scene that differs in mass or in limits of forces
         alone, per mode; None where not all modes are scanned.
         """
-        if self._scans.keys() != set(contact_modes(scene)):
+        if not self._is_scanned:
             return None
         began = time.perf_counter()
         starts = [rebalanced_starts(scan, scene) for scan in self._scans.values()]
@@ -421,8 +402,10 @@ class Search:
     def rough_starts_of(self, mode: frozenset[str]) -> list[Start]:
         """Starts of a mode of all kinds of scenes."""
         began = time.perf_counter()
-        # Beyond 11 starts none of 19 scenes of three fingers gets better, of 45 of two fingers none beyond 8.
-        count = self._effort.starts * max(1, len(self.scene.setups) - 1)
+        # Where tips alone touch, none of 19 scenes of three fingers gets better beyond 11 starts, of 45 of two fingers
+        # none beyond 8. Postures with middle contacts are not bent into balance: two fingers need as many as three.
+        fingers, middles = len(self.scene.setups), {name for s in self.scene.setups for name in s.middle_names}
+        count = self._effort.starts * max(2 if fingers > 1 and mode & middles else 1, fingers - 1)
         starts = make_starts(self.scene, mode, count, self._rng)
         self.start_seconds += time.perf_counter() - began
         return starts
@@ -511,28 +494,3 @@ def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feat
                 else:
                     x[place] = 1.0 - end, new.lower[1]
                 yield {**attempt.features, contact.name: new}, x
-
-
-def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
-    """The sets of contacts that may be on, those with the most contacts first, at most `MOST`.
-
-    They name contacts of fingers, of which every one touches somewhere, and supports that the object touches.
-    """
-    choices: list[list[frozenset[str]]] = []
-    for setup in scene.setups:
-        chosen = _chosen(zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True))
-        choices.append([names for names in chosen if names])
-    supports = [(body.name, body.touch) for body in scene.places]
-    if scene.object.free is None:
-        touching = touching_supports(scene, scene.object.pose)
-        choices.append([frozenset(name for name, touch in supports if touch != "off" and name in touching)])
-    else:
-        choices.append(_chosen(supports))
-    modes = [frozenset[str]().union(*sets) for sets in product(*choices)]
-    return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]
-
-
-def _chosen(switches: Iterable[tuple[str, Switch]]) -> list[frozenset[str]]:
-    """The sets of names that switches leave to choose."""
-    each = [[frozenset({name}) if on else frozenset() for on in _CHOICES[state]] for name, state in switches]
-    return [frozenset[str]().union(*chosen) for chosen in product(*each)]

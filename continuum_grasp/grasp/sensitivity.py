@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.values import problem_values, tension_weight
+from continuum_grasp.grasp.problem.values import Units, problem_values, tension_weight
 from continuum_grasp.grasp.search import Tried
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -36,49 +36,38 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
     # At an optimum the objective changes with a number as the Lagrangian does: unknowns and multipliers stand still.
     slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
     units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
-
-    def values(changed: GraspScene) -> Array:
-        numbers = problem_values(problem, changed, attempt.start, attempt.features)
-        return problem.numbers.pack(numbers, 0.0)
-
-    now = values(scene)
-    return tuple(
-        Sensitivity(name, float(slope @ ((values(changed) - now) / step)) * units, unit)
-        for name, unit, step, changed in _changes(scene)
-    )
-
-
-def _changes(scene: GraspScene) -> list[tuple[str, str, float, GraspScene]]:
-    """Name, unit, step and changed scene."""
-    # The numbers of the problem are smooth in the scene's, so that a difference of 1e-6 is good to six digits.
-    step, reach = 1e-6, 1e-6 * scene.object.size
-    rougher = {}
-    for setup in scene.setups:
-        contacts = setup.finger.contacts.model_copy(update={"friction": setup.friction + step})
-        rougher[setup.name] = setup.finger.model_copy(update={"contacts": contacts})
-    found = [("friction between fingers and object", "1", step, scene.with_fingers(rougher))]
+    at = problem.numbers.at
+    touching = [at[f"{contact.name}.friction"] for contact in problem.spec.contacts if contact.finger >= 0]
+    changes = [("friction between fingers and object", "1", sum(float(slope[rows].sum()) for rows in touching))]
     if scene.weight > 0.0:
-        mass = step * scene.object.mass
-        heavier = scene.object.model_copy(update={"mass": scene.object.mass + mass})
-        found.append(("mass of the object", "kg", mass, scene.model_copy(update={"object": heavier})))
-    return [
-        *found,
-        ("object along x", "m", reach, _moved(scene, reach, 0.0, 0.0)),
-        ("object along y", "m", reach, _moved(scene, 0.0, reach, 0.0)),
-        ("object turned about its center of mass", "rad", step, _moved(scene, 0.0, 0.0, step)),
-    ]
+        changes.append(("mass of the object", "kg", float(slope @ _by_mass(scene, found))))
+    moves = [slope @ _by_move(scene, found, *move) for move in np.eye(3).tolist()]
+    moved = ("object along x", "m"), ("object along y", "m"), ("object turned about its center of mass", "rad")
+    changes += [(name, unit, float(move)) for (name, unit), move in zip(moved, moves, strict=True)]
+    return tuple(Sensitivity(name, derivative * units, unit) for name, unit, derivative in changes)
 
 
-def _moved(scene: GraspScene, x: float, y: float, turn: float) -> GraspScene:
-    """All bases moved the other way."""
+def _by_mass(scene: GraspScene, found: Tried) -> Array:
+    """Derivative of the problem's numbers by the object's mass [1/kg]."""
+    attempt, problem = found.attempt, found.solver.problem
+    # They are smooth in it, so that a difference of 1e-6 is good to six digits.
+    mass = 1e-6 * scene.object.mass
+    heavier = scene.object.model_copy(update={"mass": scene.object.mass + mass})
+    now, then = (
+        problem.numbers.pack(problem_values(problem, each, attempt.start, attempt.features), 0.0)
+        for each in (scene, scene.model_copy(update={"object": heavier}))
+    )
+    return np.asarray((then - now) / mass)
+
+
+def _by_move(scene: GraspScene, found: Tried, x: float, y: float, turn: float) -> Array:
+    """Derivative of the problem's numbers by a move of the object about its center of mass: all bases move back."""
     c, s = np.cos(scene.object.angle), np.sin(scene.object.angle)
-    ours = scene.object.com
-    arm = np.array([c * ours[0] - s * ours[1], s * ours[0] + c * ours[1]])
-    com = np.asarray(scene.object.position) + arm
-    back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    fingers = {}
+    com = np.asarray(scene.object.position) + np.array([[c, -s], [s, c]]) @ scene.object.com
+    at, out = found.solver.problem.numbers.at, np.zeros(found.solver.problem.numbers.size)
     for name, finger in scene.named_fingers.items():
-        at = com + back @ (np.asarray(finger.base.position) - com) - [x, y]
-        pose = {"position": (float(at[0]), float(at[1])), "angle": finger.base.angle - turn}
-        fingers[name] = finger.model_copy(update={"base": finger.base.model_copy(update=pose)})
-    return scene.with_fingers(fingers)
+        if f"{name}.base" in at:
+            arm = np.asarray(finger.base.position) - com
+            shift = turn * np.array([arm[1], -arm[0]]) - [x, y]
+            out[at[f"{name}.base"]] = Units.of(scene).pose([*shift.tolist(), -turn])
+    return out

@@ -13,15 +13,21 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import find_reasons, is_rare, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs
+from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
-from continuum_grasp.grasp.stations import search_stations, without_stations
+from continuum_grasp.grasp.stations import (
+    find_station_reasons,
+    search_stations,
+    with_twice_the_stations,
+    without_stations,
+)
 from continuum_grasp.grasp.steady import stabilize
-from continuum_grasp.grasp.verdict import REFUTED, STEADIER, UNSTABLE, flawed, verdict
+from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
@@ -46,8 +52,9 @@ def optimize_grasp(
     raise_on_failure : bool, optional
         Raise where there is no verified grasp; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model and report in the result's ``fine`` what that changes; takes some seconds.
-        Not for a scene with ``robust``.
+        Solve once more with a fine model and report in the result's ``fine`` what that changes, and of a scene with
+        stations in ``statistics["fine_stations"]`` what twice as many change; takes some seconds. Not for a scene with
+        ``robust``.
 
     Returns
     -------
@@ -78,14 +85,17 @@ def optimize_grasp(
     budget = Budget.of(scene.solver)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
-        result = _for_errors(_Verdict(scene, budget).result(), budget)
+        first = _Verdict(scene, budget)
+        result = _for_errors(first.result(), first.search, budget)
         if fine and not scene.robust and result.solved and not result.statistics["interrupted"]:
             try:
                 result = with_fine(result, budget)
+                if any(setup.stations for setup in scene.setups):
+                    result = with_twice_the_stations(result, budget)
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:
-        result = _for_errors(_within_tolerance(scene, tolerance, budget), budget)
+        result = _for_errors(*_within_tolerance(scene, tolerance, budget), budget)
     if raise_on_failure and not result.solved:
         raise SolverError(
             result.message,
@@ -97,30 +107,36 @@ def optimize_grasp(
     return result
 
 
-def _for_errors(result: GraspResult, budget: Budget) -> GraspResult:
-    """The grasp that holds for the errors of a scene that names some."""
+def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
+    """The grasp that holds for the errors of a scene that names some, next to the one found or others of its search."""
     bounds = result.scene.robust
     if bounds is None or not result.solved or result.statistics["interrupted"]:
         return result
     try:
-        return with_robust(result, bounds, budget)
+        return with_robust(result, search, bounds, budget)
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors within robust was found"
         return replace(result, status=Status.FEASIBLE, message=message)
 
 
-def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> GraspResult:
-    """Find the grasp with the cheapest model that satisfies a tolerance."""
-    first = _Verdict(with_elements(scene, ELEMENTS[1]), budget).result()
+def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:
+    """Find the grasp with the cheapest model that satisfies a tolerance; its search."""
+    one = _Verdict(with_elements(scene, ELEMENTS[1]), budget)
+    first = one.result()
     if not first.solved or first.statistics["interrupted"]:
-        return first
+        return first, one.search
     try:
         resolved, note, change = resolve_elements(scene, first, tolerance, budget)
     except KeyboardInterrupt:
-        return replace(first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"})
-    result = first if resolved == first.scene or budget.over else _Verdict(resolved, budget).result()
+        return replace(
+            first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"}
+        ), one.search
+    result = first
+    if resolved != first.scene and not budget.over:
+        one = _Verdict(resolved, budget)
+        result = one.result()
     result = replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
-    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result
+    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result, one.search
 
 
 class _Verdict:
@@ -130,7 +146,11 @@ class _Verdict:
         self.scene, self.budget = scene, budget
         self.began = time.monotonic()
         self.search = Search(scene, budget)
-        self._has_stations = any(setup.stations for setup in scene.setups)
+        has_stations = any(setup.stations for setup in scene.setups)
+        # Of the scene with one middle contact in place of stations, where there are any.
+        self._before = Search(without_stations(scene), budget) if has_stations else None
+        self._plain = self._before or self.search
+        self.repairs = Repairs(self._plain.scene, self._plain)
         self.interrupted = False
 
     def result(self) -> GraspResult:
@@ -153,19 +173,23 @@ class _Verdict:
         if far is not None:
             return self._infeasible([far], None)
         search = self.search
-        if self._has_stations:
-            search_stations(search, Search(without_stations(self.scene), self.budget))
-        else:
+        if self._before is None:
             search.run()
+        else:
+            search.run_before(self._before)
+            self._to_stations()
         stabilize(search)
         best = self._best()
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        # Sets of stations are too many to try all: that none was found to hold is no proof.
-        if self._has_stations:
-            return self._unsolved(closest)
-        reasons = self._reasons()
+        doubtful, reasons = self._plain.doubtful, self._reasons()
+        clear = bool(reasons) and all(is_clear(reason, self.scene) for reason in reasons)
+        if doubtful and not (clear and self._best() is None):
+            self._plain.exhaust()
+            self._to_stations()
+        if not any(not is_rare(reason) for reason in reasons) and self._best() is None:
+            reasons = self._reasons(further=True)
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
@@ -174,21 +198,34 @@ class _Verdict:
             return self._infeasible(reasons, closest)
         return self._unsolved(closest)
 
-    def _reasons(self) -> list[Reason]:
-        """Limits that are in the way, alone or two at once."""
-        reasons = find_reasons(self.scene, self.search)
+    def _to_stations(self) -> None:
+        """From grasps with one middle contact to those with stations, where there are any."""
+        if self._before is not None:
+            search_stations(self.search, self._before)
+
+    def _reasons(self, further: bool = False) -> list[Reason]:
+        """Limits that are in the way, alone or two at once; ``further`` ones where those at sight do not convince."""
+        before = self._before
+        if before is None:
+            reasons = find_reasons(self.repairs, further)
+        else:
+            reasons = find_station_reasons(self.search, before, self.repairs, further)
+            self._to_stations()
         if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
             return reasons
         alone = {reason.name for reason in reasons}  # needs no second one
-        pairs = find_pairs(self.scene, self.search)
+        if before is not None and before.good:  # one middle contact holds, stations alone do not
+            return reasons
+        # What one middle contact needs is enough for stations, too.
+        pairs = find_pairs(self._plain.scene, self._plain, further)
         return [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
 
     # -- verdicts --------------------------------------------------------------------------------------------
 
     def _solved(self, best: Tried) -> GraspResult:
         steadied = best.solver.problem.spec.steadied
-        flaws = [] if best.certificate.stability.stable else [UNSTABLE]
-        status, message = verdict(self._forces(best), flaws, list(self._notes(best)))
+        stable, required = best.certificate.stability.stable, self.scene.stability == "require"
+        status, message = verdict(self._forces(best), stable, required, list(self._notes(best)))
         return GraspResult(
             self.scene,
             status,
@@ -211,7 +248,7 @@ class _Verdict:
             yield f"the solver stopped early ({best.attempt.outcome})"
         if not best.acceptable:
             yield "no stable grasp was found"
-        if self._has_stations:
+        if self._before is not None:
             yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration
         if search.excess > OPEN and search.left_out:

@@ -1,39 +1,37 @@
-"""Which stations along the fingers touch: first all may, then those that press are taken as they are and exchanged.
+"""Which stations along the fingers touch: one near each middle contact of a grasp without stations, then exchanges.
 
-A problem with complementarity constraints, relaxed and tightened step by step (S. Scholtes, "Convergence properties of
-a regularization scheme for mathematical programs with complementarity constraints", SIAM J. Optim. 11, 2001, 918-936,
-doi:10.1137/S1052623499361233), gives the set; an exact grasp with this set is solved and verified as any other.
+A grasp with one middle contact per finger is a grasp with one station each. From there single stations are added, left
+out or exchanged with a neighbor as long as that takes less tension or, where no grasp is found, less of a limit that is
+relaxed; each set is solved and verified as any other grasp.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.fine import with_elements
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, rank
+from continuum_grasp.grasp.result import GraspResult, Reason
+from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from
-from continuum_grasp.scene.grasp import GraspScene
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 Array = NDArray[Any]
 
-STEPS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
-"""Bounds of pressing force times clearance, in units of the problem: the last leaves 1e-5 of the length under a force
-of E I / L^2."""
-TOUCHES = 1e-2
-"""Normal force from which on a station counts as touching, per greatest."""
-CAP = 300
-"""Most iterations per bound."""
 STARTS, EXCHANGES = 3, 24
 """Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
+LESS = 0.01
+"""Part by which half the distance between stations may lower the tension before the first line says so."""
+ELEMENTS = 3
+"""Elements per segment of the grasps with one middle contact: with two, a finger that tapers is not found (spirob_cup).
+"""
 
 
 def without_stations(scene: GraspScene) -> GraspScene:
@@ -43,76 +41,116 @@ def without_stations(scene: GraspScene) -> GraspScene:
         contacts = finger.contacts.model_copy(update={"stations": None, "middle_after": None})
         fingers[name] = finger.model_copy(update={"contacts": contacts})
     whole = scene.contacts.model_copy(update={"stations": None, "middle_after": None})
-    return scene.model_copy(update={"contacts": whole}).with_fingers(fingers)
+    return with_elements(scene.model_copy(update={"contacts": whole}).with_fingers(fingers), ELEMENTS)
 
 
 def search_stations(search: Search, before: Search) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
-    search.run_before(before)
-    scene, plain = search.scene, before.scene
     for held in sorted(before.good, key=lambda t: t.attempt.objective)[:STARTS]:
-        if search.budget.over:
-            return
-        start = _on_all(scene, start_from(plain, held.arrays), held.arrays)
-        touching = {name for name, (n, *_) in start.forces.items() if n > 0.0}
-        # Nearly exact: bold options stay next to it.
-        _better(search, search.best, _with_only(scene, start, touching), rung=0)
-        for found in _chosen(search, start):
-            _better(search, search.best, found)
+        _begin(search, before.scene, held.arrays)
+    _exchange(search)
+
+
+def _begin(search: Search, before: GraspScene, arrays: Mapping[str, Array]) -> None:
+    """Solve from a grasp of a scene with other stations."""
+    start = _on_nearest(search.scene, before, arrays)
+    # Nearly exact: bold options stay next to it.
+    if not _better(search, start, rung=0) and search.best is None:
+        search.attempt(start)
+
+
+def _exchange(search: Search) -> None:
+    """Exchange stations as long as that is better."""
     for _ in range(EXCHANGES):
         best = search.best
-        if best is None or not any(_better(search, best, start) for start in _exchanges(scene, best)):
+        if best is None or not any(_better(search, start) for start in _exchanges(search.scene, best.arrays)):
             return
 
 
-def _on_all(scene: GraspScene, plain: Start, arrays: dict[str, Array]) -> Start:
-    """A start of a scene with one middle contact each as one at all stations."""
-    fingers, forces, contacts = {}, dict(plain.forces), dict(plain.contacts)
-    for setup in scene.setups:
-        name, own = setup.name, plain.fingers[setup.name]
-        if not setup.stations:
-            fingers[name] = own
-            continue
-        line = arrays[f"{name}.backbone"]
-        nearest = int(np.argmin(np.abs(np.array(setup.stations) - own.joints[0])))
-        joints = tuple(own.joints[0] if k == nearest else at for k, at in enumerate(setup.stations))
-        fingers[name] = FingerStart(own.base, joints, (own.sides[0],) * len(joints), own.knots, own.curvatures)
-        contacts.pop(f"{name}.middle", None)
-        held = forces.pop(f"{name}.middle", (0.0, 0.0, 0.0))
-        for k, (contact, at) in enumerate(zip(setup.middle_names, joints, strict=True)):
-            world = complex(*(float(np.interp(at, line[:, 0], line[:, c])) for c in (1, 2)))
-            contacts[contact] = nearest_contact(scene, plain.object_pose, world)
-            forces[contact] = held if k == nearest else (0.0, 0.0, 0.0)
-    whole = replace(plain, fingers=fingers, contacts=contacts, forces=forces)
-    return _with_only(scene, whole, set(contacts))
-
-
-def _chosen(search: Search, start: Start) -> Iterator[Start]:
-    """The start with those stations on that press where all may, as the bound of their product falls."""
+def find_station_reasons(search: Search, before: Search, known: Repairs, further: bool) -> list[Reason]:
+    """Find the limits each of which, relaxed alone, gives a grasp, next to those that give one `without_stations`,
+    which are enough; none where that search finds a grasp after all.
+    """
     scene = search.scene
-    spec = replace(ProblemSpec.of(scene, start.contacts), chosen=False)
-    # Places beside a face have no clearance from it: exchanges alone find the set there.
-    if not all(surface.is_smooth for surface in spec.surfaces):
-        return
-    solver = solver_for(spec)
-    last: Attempt | None = None
-    for bound in STEPS:
-        x0 = None if last is None else last.x
-        last = solver.run(
-            scene, start, search.budget, rung=2, iterations=CAP, x0=x0, numbers={"complementarity": bound}
-        )
-        if not last.converged:
-            return
-        yield _pressing(scene, solver, last)
+    # Which tries the posture without the repair, too.
+    enough = {reason.name: reason for reason in find_reasons(known, further)}
+    if before.good:
+        return []
+    repairs = Repairs(scene, search)
+    for relaxation in known.relaxations:
+        one = known.found[relaxation.name]
+        repairs.attempt(relaxation, _on_nearest(scene, before.scene, one.arrays), one.amount)
+        for _ in range(EXCHANGES):
+            best = repairs.found.get(relaxation.name)
+            if best is None or best.amount <= 0.0 or search.budget.over:
+                break
+            for start in _exchanges(scene, best.arrays):
+                repairs.attempt(relaxation, start, best.amount, iterations=ITERATION_CAP)
+                if repairs.found[relaxation.name].amount < (1.0 - NEAR) * best.amount:
+                    break
+            else:
+                break
+    return sorted((enough | {r.name: repairs.reason(r) for r in repairs.relaxations}).values(), key=rank)
 
 
-def _pressing(scene: GraspScene, solver: GraspSolverRun, attempt: Attempt) -> Start:
-    """A point with all stations as a start with those that press."""
-    arrays = solver.arrays(scene, attempt)
-    start, forces = start_from(scene, arrays), arrays["contact_forces"][:, 0]
-    pressed = dict(zip(arrays["contact_names"].tolist(), forces > TOUCHES * forces.max(), strict=True))
-    stations = {name for setup in scene.setups if setup.stations for name in setup.middle_names}
-    return _with_only(scene, start, {name for name in start.contacts if name not in stations or pressed[name]})
+def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
+    """The result with what half the distance between stations changes, in its statistics and, where that takes
+    `LESS` tension, in its message.
+    """
+    scene = result.scene
+    denser = _denser(scene)
+    search = Search(denser, budget)
+    _begin(search, scene, result.arrays)
+    _exchange(search)
+    count = max(len(setup.stations) for setup in denser.setups)
+    if search.best is None:
+        note = f"with {count} stations no grasp was found next to this one, which says nothing"
+        return replace(result, statistics={**result.statistics, "fine_stations": note})
+    tension = sum(float(search.best.arrays[f"{name}.tensions"].sum()) for name in scene.named_fingers)
+    part = tension / result.tension - 1.0 if result.tension else 0.0
+    note = f"with {count} stations the tension changes by {part:+.2%} to {tension:#.4g} N"
+    less = scene.objective == "least_tension" and part < -LESS
+    message = f"{result.message}; {note}" if less else result.message
+    return replace(result, message=message, statistics={**result.statistics, "fine_stations": note})
+
+
+def _denser(scene: GraspScene) -> GraspScene:
+    """The scene with one more station between every two, and elements between all."""
+    fingers = {}
+    for setup in scene.setups:
+        count = 2 * len(setup.stations) - 1
+        fidelity = (setup.finger.fidelity or scene.fidelity).replaced(elements=max(setup.elements, count + 1))
+        # Copied unchecked: there may be more than a scene may ask for.
+        contacts = setup.finger.contacts.model_copy(update={"stations": count, "middle_after": None})
+        change = {"contacts": contacts, "fidelity": fidelity} if setup.stations else {}
+        fingers[setup.name] = setup.finger.model_copy(update=change)
+    return scene.with_fingers(fingers)
+
+
+def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Array]) -> Start:
+    """A grasp of a scene ``before`` with other stations, or one middle contact each, as a start with the stations
+    nearest to those that touch.
+    """
+    plain = start_from(before, dict(arrays))
+    fingers, contacts, forces = dict(plain.fingers), dict(plain.contacts), dict(plain.forces)
+    for old, setup in zip(before.setups, scene.setups, strict=True):
+        if not setup.stations:
+            continue
+        own = plain.fingers[setup.name]
+        joints = list(setup.stations)
+        # Names of old stations are those of others now.
+        contacts = {name: start for name, start in contacts.items() if name not in old.middle_names}
+        forces = {name: force for name, force in forces.items() if name not in old.middle_names}
+        for name, at in zip(old.middle_names, own.joints, strict=True):
+            if name not in plain.contacts:
+                continue
+            nearest = int(np.argmin(np.abs(np.array(setup.stations) - at)))
+            station = setup.middle_names[nearest]
+            joints[nearest], contacts[station] = at, plain.contacts[name]
+            forces[station] = plain.forces[name]
+        sides = (own.sides[0],) * len(joints)
+        fingers[setup.name] = FingerStart(own.base, tuple(joints), sides, own.knots, own.curvatures)
+    return _with_only(scene, replace(plain, fingers=fingers, contacts=contacts, forces=forces), set(contacts))
 
 
 def _with_only(scene: GraspScene, start: Start, names: set[str]) -> Start:
@@ -135,16 +173,17 @@ def _with_only(scene: GraspScene, start: Start, names: set[str]) -> Start:
     )
 
 
-def _exchanges(scene: GraspScene, best: Tried) -> Iterator[Start]:
+def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start]:
     """Starts next to a grasp with one station less, one more beside those on, or one moved to its neighbor."""
-    start = start_from(scene, best.arrays)
+    start = start_from(scene, dict(arrays))
     for setup in scene.setups:
         names = setup.middle_names if setup.stations else ()
         on = [k for k, name in enumerate(names) if name in start.contacts]
-        free = sorted({j for k in on for j in (k - 1, k + 1) if 0 <= j < len(names)} - set(on))
-        line = best.arrays[f"{setup.name}.backbone"]
+        beside = {j for k in on for j in (k - 1, k + 1) if 0 <= j < len(names)} or set(range(len(names)))
+        free = sorted(beside - set(on))
+        line = arrays[f"{setup.name}.backbone"]
 
-        def added(k: int, whole: Start, setup: Any = setup, line: Array = line) -> Start:
+        def added(k: int, whole: Start, setup: FingerSetup = setup, line: Array = line) -> Start:
             world = complex(*(float(np.interp(setup.stations[k], line[:, 0], line[:, c])) for c in (1, 2)))
             at = nearest_contact(scene, whole.object_pose, world)
             name = setup.middle_names[k]
@@ -162,11 +201,10 @@ def _exchanges(scene: GraspScene, best: Tried) -> Iterator[Start]:
                     yield replace(added(j, fewer), forces={**fewer.forces, names[j]: start.forces[names[k]]})
 
 
-def _better(search: Search, best: Tried | None, start: Start, rung: int = 2) -> bool:
+def _better(search: Search, start: Start, rung: int = 2) -> bool:
     """Whether a start leads to a grasp that is better."""
-    tried = {frozenset(t.attempt.start.contacts) for t in search.tried}
+    tried, best = {frozenset(t.attempt.start.contacts) for t in search.tried}, search.best
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
         return False
-    search.attempt(start, rung=rung)
-    now = search.best
-    return now is not None and now is not best
+    search.attempt(start, rung=rung, iterations=None if best is None else ITERATION_CAP)
+    return search.best is not best

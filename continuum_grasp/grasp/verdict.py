@@ -15,27 +15,28 @@ STEADIER = (
 )
 
 
-def verdict(forces: str, flaws: Sequence[str], notes: Sequence[str]) -> tuple[Status, str]:
+def verdict(forces: str, stable: bool, required: bool, notes: Sequence[str]) -> tuple[Status, str]:
     """Status and message of a verified grasp.
 
     Parameters
     ----------
     forces : str
         With what it is held.
-    flaws : sequence of str
-        What is wrong with it.
+    stable, required : bool
+        Whether small motions raise its energy, and whether they must.
     notes : sequence of str
         Why something better may have been missed.
 
     Returns
     -------
     Status
-        ``optimal`` where there are neither flaws nor notes.
+        ``optimal`` where it is what the scene asks for and there are no notes.
     str
         One sentence.
     """
-    head = f"held but {' and '.join(flaws)}: {forces}" if flaws else f"held with {forces}"
-    return Status.FEASIBLE if flaws or notes else Status.OPTIMAL, "; ".join([head, *notes])
+    flaw = UNSTABLE if required else f"{UNSTABLE} (as the scene allows)"
+    head = f"held with {forces}" if stable else f"held but {flaw}: {forces}"
+    return Status.FEASIBLE if notes or (required and not stable) else Status.OPTIMAL, "; ".join([head, *notes])
 
 
 def flawed(result: GraspResult, flaw: str) -> GraspResult:

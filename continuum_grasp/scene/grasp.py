@@ -341,6 +341,11 @@ class GraspScene(Value):
                 f"{where}: middle_after must have one entry per middle contact ({len(setup.middles)}), got "
                 f"{list(setup.before)}"
             )
+        if setup.stations and setup.elements <= len(setup.stations):
+            raise ValueError(
+                f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of "
+                f"{len(setup.stations) + 1} at least, got {setup.elements}"
+            )
         marks = (0, *setup.before, setup.elements)
         if any(b <= a for a, b in pairwise(marks)):
             raise ValueError(

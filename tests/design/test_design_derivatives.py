@@ -12,6 +12,7 @@ from continuum_grasp.scene.assembly import placed
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import design_space_of
 from continuum_grasp.scene.document import Place
+from tests.marks import few
 
 MUG = "configs/grasp/mug.yaml"
 ARCS = "configs/grasp/mug_arcs.yaml"
@@ -39,44 +40,130 @@ def differences(problem, at, k, text, step=1e-3):
     return (4.0 * found[1] - found[0]) / 3.0
 
 
+LENGTH = 0.18
+WIRE = {"length": LENGTH, "youngs_modulus": 60e9, "density": 6450.0}
+INCLINED = [{"offset": [side * 0.006, side * 0.0045], "min_tension": 1.0, "max_tension": 60.0} for side in (1.0, -1.0)]
 CASES = {
     "arcs": (
         ARCS,
+        {},
         {
             "finger.tendons.offset": {"min": 0.003, "max": 0.006},
             "finger.rod.bending_stiffness": {"min": 3e-3, "max": 12e-3, "spacing": "log"},
             "finger.base.position[1]": {"min": -0.07, "max": -0.045},
         },
+        {},
         ("tension", "normal_force_max"),
     ),
     "clear of the mug": (
         MUG,
+        {},
         {
             "finger.base.angle": {"min": -1.7, "max": -1.4},
             "finger.base.position[1]": {"min": -0.065, "max": -0.045},
         },
+        {},
         ("tension", "tension_max"),
     ),
-    "payload": (ARCS, {"finger.rod.bending_stiffness": {"min": 3e-3, "max": 12e-3}}, ("payload",)),
+    "payload": (ARCS, {}, {"finger.rod.bending_stiffness": {"min": 3e-3, "max": 12e-3}}, {}, ("payload",)),
+    "least slip": (
+        ARCS,
+        {"objective": "greatest_friction_margin"},
+        {
+            "finger.base.position[1]": {"min": -0.066, "max": -0.048},
+            "contacts.friction": {"min": 0.4, "max": 0.6},
+        },
+        {},
+        ("friction_margin",),
+    ),
     "spiral": (
         "configs/grasp/spirob_cup.yaml",
+        {},
         {"finger.rod.spirob.tip_thickness": {"min": 0.015, "max": 0.022}},
+        {},
         ("tension",),
     ),
     "bent at rest": (
         "configs/grasp/preshaped.yaml",
+        {},
         {"finger.rest_curvature": {"min": 0.0, "max": 12.0}},
+        {},
         ("tension",),
     ),
-    "size of the object": (ARCS, {"object.diameter": {"min": 0.075, "max": 0.085}}, ("tension",)),
+    "size of the object": (
+        ARCS,
+        {},
+        {"object.diameter": {"min": 0.075, "max": 0.085}},
+        {"object.position[0]": {"key": "object.diameter", "times": 0.5}},
+        ("tension",),
+    ),
+    "place of the middle contact": (
+        MUG,
+        {"contacts.middle_range": [0.03, 0.084]},  # it would be at 86 mm
+        {"contacts.middle_range[1]": {"min": 0.0825, "max": 0.0855}},
+        {},
+        ("tension",),
+    ),
+    "taper of finger and tendons": (
+        MUG,
+        {
+            "finger.rod": {**WIRE, "sections": [{"to": LENGTH, "diameter": [0.0013, 0.0011]}]},
+            "finger.half_thickness": 0.006,
+            "finger.tendons": INCLINED,
+            "fidelity.elements": 2,
+        },
+        {
+            "finger.rod.sections[0].diameter[1]": {"min": 0.0009, "max": 0.0013},
+            "finger.tendons[0].offset[1]": {"min": 0.003, "max": 0.006},
+        },
+        {"finger.tendons[1].offset[1]": {"key": "finger.tendons[0].offset[1]", "times": -1.0}},
+        ("tension", "finger_mass"),
+    ),
+    "material and diameter": (
+        MUG,
+        {"finger.rod": {**WIRE, "diameter": 0.0012}, "fidelity.elements": 2},
+        {
+            "finger.rod.youngs_modulus": {"min": 40e9, "max": 80e9},
+            "finger.rod.diameter": {"min": 0.001, "max": 0.0014},
+            "finger.half_thickness": {"min": 0.005, "max": 0.007},
+            "finger.base.position[0]": {"min": -0.003, "max": 0.003},
+        },
+        {},
+        ("tension", "finger_mass"),
+    ),
+    "sections": (
+        MUG,
+        {
+            "finger.rod": {
+                **WIRE,
+                "sections": [{"to": 0.07, "diameter": 0.00125}, {"to": LENGTH, "diameter": 0.00115}],
+            },
+            "finger.half_thickness": 0.006,
+        },
+        {
+            "finger.rod.sections[0].to": {"min": 0.05, "max": 0.09},
+            "finger.rod.sections[1].diameter": {"min": 0.001, "max": 0.0013},
+        },
+        {},
+        ("tension", "normal_force_max", "payload"),
+    ),
+    "bent at rest by pieces": (
+        MUG,
+        {"finger.rest_curvature": {"breaks": [0.07], "values": [1.0, 5.0]}},
+        {
+            "finger.rest_curvature.breaks[0]": {"min": 0.05, "max": 0.09},
+            "finger.rest_curvature.values[1]": {"min": 2.0, "max": 8.0},
+        },
+        {},
+        ("tension",),
+    ),
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", few(CASES, 9))
 def test_derivatives_are_those_of_grasps_solved_anew(name):
-    scene, variables, names = CASES[name]
-    follow = {"object.position[0]": {"key": "object.diameter", "times": 0.5}} if "object.diameter" in variables else {}
-    problem = problem_of(scene=scene, variables=variables, follow=follow, minimize=" + ".join(names))
+    scene, changes, variables, follow, names = CASES[name]
+    problem = problem_of(scene=scene, set=changes, variables=variables, follow=follow, minimize=" + ".join(names))
     at = start_of(problem)
     here = problem.evaluate(at, search=True)
     assert here.error < 1e-6
@@ -84,6 +171,30 @@ def test_derivatives_are_those_of_grasps_solved_anew(name):
         for text in names:
             expected = differences(problem, at, k, text)
             assert here.cases[0].slopes[text][k] == pytest.approx(expected, rel=1e-5, abs=1e-8), (k, text)
+
+
+@pytest.mark.parametrize(("over", "count"), few([("mean", 1), ("worst", 3)], 0))
+def test_costs_of_many_objects_in_error_are_differentiated(over, count):
+    """Ten objects, with the worst error of the base and of friction: the slope of the one cost that counts."""
+    given = cg.load("configs/design/ten_objects.yaml")
+    tolerances = {"finger.base.position[1]": {"amount": 5e-4}, "contacts.friction": {"share": 0.05}}
+    problem = problem_of(
+        scene=ARCS,
+        variables={key: one.model_dump() for key, one in given.variables.items()},
+        cases=given.cases,
+        minimize="sqrt(tension) + 100 * finger_mass",
+        over=over,
+        tolerances=tolerances,
+    )
+    problem.scenarios = [(-1.0, -1.0)]
+    at = start_of(problem)
+    slope = problem.evaluate(at, search=True).worst.slope
+    for k in range(count):
+        values = []
+        for h in (-1e-3, -5e-4, 5e-4, 1e-3):
+            values.append(problem.evaluate(at + h * np.eye(at.size)[k]).cost)
+        expected = (values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3]) / 6e-3
+        assert slope[k] == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_tension_per_offset_is_known_in_closed_form():

@@ -10,7 +10,8 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 from scipy.optimize import brentq, linprog
 
-from continuum_grasp.grasp.search import Basin, Search
+from continuum_grasp.grasp.exploration import Basin
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.chords import bends_to, chords, exact_bends

@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from continuum_grasp.grasp import least_normal_force_bound, optimize_grasp
+from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.scene.grasp import GraspScene
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
@@ -59,6 +60,14 @@ def test_contacts_that_only_lift(count):
     """Friction of n contacts bears n mu N at most: N >= m g / (n mu)."""
     scene = scene_of(star([0.3 + math.tau * k / count for k in range(count)]), out())
     assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (count * 0.5), rel=2e-4)
+
+
+@pytest.mark.parametrize(("share", "proven"), [(0.99, True), (1.01, False)])
+def test_limits_below_what_balance_asks_for_prove_that_there_is_no_grasp(share, proven):
+    """Two contacts that only lift press with m g / (2 mu) each; a limit just below that rules every grasp out."""
+    scene = scene_of(star([0.0, math.pi]), {"mode": "out_of_plane", "magnitude": G, "tilt": "balance"})
+    limit = share * 0.3 * G / (2 * 0.5)
+    assert cannot_balance(scene.changed({"contacts.normal_force_max": limit})) is proven
 
 
 def test_each_contact_has_its_own_friction():
@@ -133,7 +142,8 @@ def test_linear_programming_over_sampled_places(seed):
     com = (0.01 - 0.004j) * np.exp(1j * turn)
     columns, owners = [], []
     for k, finger in enumerate(fingers.values()):
-        near = np.abs(points - complex(*finger["base"]["position"])) <= LENGTH + HALF
+        # The line of the finger is half a thickness away from what it touches.
+        near = np.abs(points + HALF * np.exp(1j * normals) - complex(*finger["base"]["position"])) <= LENGTH
         for sign in (-1.0, 1.0):
             force = np.exp(1j * normals[near]) * (1.0 + 1j * sign * friction)
             moment = (np.conj(points[near] - com) * force).imag / 0.05

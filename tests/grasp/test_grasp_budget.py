@@ -49,7 +49,7 @@ def test_a_busy_machine_gives_the_same_verdict_bit_by_bit(monkeypatch, changes, 
     assert calm.status is status
     assert numbers(busy) == numbers(calm)
     if status is Status.INFEASIBLE:
-        assert busy.statistics["total_seconds"] > 200.0
+        assert busy.statistics["total_seconds"] > 60.0
 
 
 @pytest.mark.parametrize("changes", [HELD, WEAK])
@@ -86,7 +86,7 @@ def jump_after(monkeypatch, run):
     monkeypatch.setattr(GraspSolverRun, "run", counted)
 
 
-@pytest.mark.parametrize("run", [1, 8])
+@pytest.mark.parametrize("run", [1, 3])
 def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
     """The first run of the search, and one of the diagnosis, whose reasons so far are none."""
     jump_after(monkeypatch, run)

@@ -19,15 +19,15 @@ pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 G, LENGTH, HALF, OFFSET, RADIUS, MASS, FRICTION = 9.81, 0.2, 0.006, 0.005, 0.04, 0.3, 0.5
 
 
-def finger(place, lean, stiffness=0.4, **more):
+def finger(place, lean, stiffness=0.4, length=LENGTH, radius=RADIUS, **more):
     """A straight finger whose tip touches the disc where its normal has the angle ``place``; at a ``lean`` of zero it
     points at the disc's center, at a quarter of a turn it lies beside the disc.
     """
-    tip = (RADIUS + HALF) * np.exp(1j * place)
+    tip = (radius + HALF) * np.exp(1j * place)
     along = np.exp(1j * (place + math.pi - lean))
-    base = tip - LENGTH * along
+    base = tip - length * along
     return {
-        "rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": stiffness},
+        "rod": {"length": length, "linear_density": 1e-9, "bending_stiffness": stiffness},
         "half_thickness": HALF,
         "tendons": {"offset": OFFSET, "max_tension": 200.0},
         "base": {"position": (base.real, base.imag), "angle": float(np.angle(along / 1j))},
@@ -72,6 +72,43 @@ def test_soft_fingers_and_a_palm(degrees):
     pull = 2.0 * expected * abs(math.sin(lean)) * LENGTH / (3.0 * OFFSET)
     for held in result.fingers.values():
         assert held.tensions.sum() == pytest.approx(pull, rel=3e-3, abs=0.1)
+
+
+SIZES = [
+    (0.4, 0.35, 0.03, 45.0, 0.0, "arc", 2),
+    (0.4, 0.20, 0.05, 45.0, 0.0, "clothoid", 4),
+    (1.0, 0.20, 0.05, 45.0, 0.0, "clothoid", 4),
+    (0.4, 0.35, 0.03, 45.0, 0.02, "matched_clothoid", 2),
+    (0.4, 0.35, 0.05, 0.0, 0.02, "arc", 2),
+    (1.0, 0.35, 0.05, 0.0, 0.02, "arc", 2),
+    (0.4, 0.10, 0.03, 30.0, 0.0, "clothoid", 4),
+    (0.4, 0.20, 0.04, 30.0, 0.02, "arc", 2),
+    (0.4, 0.20, 0.03, 20.0, 0.0, "matched_clothoid", 4),
+    (0.4, 0.35, 0.05, 60.0, 0.0, "matched_clothoid", 2),  # out of reach by rounding, 6e-17 m
+    (0.4, 0.10, 0.05, 30.0, 0.0, "matched_clothoid", 4),
+]
+"""E I [N m2], length and radius of the disc [m], where the tips touch [degrees], how far bases may move [m], model."""
+
+
+@pytest.mark.parametrize(("stiffness", "length", "radius", "degrees", "free", "family", "elements"), few(SIZES, 1))
+def test_straight_fingers_of_all_sizes_and_a_palm(stiffness, length, radius, degrees, free, family, elements):
+    """Fingers that point at the disc end at it, each at one place alone, where l = m g / (2 + 2 sin a) each and
+    2 l sin a at the palm do not tip it: N = max(1, 2 sin a) l / mu, however soft they are. Bases that may move reach
+    30 degrees, where it is m g / (3 mu).
+    """
+    fingers = [finger(math.radians(a), 0.0, stiffness, length, radius) for a in (degrees, 180.0 - degrees)]
+    for one in fingers if free else ():
+        x, y = one["base"]["position"]
+        one["base_free"] = {"x": (x - free, x + free), "y": (y - free, y + free)}
+    body = {"shape": "circle", "diameter": 2 * radius, "mass": MASS, "position": (0.0, 0.0)}
+    palm = {"palm": {"type": "palm", "point": (0.0, -radius), "normal_angle": 0.5 * math.pi}}
+    model = {"family": family, "elements": elements}
+    more = {"object": body, "supports": palm, "fidelity": model, "objective": "least_normal_force"}
+    result = optimize_grasp(scene_of(fingers, OUT, **more))
+    rise = math.sin(math.radians(30.0 if free else degrees))
+    assert result.status is Status.OPTIMAL
+    expected = max(1.0, 2.0 * rise) * MASS * G / (2.0 * FRICTION * (1.0 + rise))
+    assert max(c.normal_force for c in result.contacts) == pytest.approx(expected, rel=1e-3)
 
 
 def missing(scene, start):

@@ -14,10 +14,11 @@ from scipy.integrate import simpson
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.fine import with_elements
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import RUNGS
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
-from continuum_grasp.grasp.search import Search, contact_modes
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.quadrature import collocation, running_weights

@@ -9,11 +9,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import Status, Trials, optimize_grasp
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.robust.errors import InError, corners, scaled
+from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
 from continuum_grasp.grasp.robust.problem import RobustProblem
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.starts.values import start_from
@@ -79,6 +80,18 @@ def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
     assert found.robustness.nominal.retensioned == 1.0
 
 
+def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of("one", 365)
+    bounds = Robust(position=0.02 * scene.object.size, radius=0.03, friction=0.15, mass=0.1, draws=20)
+    found = optimize_grasp(scene.replaced(robust=bounds))
+    assert found.certificate.passed
+    assert found.robustness.robust.held == 20
+    assert found.statistics["robust"]["branches"] > 1
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.BRANCHES", 0)
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.HALVINGS", 0)
+    assert not optimize_grasp(scene.replaced(robust=bounds), raise_on_failure=False).solved
+
+
 def test_a_grasp_whose_draws_fail_is_not_called_robust(monkeypatch: pytest.MonkeyPatch) -> None:
     beyond = np.array([[0.0, 0.0, 0.0, 0.0, -0.3, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.drawn", lambda bounds, seed: beyond)
@@ -96,6 +109,25 @@ def test_a_tip_lands_beside_its_place_on_an_object_that_lies_elsewhere() -> None
     # Flat faces: along them the tips are where they were in the world. Across them, the fingers push the box back.
     np.testing.assert_allclose(response.arrays["object.pose"], [0.0, 0.002, 0.0], atol=1e-8)
     np.testing.assert_allclose(response.arrays["contact_positions"], nominal.arrays["contact_positions"], atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["mug_arcs", *few(["mug", "pinch", "oval_flask", "spirob_cup"], 0)])
+def test_what_is_found_next_to_other_errors_is_what_ipopt_finds_from_the_grasp(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load(CONFIGS / f"{name}.yaml")
+    nominal = optimize_grasp(scene)
+    bounds = Robust(position=0.001, radius=0.03, friction=0.1, mass=0.05, draws=8)
+    errors = drawn(bounds, 3)
+    near = Responder(scene, nominal.arrays, Budget())
+    found = [near.to(error) for error in errors]
+    monkeypatch.setattr(Responder, "_near", lambda *_: None)
+    alone = Responder(scene, nominal.arrays, Budget())
+    for one, other in zip(found, [alone.to(error) for error in errors], strict=True):
+        assert one.holds == other.holds
+        assert one.reserve == pytest.approx(other.reserve, abs=2e-5)  # guarded places move it by up to 4e-5
+    assert alone.anew == len(errors)
+    assert near.anew < len(errors) / 2
 
 
 def test_an_object_on_a_support_is_moved_back_to_it() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.grasp import GraspResult, certify, optimize_grasp
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
 from continuum_grasp.scene import GraspScene
 from continuum_grasp.scene.load import scene_of
 
@@ -17,16 +17,23 @@ Array = NDArray[Any]
 PLACES = {"stations": 4, "middle_range": (0.06, 0.12)}
 
 
-def _mug(name: str = "mug", **contacts: Any) -> GraspScene:
+def _mug(name: str = "mug", mass: float | None = None, **contacts: Any) -> GraspScene:
     scene = scene_of(f"configs/grasp/{name}.yaml", GraspScene)
     whole = scene.contacts.replaced(**contacts)
     fidelity = scene.fidelity.replaced(elements=8)
-    return scene.replaced(contacts=whole, fidelity=fidelity, solver={"effort": "quick"})
+    body = scene.object if mass is None else scene.object.replaced(mass=mass)
+    return scene.replaced(object=body, contacts=whole, fidelity=fidelity, solver={"effort": "quick"})
 
 
 @pytest.fixture(scope="module")
 def wrapped() -> GraspResult:
-    return optimize_grasp(_mug(**PLACES))
+    return optimize_grasp(_mug(**PLACES), fine=True)
+
+
+@pytest.fixture(scope="module")
+def bent() -> GraspResult:
+    """By a finger with a rest curvature, with tendon friction, in the plane."""
+    return optimize_grasp(_mug("preshaped", **PLACES))
 
 
 def _statics(result: GraspResult) -> tuple[Array, Array]:
@@ -38,9 +45,13 @@ def _statics(result: GraspResult) -> tuple[Array, Array]:
     x, y = (np.interp(middles, line[:, 0], line[:, c]) for c in (1, 2))
     step = 1e-3
     turn = np.interp(middles + step, line[:, 0], line[:, 3]) - np.interp(middles - step, line[:, 0], line[:, 3])
-    left, right = a["finger.tensions"]
-    by_shape = setup.finger.profile.mean_stiffness * turn / (2 * step) - (left - right) * setup.tendons.offset
-    by_forces = np.zeros(middles.size)
+    # The tendons pull less beyond each turn (capstan), here by the angle turned with the base's as zero.
+    angle = np.interp(middles, line[:, 0], line[:, 3]) - line[0, 3]
+    pull = (a["finger.tensions"][0] - a["finger.tensions"][1]) * np.exp(-setup.tendons.friction * np.abs(angle))
+    curvature = turn / (2 * step) - float(setup.finger.profile.rest_curvature(0.0))
+    by_shape = setup.finger.profile.mean_stiffness * curvature - pull * setup.tendons.offset
+    gravity = getattr(result.scene.gravity, "vector", (0.0, 0.0))
+    by_forces = _moment_of_weight(result, middles, np.array(gravity))
     for k, name in enumerate(a["contact_names"]):
         if not str(name).startswith("finger."):
             continue
@@ -52,8 +63,21 @@ def _statics(result: GraspResult) -> tuple[Array, Array]:
     return by_shape, by_forces
 
 
-def test_the_bending_moment_is_that_of_the_forces_beyond(wrapped: GraspResult) -> None:
-    by_shape, by_forces = _statics(wrapped)
+def _moment_of_weight(result: GraspResult, middles: Array, gravity: Array) -> Array:
+    """Moment of the weight beyond places along the finger, its point masses included [N m]."""
+    line, finger = result.arrays["finger.backbone"], result.scene.setups[0].finger
+    s = np.linspace(0.0, finger.rod.length, 4001)
+    s = 0.5 * (s[1:] + s[:-1])
+    share = np.full(s.size, finger.rod.mass_per_length * finger.rod.length / s.size)
+    s, share = (np.append(v, [getattr(m, key) for m in finger.masses]) for v, key in ((s, "at"), (share, "mass")))
+    x, y, here_x, here_y = (np.interp(at, line[:, 0], line[:, c]) for at in (s, middles) for c in (1, 2))
+    arms = (x - here_x[:, None]) * gravity[1] - (y - here_y[:, None]) * gravity[0]
+    return np.asarray(np.where(s > middles[:, None], arms, 0.0) @ share)
+
+
+@pytest.mark.parametrize("which", ["wrapped", "bent"])
+def test_the_bending_moment_is_that_of_the_forces_beyond(which: str, request: pytest.FixtureRequest) -> None:
+    by_shape, by_forces = _statics(request.getfixturevalue(which))
     # Between the ends of elements the model's curvature is linear, the moment nearly so.
     assert np.abs(by_forces).max() > 0.01
     assert by_shape == pytest.approx(by_forces, abs=0.02 * np.abs(by_forces).max())
@@ -85,6 +109,62 @@ def test_the_certificate_refuses_what_is_changed(wrapped: GraspResult, what: str
     assert not certify(wrapped.scene, arrays).passed
 
 
+def test_what_half_the_distance_changes_is_what_that_scene_has(wrapped: GraspResult) -> None:
+    scene = _mug(**(PLACES | {"stations": 7}))
+    denser = optimize_grasp(scene).tension
+    said = str(wrapped.statistics["fine_stations"])
+    assert said.startswith("with 7 stations")
+    assert float(said.split()[-2]) == pytest.approx(denser, rel=2e-3)
+    assert denser <= wrapped.tension
+
+
+def test_a_first_station_within_the_palm_is_no_obstacle(wrapped: GraspResult) -> None:
+    # The finger, 6 mm to either side, comes out of the palm; its second station is where the first of `wrapped` is.
+    found = optimize_grasp(_mug(stations=5, middle_range=(0.004, 0.116)))
+    assert found.tension == pytest.approx(wrapped.tension, rel=0.03)
+    assert "finger.station_1" not in [c.name for c in found.contacts]
+
+
+def test_a_station_opposite_a_palm_presses_as_friction_asks() -> None:
+    """N is the same at both and carries the weight across: mu N + mu N = m g."""
+    contacts = {"friction": 0.5, "normal_force_max": 100.0, "stations": 2, "middle_range": (0.09, 0.13), "tip": "off"}
+    finger = {
+        "rod": {"length": 0.2, "linear_density": 1e-9, "bending_stiffness": 0.05},
+        "half_thickness": 0.006,
+        "tendons": {"offset": 0.005, "max_tension": 200.0},
+        "base": {"position": (-0.1, -0.046), "angle": -0.5 * np.pi},
+        "base_free": {"x": (-0.12, -0.08), "y": (-0.07, -0.02), "angle": (-0.5 * np.pi - 0.5, -0.5 * np.pi + 0.5)},
+    }
+    scene = GraspScene(
+        finger=finger,  # type: ignore[arg-type]
+        object={"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": (0.0, 0.0)},  # type: ignore[arg-type]
+        supports={"palm": {"type": "palm", "point": (0.0, 0.04), "normal_angle": -0.5 * np.pi}},  # type: ignore[dict-item]
+        contacts=contacts,  # type: ignore[arg-type]
+        gravity={"mode": "out_of_plane", "magnitude": 9.81, "tilt": "balance"},  # type: ignore[arg-type]
+        fidelity={"family": "matched_clothoid", "elements": 4},  # type: ignore[arg-type]
+        objective="least_normal_force",
+    )
+    found = optimize_grasp(scene)
+    assert [c.normal_force for c in found.contacts] == pytest.approx([0.3 * 9.81 / (2 * 0.5)] * 2, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_greatest_mass_can_be_held_and_more_cannot() -> None:
+    with pytest.raises(SolverError, match="too heavy") as raised:
+        optimize_grasp(_mug(mass=1.5, **PLACES))
+    result = raised.value.result
+    assert isinstance(result, GraspResult)
+    assert result.status is Status.INFEASIBLE
+    most = next(reason.needed for reason in result.reasons if reason.name == "mass")
+    assert optimize_grasp(_mug(mass=0.995 * most, **PLACES)).certificate
+    assert not optimize_grasp(_mug(mass=1.02 * most, **PLACES), raise_on_failure=False).solved
+
+
 def test_stations_stand_in_place_of_middle_contacts() -> None:
     with pytest.raises(InputError, match="stations stands in place of"):
         _mug(middle="auto", **PLACES)
+
+
+def test_there_is_an_element_between_every_two_stations() -> None:
+    with pytest.raises(InputError, match=r"stations: 8 needs fidelity\.elements of 9 at least, got 8"):
+        _mug(stations=8, middle_range=(0.06, 0.12))

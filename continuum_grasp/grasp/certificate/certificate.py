@@ -70,7 +70,7 @@ class Certificate(Summarized):
     friction_margins: dict[str, float] = field(default_factory=dict)
     grasp: RecomputedGrasp | None = field(default=None, repr=False, compare=False)
 
-    @property
+    @cached_property
     def passed(self) -> bool:
         """Whether every check passed."""
         return all(check.passed for check in self.checks)

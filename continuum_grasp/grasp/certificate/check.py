@@ -130,7 +130,8 @@ def _amiss(switch: str, present: bool) -> bool:
 def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     """Fingers against object, supports and each other, object against supports."""
     for finger in grasp.fingers:
-        emerges = int(finger.joint_edges[finger.setup.before[0]])
+        along = [c.joint for c in grasp.of(finger) if c.kind != "tip"]
+        emerges = int(finger.joint_edges[min(along, default=finger.setup.before[0])])
         depths = [("the object", depth_in_object(finger.points, grasp.object, finger.thickness))]
         depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.walls]
         for peg in grasp.pegs:
@@ -177,7 +178,7 @@ def depth_in_wall(points: Array, wall: Wall, thickness: float | Array, emerges: 
     """Greatest depth of a finger's body in a wall [m]; negative where they are apart.
 
     A finger whose base is closer to the wall than half its thickness comes out of it: it then needs space only
-    behind the point ``emerges``, and before that must not lie deeper than its base.
+    behind the point ``emerges``, its first contact along it, and before that must not lie deeper than its base.
     """
     normal, middle = np.asarray(wall.normal), np.asarray(wall.point)
     height = (points - middle) @ normal

@@ -21,8 +21,9 @@ from continuum_grasp.scene.supports import Peg, Wall
 
 Array = NDArray[Any]
 
-TRACE = 1e-5
-"""Part of E I / L^2 that a contact force counts as at least: less is what solvers leave of forces that are zero."""
+TRACE = 1e-4
+"""Part of E I / L^2 that a contact force counts as at least: of it residuals may be 1e-6, and solvers, which leave
+1e-11 as a rule, may leave 1e-10 of forces that are zero."""
 SHARE = 1e-3
 """Part of the greatest moment in a finger that a load's moment counts as at least: an elastic moment and that of the
 tendons which balance each other to 1e-9 leave as much."""

@@ -72,13 +72,18 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     scale = 1.0 / np.sqrt(metric)
     if not (np.isfinite(hessian).all() and all(np.isfinite(block).all() for block in rows)):
         return Stability(False, float("nan"), size)
-    free = _null_space(np.concatenate(rows) * scale) if rows else np.eye(size)
-    if free.shape[1] == 0:
+    held = _directions(np.concatenate(rows) * scale) if rows else np.zeros((size, 0))
+    freedom = size - held.shape[1]
+    if freedom == 0:
         return Stability(True, float("inf"), 0)
-    reduced = free.T @ (hessian * np.outer(scale, scale)) @ free
+    # Projected on the motions that are left; in the directions held, an eigenvalue that is not the least.
+    reduced = hessian * np.outer(scale, scale)
+    reduced -= held @ (held.T @ reduced)
+    reduced -= (reduced @ held) @ held.T
+    reduced += np.abs(reduced).sum(axis=1).max() * (held @ held.T)
     unit = grasp.fingers[0].stiffness / grasp.fingers[0].length
     least = float(np.linalg.eigvalsh(0.5 * (reduced + reduced.T))[0]) / unit
-    return Stability(least > 0.0, least, free.shape[1])
+    return Stability(least > 0.0, least, freedom)
 
 
 class _Chain:
@@ -181,9 +186,9 @@ def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float
     return float(np.min(grasp.object.nearest(seen, contact.part).radius))
 
 
-def _null_space(jacobian: Array) -> Array:
-    """Orthonormal motions that the constraints leave (n, m)."""
-    _, singular, directions = np.linalg.svd(jacobian)
+def _directions(jacobian: Array) -> Array:
+    """Orthonormal directions (n, m) in which constraints hold motions."""
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
     # Constraints of touching contacts may be dependent, two ends of a face for instance: zero up to rounding.
     rank = int((singular > 1e-10 * singular[0]).sum())
-    return np.asarray(directions[rank:].T)
+    return np.asarray(directions[:rank].T)

@@ -65,20 +65,13 @@ class GraspProblem(Unknowns):
         spec, require, key = contact.spec, self.rows.require, f"contacts.{contact.spec.name}"
         end = finger.end_of(spec)
         gap = finger.ends[:, end] - contact.point - finger.half(spec) * contact.normal
-        station = spec.joint >= 0 and finger.spec.stations
-        if station and not self.spec.chosen:
-            # Clear of the object or pressing (Scholtes 2001): the product of both has a bound that goes to zero.
-            clear = self.x(f"clearance, {spec.name}")
-            gap -= clear * contact.normal
-            spare = self.numbers("complementarity") - clear * contact.force[0]
-            require(f"clear or pressing, {spec.name}", spare, "N", key, upper=ca.inf)
         require(f"contact gap, {spec.name}", gap, "m", key)
+        if spec.joint >= 0 and finger.spec.stations:
+            return
         along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
         tilt, lean = ca.dot(along, contact.normal), finger.lean(spec)
         # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
         tilt -= 0.0 if lean is None else lean
-        if station:
-            return
         if spec.joint >= 0:
             require(f"contact tangency, {spec.name}", tilt, "rad", key)
         else:

@@ -34,6 +34,8 @@ class Relaxation:
     without: Callable[[GraspScene], GraspScene] = lambda scene: scene
     """The scene without what is in the way, where no key of it can be changed by the amount."""
     applies: Callable[[GraspScene], bool] = lambda scene: True  # whether a scene has the limit at all
+    spare: float = 1e-4
+    """Part of an amount that may be added to it where it is just enough; none where it changes what forces balance."""
     bounds_shape: bool = True  # whether it bounds shapes and places; False: it bounds forces alone
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
@@ -99,6 +101,10 @@ def _balances_tilt(scene: GraspScene) -> bool:
     return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0
 
 
+def _may_tilt(scene: GraspScene) -> GraspScene:
+    return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))
+
+
 def _without_obstacles(scene: GraspScene) -> GraspScene:
     """Without the supports that the object must not touch."""
     retained = {name: support for name, support in scene.supports.items() if support.touch != "off"}
@@ -158,6 +164,7 @@ RELAXATIONS = (
         limit=lambda s: s.object.mass,
         relaxed=lambda s, amount: _with(s, object=_with(s.object, mass=s.object.mass * (1.0 - amount))),
         most=1.0,
+        spare=0.0,
         additive=False,
         applies=lambda s: s.weight > 0.0,
         bounds_shape=False,
@@ -168,7 +175,8 @@ RELAXATIONS = (
         "N m",
         "the object would tip over: the contacts leave a moment of {needed:.3g} N m at least",
         start=lambda s: s.weight * s.object.size,  # moment of the weight about the rim
-        relaxed=lambda s, amount: _with(s, gravity=_with(s.gravity, tilt="ignore")),
+        relaxed=lambda s, amount: _may_tilt(s),
+        without=_may_tilt,
         repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
         size=2,
         applies=_balances_tilt,

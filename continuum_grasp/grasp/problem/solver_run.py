@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -23,6 +23,7 @@ from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import GraspSolver
 
 Array = NDArray[Any]
 
@@ -30,6 +31,9 @@ CONSTRAINT_TOLERANCE = 1e-7
 """Scaled violation below which a constraint counts as satisfied when violations are listed."""
 EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
+MODEST = 0.8
+"""Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
+zero for a trace of another limit."""
 ROUNDS = 8
 """How often the places that must stay clear are moved to where fingers are deepest."""
 STEADY = 1e-5
@@ -80,9 +84,7 @@ class GraspSolverRun:
         options = scene.solver
         key = (options.method, options.tolerance, options.max_iterations)
         if key not in self._solvers:
-            constraints = min(1e-9, options.tolerance)
-            settings = nlp.Settings(*key[:2], constraints, options.max_iterations, {"ipopt": _IPOPT})
-            self._solvers[key] = nlp.new_solver(settings)
+            self._solvers[key] = nlp.new_solver(settings_of(options))
             self._solvers[key].prepare(self._nlp)
         return self._solvers[key]
 
@@ -122,7 +124,7 @@ class GraspSolverRun:
         x = starting_point(problem, scene, start, features) if x0 is None else x0
         for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
-            high[at] = relaxation.most / scale
+            high[at] = relaxation.most / scale * (1.0 if len(relaxed) == 1 else MODEST)
             if relaxation.size > 1:
                 low[at] = -high[at]
             x[at] = amount / scale
@@ -136,61 +138,26 @@ class GraspSolverRun:
             low[at], high[at] = (np.where(np.isnan(value), side[at], held) for side in (low, high))
         for name, bound in (most or {}).items():
             high[problem.x.at[name]] = bound
-        self.prepare(scene)
+        method, (options, cap) = self.prepare(scene), RUNGS[rung]
         began = time.perf_counter()
-        options, cap = RUNGS[rung]
-        known = nlp.Start(np.clip(x, low, high), low, high, *problem.rows.bounds(), option_set=options)
+        x = np.clip(x, low, high)
+        look = self._look(scene, values)
+        known = nlp.Start(x, low, high, *problem.rows.bounds(), look(x, problem.numbers.pack(values, 0.0))[1])
+        known = replace(known, option_set=options)
         with budget.share(iterations) as part:
-            attempts, last_numbers = self._rounds(scene, known, values, part, cap)
-        last = attempts[-1]
-        total = {"iterations": sum(a.iterations for a in attempts), "seconds": time.perf_counter() - began}
+            last, last_numbers = solve_clear(method, self._nlp, known, look, allowed_depth(scene), part, cap)
+        last = replace(last, seconds=time.perf_counter() - began)
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
-        return Attempt(
-            **{**vars(last), **total}, start=start, features=features, numbers=last_numbers, violations=violations
-        )
+        return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
-    def _rounds(
-        self, scene: GraspScene, known: nlp.Start, values: dict[str, Any], part: Budget, most: int
-    ) -> tuple[list[nlp.Attempt], Array]:
-        """Solve until no finger is deep between the places that must stay clear, each time by at most so many
-        iterations; all runs, and the last numbers.
-        """
-        method, pack = self.prepare(scene), self.problem.numbers.pack
+    def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
+        """How deep fingers are at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
-        def solve(start: nlp.Start) -> nlp.Attempt:
-            with part.share(most) as one:
-                return method.solve(self._nlp, start, one)
+        def look(x: Array, numbers: Array) -> tuple[float, Array]:
+            sight = self._near.look(scene, x, numbers)
+            return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
-        attempts: list[nlp.Attempt] = []
-        acceptable = False
-        deepest, near = self._looked(scene, known.x, pack(values, 0.0), values)
-        for _ in range(ROUNDS):
-            numbers = near
-            known = replace(known, p=numbers)
-            attempts.append(solve(known))
-            # Where other constraints became active, multipliers of the round before mislead: once more without them.
-            if known.multipliers is not None and not attempts[-1].converged:
-                attempts.append(solve(replace(known, multipliers=None)))
-            last = attempts[-1]
-            if not last.converged or not np.isfinite(last.x).all():
-                break
-            deepest, near = self._looked(scene, last.x, numbers, values)
-            # By as much, to first order, the new places change what is sought.
-            moved = np.array(self._nlp.functions["jac_g"](last.x, near)[0]).ravel() - last.g
-            change = abs(float(last.multipliers.constraints @ moved))
-            # A solution to the acceptable tolerance gets one more round from its own multipliers.
-            settled = last.status is nlp.Status.SOLVED or acceptable
-            acceptable = last.status is nlp.Status.ACCEPTABLE
-            clear = deepest < DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
-            if settled and clear and change < STEADY * max(1.0, abs(last.objective)):
-                break
-            known = replace(known, x=last.x, multipliers=last.multipliers)
-        return attempts, numbers
-
-    def _looked(self, scene: GraspScene, x: Array, numbers: Array, values: dict[str, Any]) -> tuple[float, Array]:
-        """How deep fingers are at a point, and numbers with the guarded places and circles of that point."""
-        sight = self._near.look(scene, x, numbers)
-        return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
+        return look
 
     def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
         """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""
@@ -250,6 +217,61 @@ _IPOPT = {
     # the 95th percentile, with 1e-4 and 1e-5 for the barrier and the distance 7 and 11.
     "near": 1e-6,
 }
+
+
+def settings_of(options: GraspSolver) -> nlp.Settings:
+    """What is asked of a solver of grasps."""
+    constraints = min(1e-9, options.tolerance)
+    return nlp.Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
+
+
+def allowed_depth(scene: GraspScene) -> float:
+    """How deep fingers may be between guarded places, as a part of the length."""
+    return DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
+
+
+def solve_clear(
+    method: nlp.Solver,
+    problem: nlp.NLP,
+    start: nlp.Start,
+    look: Callable[[Array, Array], tuple[float, Array]],
+    depth: float,
+    budget: Budget,
+    most: int,
+) -> tuple[nlp.Attempt, Array]:
+    """Solve until no finger is deeper than ``depth`` between the places that must stay clear, each time by at most so
+    many iterations: the last run, with the iterations of all, and its numbers.
+
+    ``look`` takes a point and its numbers, and gives how deep fingers are there and the numbers of the next run, with
+    the guarded places moved to where fingers are deepest.
+    """
+    iterations, acceptable, numbers = 0, False, start.p
+
+    def solve(start: nlp.Start) -> nlp.Attempt:
+        nonlocal iterations
+        with budget.share(most) as one:
+            attempt = method.solve(problem, start, one)
+        iterations += attempt.iterations
+        return attempt
+
+    for _ in range(ROUNDS):
+        numbers, last = start.p, solve(start)
+        # Where other constraints became active, multipliers of the round before mislead: once more without them.
+        if start.multipliers is not None and not last.converged:
+            last = solve(replace(start, multipliers=None))
+        if not last.converged or not np.isfinite(last.x).all():
+            break
+        deepest, near = look(last.x, numbers)
+        # By as much, to first order, the new places change what is sought.
+        moved = np.array(problem.functions["jac_g"](last.x, near)[0]).ravel() - last.g
+        change = abs(float(last.multipliers.constraints @ moved))
+        # A solution to the acceptable tolerance gets one more round from its own multipliers.
+        settled = last.status is nlp.Status.SOLVED or acceptable
+        acceptable = last.status is nlp.Status.ACCEPTABLE
+        if settled and deepest < depth and change < STEADY * max(1.0, abs(last.objective)):
+            break
+        start = replace(start, x=last.x, p=near, multipliers=last.multipliers)
+    return replace(last, iterations=iterations), numbers
 
 
 @lru_cache(maxsize=24)

@@ -40,6 +40,11 @@ class FingerSpec:
     accuracy: float | None
     graded: GradedSpec | None  # curves along the finger; None where all is the same everywhere
 
+    @property
+    def emerging(self) -> int:
+        """Elements before the first contact along the finger, which may come out of a support."""
+        return next((n for n, on in zip(self.before, self.touching, strict=True) if on), self.before[0])
+
     @staticmethod
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
         """The structure of a finger with some of its contacts on."""
@@ -102,7 +107,6 @@ class ProblemSpec:
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
-    chosen: bool = True  # whether it is known which stations touch; else those that are there may
     landed: bool = False  # whether the object yields to tips that stay where they landed on it
 
     @staticmethod

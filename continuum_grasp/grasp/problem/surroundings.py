@@ -53,10 +53,19 @@ class _Obstacle:
     moves: bool = False  # with the object
 
     def near(
-        self, at: Array, owner: Array, half: Array, setup: FingerSetup, base: Array, pose: Array, units: Units
+        self,
+        at: Array,
+        owner: Array,
+        half: Array,
+        setup: FingerSetup,
+        emerging: int,
+        base: Array,
+        pose: Array,
+        units: Units,
     ) -> tuple[Array, Array, Array]:
         """Circles (NEAR, K) that stand for it near places (K, 2) on the elements ``owner`` (K,) of a finger, half as
-        thick as ``half`` (K,) there, distances (K,), and the gaps needed (K,).
+        thick as ``half`` (K,) there, distances (K,), and the gaps needed (K,). Elements before ``emerging`` may come
+        out of a support.
         """
         needed = half.copy()
         if not isinstance(self.body, Wall):
@@ -65,7 +74,7 @@ class _Obstacle:
         height = float((base[:2] - point) @ normal)
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
         if height < CLEAR * float(setup.finger.profile.half_thickness(0.0)) / units.length:
-            needed[owner < setup.before[0]] = min(0.0, height)
+            needed[owner < emerging] = min(0.0, height)
         return np.zeros((0, len(at))), (at - point) @ normal, needed
 
 
@@ -126,7 +135,7 @@ class Surroundings:
         points, half, curvatures, q, lengths, tip, pulls, base = values
         half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
         line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
-        obstacles = _obstacles(scene)
+        obstacles, emerging = _obstacles(scene), finger.spec.emerging
         spare = [allowed[obstacle.moves] for obstacle in obstacles]  # what moves is the object
 
         def along(fractions: Array) -> tuple[Array, Array, Array]:
@@ -136,17 +145,18 @@ class Surroundings:
             return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner, thick
 
         def look(at: Array, owner: Array, thick: Array) -> list[tuple[Array, Array, Array]]:
-            return [obstacle.near(at, owner, thick, setup, base, pose, units) for obstacle in obstacles]
+            return [obstacle.near(at, owner, thick, setup, emerging, base, pose, units) for obstacle in obstacles]
 
-        def depth(fractions: Array) -> Array:
-            seen = zip(look(*along(fractions)), spare, strict=True)
+        def depth(places: tuple[Array, Array, Array]) -> Array:
+            seen = zip(look(*places), spare, strict=True)
             deepest = np.max([needed - gap - r for (_, gap, needed), r in seen], axis=0)
-            return np.asarray(deepest).reshape(fractions.shape)
+            return np.asarray(deepest).reshape(finger.spec.elements, -1)
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         dense = along(even)
         if given is None:
-            probes = _refined(depth, _deepest(depth(even), finger.probes))
+            picks = _deepest(depth(dense), finger.probes)
+            probes = _refined(lambda fractions: depth(along(fractions)), picks)
         else:
             probes = given[name].reshape(finger.spec.elements, finger.probes)
         at, owner, thick = along(probes)

@@ -107,7 +107,6 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     low: Values = {f"relaxed {r.name}": np.zeros(r.size) for r in RELAXATIONS}
     high: Values = dict(low)
     low["greatest normal force"] = 0.0
-    low |= {f"clearance, {contact.name}": 0.0 for contact in problem.spec.contacts}
     low["friction margin"], high["friction margin"] = 0.0, 1.0
     for setup in scene.setups:
         name, finger, length = setup.name, setup.finger, setup.finger.rod.length

@@ -13,24 +13,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.result import Reason
-from continuum_grasp.grasp.search import BENT, Search, branch_of, contact_modes
+from continuum_grasp.grasp.search import BENT, Search, branch_of
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Status
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import greatest_shift
+from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 4, 8
 """Starts per limit, and per limit that gives a grasp, or per limit again if none does."""
 BALANCED = 0.02
 """Imbalance up to which a posture may hold with the limit relaxed: those that do had 0.003 at most, others 0.02 and
 more with few exceptions (28 scenes)."""
+NEARER, EXACT = 0.95, 1e-3
+"""Imbalance per that without the limit relaxed from which on relaxing it does not help, and imbalance that is none."""
 LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
+CLEAR = 0.03
+"""Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates
+of a scan are off by less."""
 RARE = 1.0
 """Friction coefficient that few surfaces have: reasons that ask for more are listed last."""
 
@@ -41,81 +47,22 @@ SHORT = 1e-3
 HASTY = 80
 """Iterations from one start, all renewals of the guarded places included: most limits are no reason, and of 50 scenes
 98 % of the starts that gave a grasp took fewer."""
-SAME = 1e-4
-"""Relative difference up to which two amounts are taken for the same point."""
+SAME, AGREEING = 1e-4, 3
+"""Relative difference up to which two amounts are taken for the same point, and how many starts end there before no
+more are tried."""
 BETTER = 1e-3
 """By what part of a number linear programming must improve it for its own to be taken."""
 
 
-def out_of_reach(scene: GraspScene) -> Reason | None:
-    """The exact test of distance: no shape at all can touch."""
-    needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
-    away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
-    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda one: one[0], default=(0.0, 0.0, 0.0))
-    if missing <= 0.0:
-        return None
-    text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
-    repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"
-    return Reason("reach", "object.position", "m", distance, reach, text, repair)
-
-
-def _reach(setup: FingerSetup) -> float:
-    """How far from its base a finger can touch at most [m]."""
-    length = setup.finger.rod.length
-    middle = setup.middle_bounds[1] if "on" in setup.middles else length
-    return min(middle, length) + setup.finger.thickness_radius
-
-
-def _distance(scene: GraspScene, setup: FingerSetup) -> float:
-    """Least distance between a base and the object's surface [m]; a lower bound where a pose is free."""
-    x, y = setup.finger.base.position
-    body = scene.object
-    if body.free is None or body.free.angle is None:
-        away = body.distance((x, y))
-    else:
-        # However it is turned, the object lies within its size of its center of mass, which turns about the origin.
-        c, s = math.cos(body.angle), math.sin(body.angle)
-        com = (
-            body.position[0] + c * body.com[0] - s * body.com[1],
-            body.position[1] + s * body.com[0] + c * body.com[1],
-        )
-        away = math.dist((x, y), com) - body.size - math.dist(com, body.position)
-    return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
-
-
-def find_reasons(scene: GraspScene, search: Search, thorough: bool = True) -> list[Reason]:
+def find_reasons(repairs: Repairs, further: bool = False) -> list[Reason]:
     """Find the limits each of which, relaxed alone, gives a grasp that the certificate confirms.
 
-    The starts of a ``search`` without success are used, and grasps that turn up after all are added to it. Reasons that
-    the scene has a number for come first, by how small a factor is missing. Where no limit is a reason at first sight,
-    a ``thorough`` look goes on.
+    The starts of a search without success are used, and grasps that turn up after all are added to it. Reasons that
+    the scene has a number for come first, by how small a factor is missing. At first those limits alone are relaxed
+    without which there would be a scene; ``further``, all are, from more starts.
     """
-    repairs = repaired(scene, search, thorough)
+    repairs.look_further() if further else repairs.look()
     return sorted((repairs.reason(relaxation) for relaxation in repairs.relaxations), key=rank)
-
-
-def repaired(scene: GraspScene, search: Search, thorough: bool = True) -> Repairs:
-    """Relax each limit alone, once more and ``thorough`` if none gives a grasp."""
-    repairs = Repairs(scene, search)
-    starts: dict[str, list[Start]] = {}
-    for relaxation in RELAXATIONS:
-        if relaxation.applies(scene):
-            if search.budget.over:
-                break
-            starts[relaxation.name] = repairs.starts(relaxation)
-            repairs.try_starts(relaxation, starts[relaxation.name][:FIRST])
-    found = repairs.relaxations
-    for relaxation in found or [r for r in RELAXATIONS if thorough and r.name in starts]:
-        repairs.resume(relaxation)
-        more = starts[relaxation.name][FIRST:MORE]
-        if not found and not starts[relaxation.name]:
-            more = repairs.starts(relaxation, rough=True)[:FIRST]
-        repairs.try_starts(relaxation, more)
-        if relaxation.name in repairs.found:
-            # Where the amount is known, the scan finds postures for just this much: closer starts than the first ones.
-            repairs.try_starts(relaxation, repairs.starts(relaxation)[:MORE])
-        repairs.resume(relaxation)
-    return repairs
 
 
 def rank(reason: Reason) -> tuple[bool, float, int]:
@@ -131,6 +78,14 @@ def rank(reason: Reason) -> tuple[bool, float, int]:
 def is_rare(reason: Reason) -> bool:
     """Whether it asks for a friction that few surfaces have."""
     return reason.name == "friction" and reason.needed > RARE
+
+
+def is_clear(reason: Reason, scene: GraspScene) -> bool:
+    """Whether so much is missing that no other start would do without."""
+    (relaxation,) = (one for one in RELAXATIONS if one.name == reason.name)
+    if relaxation.limit is None or reason.limit <= 0.0:
+        return reason.needed >= CLEAR * relaxation.start(scene)
+    return abs(reason.needed / reason.limit - 1.0) >= CLEAR
 
 
 @dataclass(frozen=True)
@@ -149,11 +104,52 @@ class Repairs:
         self.scene, self._search = scene, search
         self.found: dict[str, Repair] = {}
         self._open: dict[str, list[Attempt]] = {}
+        self._amounts: dict[str, list[float]] = {}
+        self._starts: dict[str, list[Start]] = {}
+
+    def look(self) -> None:
+        """Relax each limit alone that scenes without it show starts for."""
+        limits = [limit for limit in RELAXATIONS if limit.applies(self.scene)]
+        self._try([limit for limit in limits if limit.eased(self.scene, limit.start(self.scene)) is not self.scene])
+
+    def look_further(self) -> None:
+        """Relax the other limits: whether fingers may pass through what the scene cannot be without; if none gives a
+        grasp, all once more.
+        """
+        limits = [limit for limit in RELAXATIONS if limit.applies(self.scene)]
+        self._try([limit for limit in limits if limit.name not in self._starts])
+        for relaxation in [] if self.found else limits:
+            starts = self._starts.get(relaxation.name, [])
+            self.try_starts(relaxation, starts[FIRST:MORE] or self.starts(relaxation, rough=True)[:FIRST])
+            self.resume(relaxation)
+
+    def _try(self, limits: Sequence[Relaxation]) -> None:
+        """Relax limits, those that give a grasp from more starts."""
+        for relaxation in limits:
+            if self._search.budget.over:
+                return
+            self._starts[relaxation.name] = self.starts(relaxation)
+            self.try_starts(relaxation, self._starts[relaxation.name][:FIRST])
+        for relaxation in [] if self.found else limits:
+            self.resume(relaxation)
+        for relaxation in [limit for limit in limits if limit.name in self.found]:
+            self.resume(relaxation)
+            self.try_starts(relaxation, self._starts[relaxation.name][FIRST:MORE])
+            if not self.agree(relaxation):
+                # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
+                self.try_starts(relaxation, self.starts(relaxation)[:MORE])
+            self.resume(relaxation)
 
     @property
     def relaxations(self) -> list[Relaxation]:
         """Those that give a grasp."""
         return [relaxation for relaxation in RELAXATIONS if relaxation.name in self.found]
+
+    def agree(self, relaxation: Relaxation) -> bool:
+        """Whether several starts gave the same least amount."""
+        amounts = self._amounts.get(relaxation.name, [])
+        same = [amount for amount in amounts if math.isclose(amount, min(amounts), rel_tol=SAME)]
+        return relaxation.name in self.found and len(same) >= AGREEING
 
     def starts(self, relaxation: Relaxation, rough: bool = False) -> list[Start]:
         """Starts of the scene with a relaxed limit, those of different branches first: by as much as was found, or
@@ -163,10 +159,13 @@ class Repairs:
         best = self.found.get(relaxation.name)
         amount = relaxation.start(self.scene) if best is None else best.amount
         eased = relaxation.eased(self.scene, amount)
+        if self._search.impossible and cannot_balance(_eased(self.scene, relaxation, LARGER[-1])):
+            return []
         known: list[Start] = []
         if relaxation.limit is None:
-            tried = [t.attempt.start for t in sorted(self._search.tried, key=lambda t: t.attempt.badness)]
-            known = spread(tried or self._search.rough_starts_of(contact_modes(self.scene)[0]))
+            closest = sorted(self._search.tried, key=lambda t: t.attempt.badness)
+            tried = {id(t.attempt.start): t.attempt.start for t in closest}
+            known = spread(list(tried.values()) or self._search.rough_starts_of(contact_modes(self.scene)[0]))
         if eased is self.scene:
             return known
         if not relaxation.bounds_shape and not rough:
@@ -178,14 +177,16 @@ class Repairs:
         eased_starts = []
         for mode in contact_modes(eased):
             scanned = None if rough else search.basins_of(mode)
-            eased_starts.append(spread(search.rough_starts_of(mode) if scanned is None else _hopeful(scanned)))
+            eased_starts.append(
+                spread(search.rough_starts_of(mode) if scanned is None else _hopeful(self._search, scanned))
+            )
         self._search.start_seconds += search.start_seconds
         return interleaved([*eased_starts, known])
 
     def try_starts(self, relaxation: Relaxation, starts: Iterable[Start]) -> None:
-        """Relax one limit as little as possible, from every start."""
+        """Relax one limit as little as possible, from every start until several agree."""
         for start in starts:
-            if self._search.budget.over:
+            if self._search.budget.over or self.agree(relaxation):
                 return
             self.attempt(relaxation, start, relaxation.start(self.scene), iterations=HASTY)
 
@@ -213,6 +214,7 @@ class Repairs:
         if attempt.violations:
             return
         amount, best = solver.given(self.scene, attempt.x, relaxation), self.found.get(name)
+        self._amounts.setdefault(name, []).append(amount)
         if amount < min(math.inf if best is None else best.amount, relaxation.most * (1.0 - SHORT)):
             arrays = solver.arrays(self.scene, attempt)
             amount = max(amount, self._depth(relaxation, arrays))
@@ -220,12 +222,11 @@ class Repairs:
                 self.found[name] = Repair(amount, arrays, attempt)
 
     def reason(self, relaxation: Relaxation) -> Reason:
-        """The best repair in words, confirmed by linear programming where it applies; whether its posture needs no
-        repair after all is tried too.
+        """The best repair in words, confirmed by linear programming where it applies; where little is missing, whether
+        its posture needs no repair after all is tried too.
         """
         scene, best = self.scene, self.found[relaxation.name]
         attempt, amount = best.attempt, best.amount
-        self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
         least = least_amount(relaxation.name, scene, best.arrays, amount)
         confirmed = None if least is None else relaxation.value(scene, least.amount)
         if least is not None and confirmed is not None and least.amount < amount:
@@ -239,7 +240,10 @@ class Repairs:
         if confirmed is not None:
             text += f" ({confirmed:.4g} by linear programming at that posture)"
         advice = relaxation.repair.format(key=relaxation.key, needed=needed, unit=unit).strip()
-        return Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
+        reason = Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
+        if not (attempt.optimal and is_clear(reason, scene)):
+            self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
+        return reason
 
     def _holds(self, relaxation: Relaxation, amount: float, arrays: Mapping[str, Array]) -> bool:
         """Whether the certificate confirms the grasp, but for what the relaxation excuses."""
@@ -272,24 +276,32 @@ def balanced_starts(
     usual amounts for which there are any; none: however much they are relaxed, they are no reason. None where postures
     are not scanned.
     """
-    most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
+    last: GraspScene | None = None
     for factor in factors:
         eased = search.scene
         for limit in limits:
-            amount = min(factor * limit.start(search.scene), limit.most * (1.0 - SHORT))
-            eased = limit.eased(eased, amount)
-        scans = search.rebalanced(eased)
+            eased = _eased(eased, limit, factor)
+        scans = None if eased == last else search.rebalanced(eased)
         if scans is None:
-            return None
-        starts = [start for start in interleaved(scans) if start.imbalance < most]
+            break
+        last, starts = eased, _hopeful(search, interleaved(scans))
         if starts:
             return starts
-    return []
+    return None if last is None else []
 
 
-def _hopeful(starts: list[Start]) -> list[Start]:
-    """None where all are far from balance, whatever the shape."""
-    return starts if any(not start.imbalance > BALANCED for start in starts) else []
+def _eased(scene: GraspScene, limit: Relaxation, factor: float) -> GraspScene:
+    """A scene with a limit relaxed by a multiple of the usual amount."""
+    return limit.eased(scene, min(factor * limit.start(scene), limit.most * (1.0 - SHORT)))
+
+
+def _hopeful(search: Search, starts: list[Start]) -> list[Start]:
+    """Those nearly in balance, and nearer than without the limit relaxed, where that tells."""
+    if not search.knows_postures:
+        return starts
+    most = BALANCED if all(setup.elements <= 2 for setup in search.scene.setups) else BENT
+    known = min((basin.start.imbalance for basin in search.basins), default=math.inf)
+    return [start for start in starts if start.imbalance < min(most, max(NEARER * known, EXACT))]
 
 
 def interleaved(lists: list[list[Start]]) -> list[Start]:

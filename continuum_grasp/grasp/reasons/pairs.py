@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import (
@@ -27,7 +28,7 @@ from continuum_grasp.grasp.reasons.diagnosis import (
     spread,
 )
 from continuum_grasp.grasp.result import Reason
-from continuum_grasp.grasp.search import Search, contact_modes
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -37,8 +38,6 @@ WIDER = (1.0, 3.0)
 """Usual amounts by which a limit of the shape is relaxed in search of postures that another limit then balances."""
 PAIRS = 6
 """Pairs that are looked into."""
-SPARE = 1e-4
-"""By what part more than its amount a limit is relaxed while the other is confirmed: the two are just enough."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +49,26 @@ class _Relaxed:
     attempt: Attempt
 
 
-def find_pairs(scene: GraspScene, search: Search) -> list[Reason]:
-    """Find pairs of limits that, relaxed together, give a grasp that the certificate confirms.
+def find_pairs(scene: GraspScene, search: Search, further: bool = False) -> list[Reason]:
+    """Find pairs of limits that, relaxed together, give a grasp that the certificate confirms, from scanned postures or
+    ``further`` from points at which all limits are relaxed together.
 
     Those that ask for the least change come first, by the product of the factors.
     """
     limits = [relaxation for relaxation in RELAXATIONS if relaxation.applies(scene)]
-    scanned = _scanned(scene, search, limits)
-    tried = []
-    for pair, starts in scanned.items():
-        again = [_relax(scene, search, pair, start) for start in starts[:SEEDS]]
-        tried += sorted((one for one in again if one is not None), key=lambda one: one.total)[:1]
-    more = {pair: starts[SEEDS:TOGETHER] for pair, starts in scanned.items()}
-    return _reasons(scene, search, tried, more) or _reasons(scene, search, _from_seeds(scene, search, limits), {})
+    if further:
+        return _reasons(scene, search, _from_seeds(scene, search, limits), {})
+    for factor in WIDER:
+        scanned = _scanned(scene, search, limits, factor)
+        tried = []
+        for pair, starts in scanned.items():
+            again = [_relax(scene, search, pair, start) for start in starts[:SEEDS]]
+            tried += sorted((one for one in again if one is not None), key=lambda one: one.total)[:1]
+        more = {pair: starts[SEEDS:TOGETHER] for pair, starts in scanned.items()}
+        reasons = _reasons(scene, search, tried, more)
+        if reasons:
+            return reasons
+    return []
 
 
 def _reasons(
@@ -75,27 +81,22 @@ def _reasons(
 
 
 def _scanned(
-    scene: GraspScene, search: Search, limits: Sequence[Relaxation]
+    scene: GraspScene, search: Search, limits: Sequence[Relaxation], factor: float
 ) -> dict[tuple[Relaxation, ...], list[Start]]:
-    """Pairs of limits with which scanned postures come near to balance, and these as starts; none where postures are
-    not scanned.
+    """Pairs of limits with which scanned postures come near to balance, those of the shape relaxed by a multiple of the
+    usual amount, and these as starts; none where postures are not scanned.
     """
     forces = [limit for limit in limits if not limit.bounds_shape]
     shapes = [limit for limit in limits if limit.bounds_shape and limit.eased(scene, limit.start(scene)) is not scene]
-    found: dict[tuple[Relaxation, ...], list[Start]] = {}
-    for pair in combinations(forces, 2):
-        found[pair] = balanced_starts(search, pair) or []
+    found = {pair: balanced_starts(search, pair) or [] for pair in combinations(forces, 2)}
     for shape in shapes:
-        for factor in WIDER:
-            wide = Search(shape.eased(scene, factor * shape.start(scene)), search.budget)
-            for mode in contact_modes(wide.scene):
-                wide.basins_of(mode)
-            found |= {(shape, force): balanced_starts(wide, [force]) or [] for force in forces}
-            search.start_seconds += wide.start_seconds
-            if any(found[shape, force] for force in forces):
-                break
+        wide = Search(shape.eased(scene, factor * shape.start(scene)), search.budget)
+        for mode in contact_modes(wide.scene):
+            wide.basins_of(mode)
+        found |= {(shape, force): balanced_starts(wide, [force]) or [] for force in forces}
+        search.start_seconds += wide.start_seconds
     for one, two in combinations(shapes, 2):
-        eased = two.eased(one.eased(scene, one.start(scene)), two.start(scene))
+        eased = two.eased(one.eased(scene, factor * one.start(scene)), factor * two.start(scene))
         wide = Search(eased, search.budget)
         scans = [wide.basins_of(mode) or [] for mode in contact_modes(eased)]
         found[one, two] = [start for start in interleaved(scans) if start.imbalance < BALANCED]
@@ -158,7 +159,7 @@ def _reason(scene: GraspScene, search: Search, pair: _Relaxed, more: list[Start]
     arrays = search.solver(best.attempt.start).arrays(scene, best.attempt)
     reasons = []
     for limit, other in (limits, limits[::-1]):
-        repairs = Repairs(other.relaxed(scene, best.amounts[other] * (1.0 + SPARE)), search)
+        repairs = Repairs(other.relaxed(scene, best.amounts[other] * (1.0 + other.spare)), search)
         repairs.found[limit.name] = Repair(best.amounts[limit], arrays, best.attempt)
         reasons.append(repairs.reason(limit))
     one, two = sorted(reasons, key=rank)
@@ -170,7 +171,7 @@ def _holds(scene: GraspScene, search: Search, relaxed: _Relaxed) -> bool:
     """Whether the certificate confirms a grasp, but for what the relaxations excuse."""
     eased, excuses = scene, [limit.excuses for limit in relaxed.amounts if limit.excuses is not None]
     for limit, amount in relaxed.amounts.items():
-        eased = limit.relaxed(eased, amount * (1.0 + SPARE))
+        eased = limit.relaxed(eased, amount * (1.0 + limit.spare))
     failed = certify(eased, search.solver(relaxed.attempt.start).arrays(scene, relaxed.attempt)).failed
     return all(any(excuse(check.name) for excuse in excuses) for check in failed)
 

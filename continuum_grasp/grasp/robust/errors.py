@@ -72,10 +72,17 @@ class InError:
         self.flat = any(set(contacts[1:]) <= set(names) for contacts in ends.values())
 
         # Coordinates of its pose that the supports leave.
+        self._lies: dict[bytes, Pose] = {}
         self.left = tuple({0, 1, 2} - set(pinned_by(self.scene, self.on, self.pose, flat=self.flat)))
 
     def pose_in_error(self, error: Array) -> Pose:
         """Where the object lies [m, rad]: moved back to the supports that it touches."""
+        key = error.tobytes()
+        if key not in self._lies:
+            self._lies[key] = self._settled(error)
+        return self._lies[key]
+
+    def _settled(self, error: Array) -> Pose:
         x, y, angle = (p + float(e) for p, e in zip(self.pose, error[:3], strict=True))
         if not self.on:
             return x, y, angle

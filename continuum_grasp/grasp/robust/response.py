@@ -11,18 +11,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
+from continuum_grasp import nlp
+from continuum_grasp.grasp.problem.solver_run import DEEP, ROUNDS, STEADY, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.problem.surroundings import Surroundings
+from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
 from continuum_grasp.grasp.robust.errors import InError
+from continuum_grasp.grasp.robust.near import NearSolver
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.nlp import Budget, Status
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
@@ -31,7 +35,7 @@ HOLDS = -1e-4
 """Least reserve, per force reference, with which all contacts hold: the places at which fingers are looked at for
 clearance change it by up to 4e-5 (mug)."""
 ITERATIONS = 150
-"""Iterations for one error: 6 to 25 are enough with given tensions, 30 to 90 with others (mug, pinch)."""
+"""Iterations from the grasp to one error: 6 to 25 are enough with given tensions, 30 to 90 with others (mug, pinch)."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,6 @@ class Response:
         no answer.
     weakest : str
         The contact with that margin; empty where nothing balances.
-    arrays : mapping
-        As those of a grasp.
     """
 
     error: Array
@@ -61,9 +63,14 @@ class Response:
     reserve: float
     margin: float
     weakest: str
-    arrays: Mapping[str, Array]
     start: Start
     attempt: Attempt
+    solver: GraspSolverRun
+
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """The posture, as the arrays of a grasp."""
+        return self.solver.arrays(self.scene, self.attempt)
 
     @property
     def holds(self) -> bool:
@@ -80,6 +87,11 @@ class Responder:
     arrays : mapping
         Of the grasp, as a result holds them.
     budget : Budget
+
+    Attributes
+    ----------
+    anew : int
+        Errors for which no solution next to another one was found, so that an NLP was solved from the grasp.
     """
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> None:
@@ -92,6 +104,10 @@ class Responder:
         self.yields = not self.in_error.on
         spec = ProblemSpec.of(scene, self.start.contacts).in_error(landed=self.yields)
         self.solver: GraspSolverRun = solver_for(spec)
+        self._near_solver, self._surroundings = _near_solver(self.solver)
+        # Solutions with the tensions of the grasp, by error.
+        self._known: list[tuple[Array, Attempt]] = []
+        self.anew = 0
 
     def to(self, error: Array, *, retensioned: Response | None = None) -> Response:
         """The response to an error (6,), with the tensions of the grasp, or with such that hold if there are any: then
@@ -99,39 +115,111 @@ class Responder:
         """
         scene = self.in_error.scene_with(error, yields=self.yields)
         start = self._start(scene, 1.0 + float(error[3]))
-        pinned = self.landings(error)
+        pinned = self._pinned(scene, start, error, tensions=retensioned is None)
+        # More than what holds is not asked for: the tensions change as little as they can.
+        most = {} if retensioned is None else {"reserve": 0.0}
+        known = self._nearest(error) if retensioned is None else retensioned.attempt
+        attempt = self._near(scene, start, known, pinned, most)
+        if attempt is None:
+            self.anew += 1
+            x0 = None if retensioned is None or not retensioned.attempt.converged else retensioned.attempt.x.copy()
+            attempt = self.solver.run(
+                scene, start, self._budget, rung=2, iterations=ITERATIONS, pinned=pinned, most=most, x0=x0
+            )
+        if retensioned is None and attempt.converged:
+            self._known.append((error, attempt))
+        reserve, margin, weakest = -np.inf, np.nan, ""
+        if attempt.converged:
+            reserve = float(attempt.x[self.solver.problem.x.at["reserve"]][0])
+            margin, weakest = self._least_margin(scene, attempt)
+            if reserve >= HOLDS:  # a cone at its edge, up to rounding
+                margin = max(margin, 0.0)
+        elif attempt.status is nlp.Status.INFEASIBLE:
+            margin = -np.inf
+        return Response(error, scene, reserve, margin, weakest, start, attempt, self.solver)
+
+    def _pinned(self, scene: GraspScene, start: Start, error: Array, *, tensions: bool) -> dict[str, Array]:
+        """Unknowns that are given, in units of the problem; NaN where one is not."""
+        units, pinned = Units.of(scene), self.landings(error)
         if not self.yields and scene.object.free is not None:
             # What the supports decide follows from their contacts.
-            pose = np.array(Units.of(scene).pose(scene.object.pose))
+            pose = np.array(units.pose(scene.object.pose))
             pinned["object pose"] = np.where(np.isin(range(3), self.in_error.left), pose, np.nan)
-        units, problem = Units.of(scene), self.solver.problem
         for setup in scene.setups:
-            if retensioned is None:
+            if tensions:
                 scale = setup.tendons.offset * setup.finger.rod.length / setup.stiffness
                 pinned[f"{setup.name}.pulls"] = scale * np.asarray(start.tensions[setup.name])
             if setup.finger.base_free is not None:
                 pinned[f"{setup.name}.base"] = np.array(units.pose(start.fingers[setup.name].base))
-        attempt = self.solver.run(
-            scene,
-            start,
-            self._budget,
-            rung=2,
-            iterations=ITERATIONS,
-            pinned=pinned,
-            # More than what holds is not asked for: the tensions change as little as they can.
-            most={} if retensioned is None else {"reserve": 0.0},
-            x0=None if retensioned is None or not retensioned.attempt.converged else retensioned.attempt.x.copy(),
+        return pinned
+
+    def _nearest(self, error: Array) -> Attempt | None:
+        """The solution for the error that is nearest to this one, lengths per size of the object."""
+        if not self._known:
+            return None
+        away = np.array([one for one, _ in self._known]) - error
+        away[:, :2] /= self.scene.object.size
+        return self._known[int((away**2).sum(axis=1).argmin())][1]
+
+    def _near(
+        self,
+        scene: GraspScene,
+        start: Start,
+        known: Attempt | None,
+        pinned: Mapping[str, Array],
+        most: Mapping[str, float],
+    ) -> Attempt | None:
+        """The solution next to one that is known, with guarded places where fingers are deepest; None without one."""
+        if known is None or not known.converged:
+            return None
+        problem = self.solver.problem
+        features = contact_features(scene, start.contacts)
+        values = problem_values(problem, scene, start, features)
+        low, high = problem_bounds(problem, scene, features)
+        for name, value in pinned.items():
+            at = problem.x.at[name]
+            low[at], high[at] = (np.where(np.isnan(value), side[at], value) for side in (low, high))
+        for name, bound in most.items():
+            high[problem.x.at[name]] = bound
+        numbers = problem.numbers.pack(values, 0.0)
+        here = self._near_solver.restored(
+            nlp.Start(known.x, low, high, *problem.rows.bounds(), numbers, known.multipliers)
         )
-        arrays = self.solver.arrays(scene, attempt)
-        reserve, margin, weakest = -np.inf, np.nan, ""
-        if attempt.converged:
-            reserve = float(attempt.x[problem.x.at["reserve"]][0])
-            margin, weakest = least_margin(scene, arrays)
-            if reserve >= HOLDS:  # a cone at its edge, up to rounding
-                margin = max(margin, 0.0)
-        elif attempt.status is Status.INFEASIBLE:
-            margin = -np.inf
-        return Response(error, scene, reserve, margin, weakest, arrays, start, attempt)
+        if here is None:
+            return None
+        allowed = DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
+        # The solution that is known has its guarded places where fingers are deepest, next to where they are here.
+        probes = {f.spec.name: known.numbers[problem.numbers.at[f"{f.spec.name}.probes"]] for f in problem.fingers}
+        found: nlp.Attempt | None = None
+        iterations, seconds = 0, 0.0
+        for _ in range(ROUNDS):
+            sight = self._surroundings.look(scene, here.x, numbers, probes if found is None else None)
+            numbers = problem.numbers.pack({**values, **sight.numbers})
+            if found is not None:
+                moved = np.array(self.solver.derivatives["jac_g"](here.x, numbers)[0]).ravel() - found.g
+                change = abs(float(found.multipliers.constraints @ moved))
+                # What guarded places are too deep, others may be.
+                if sight.deepest < allowed + found.violation and change < STEADY * max(1.0, abs(found.objective)):
+                    total = {**vars(found), "iterations": iterations, "seconds": seconds}
+                    return Attempt(**total, start=start, features=features, numbers=here.p, violations=[])
+            here = replace(here, p=numbers)
+            found = self._near_solver.solve(here, self._budget)
+            iterations, seconds = iterations + found.iterations, seconds + found.seconds
+            if not found.converged:
+                break
+            here = replace(here, x=found.x, multipliers=found.multipliers)
+        return None
+
+    def _least_margin(self, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:
+        """Least friction margin, and the contact that has it."""
+        found = []
+        for contact in self.solver.problem.spec.contacts:
+            n, *sideways = attempt.x[self.solver.problem.x.at[f"force, {contact.name}"]]
+            friction = scene.friction(contact.name)
+            if n < 0.0 or friction > 0.0:
+                margin = 1.0 - float(np.linalg.norm(sideways)) / (friction * n) if friction * n > 0.0 else -np.inf
+                found.append((margin, contact.name))
+        return min(found, default=(1.0, ""))
 
     def _start(self, scene: GraspScene, size: float) -> Start:
         """The grasp as a start for an object of another size that lies elsewhere."""
@@ -157,14 +245,14 @@ class Responder:
         }
 
 
-def least_margin(scene: GraspScene, arrays: Mapping[str, Any]) -> tuple[float, str]:
-    """Least friction margin of a grasp, and the contact that has it."""
-    found = []
-    for name, (n, f, lift) in zip(arrays["contact_names"], arrays["contact_forces"], strict=True):
-        most = scene.friction(str(name)) * n
-        if n < 0.0 or scene.friction(str(name)) > 0.0:
-            found.append((1.0 - float(np.hypot(f, lift)) / most if most > 0.0 else -np.inf, str(name)))
-    return min(found, default=(1.0, ""))
+@lru_cache(maxsize=8)
+def _near_solver(solver: GraspSolverRun) -> tuple[NearSolver, Surroundings]:
+    """What finds solutions next to others; built once in a process."""
+    problem = solver.problem
+    whole = nlp.NLP(
+        "near", problem.x.symbol, problem.objective, problem.rows.g, problem.numbers.symbol, solver.derivatives
+    )
+    return NearSolver(whole), Surroundings(problem)
 
 
 def _rotation(angle: float) -> Array:

@@ -39,6 +39,8 @@ class Trials:
     weakest : dict of str to int
         Of the draws that do not hold, how many fail first at each contact; with the name "balance", for want of any
         posture that balances.
+    anew : int
+        Errors that were solved by an NLP from the grasp, because no solution next to that of another error was found.
     """
 
     tension: float
@@ -48,6 +50,7 @@ class Trials:
     corner_margins: Array = field(repr=False)
     alone: Mapping[str, float]
     weakest: Mapping[str, int]
+    anew: int = 0
 
     @property
     def held(self) -> int:
@@ -166,6 +169,7 @@ class Robustness(Summarized):
                 "corners_held": int((one.corner_margins >= 0.0).sum()),
                 "least_margin_alone": dict(one.alone),
                 "fails_first": dict(one.weakest),
+                "solved_anew": one.anew,
             }
 
         found = {"nominal": of(self.nominal)}

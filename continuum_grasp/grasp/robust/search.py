@@ -7,7 +7,7 @@ doi:10.1007/BF00934096. It begins with a grasp of the scene as it is.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
-from continuum_grasp.grasp.problem.solver_run import DEEP, ROUNDS, solver_for
+from continuum_grasp.grasp.problem.solver_run import allowed_depth, settings_of, solve_clear, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values
@@ -111,10 +111,10 @@ class _Side:
     low: Array
     high: Array
 
-    def look(self, numbers: Array) -> tuple[Array, float]:
-        """The numbers with the places that must stay clear moved to where fingers are deepest, and that depth."""
-        sight = self.near.look(self.scene, self.x, numbers)
-        return self.problem.numbers.pack({**self.values, **sight.numbers}), sight.deepest
+    def look(self, x: Array, numbers: Array) -> tuple[float, Array]:
+        """How deep fingers are at a point, and numbers with the guarded places of it."""
+        sight = self.near.look(self.scene, x, numbers)
+        return sight.deepest, self.problem.numbers.pack({**self.values, **sight.numbers})
 
 
 class _Solve:
@@ -162,35 +162,20 @@ class _Solve:
 
     def run(self) -> tuple[nlp.Attempt, Mapping[str, Array] | None]:
         """The last run of the solver, with the iterations of all, and the grasp; None where it found none."""
-        options = self.scene.solver
-        constraints = min(1e-9, options.tolerance)
-        method = nlp.new_solver(
-            nlp.Settings(options.method, options.tolerance, constraints, ITERATIONS, {"ipopt": _IPOPT})
-        )
-        low, high = (np.concatenate([getattr(s, n) for s in self.sides]) for n in ("low", "high"))
-        numbers = [side.look(side.problem.numbers.pack(side.values, 0.0))[0] for side in self.sides]
-        multipliers, iterations = None, 0
-        for _ in range(ROUNDS):
-            x, p = np.concatenate([side.x for side in self.sides]), np.concatenate([*numbers, *self.offsets])
-            known = nlp.Start(np.clip(x, low, high), low, high, *self.whole.bounds(), p, multipliers)
-            last = method.solve(self.whole.nlp, known, self.budget)
-            iterations += last.iterations
-            if multipliers is not None and not last.converged:
-                last = method.solve(self.whole.nlp, replace(known, multipliers=None), self.budget)
-                iterations += last.iterations
-            last = replace(last, iterations=iterations)
-            if not last.converged or not np.isfinite(last.x).all():
-                return last, None
-            for side, part in zip(self.sides, self.whole.split(last.x), strict=True):
-                side.x = part.copy()
-            used = numbers[0]
-            looks = [side.look(own) for side, own in zip(self.sides, numbers, strict=True)]
-            if max(depth for _, depth in looks) < DEEP * options.penetration_tolerance:
-                break
-            numbers, multipliers = [own for own, _ in looks], last.multipliers
-        x = self.whole.split(last.x)[0]
-        return last, self.solver.arrays_at(self.scene, self.start, x, used)
+        method = nlp.new_solver(settings_of(self.scene.solver))
+        x, low, high = (np.concatenate([getattr(s, n) for s in self.sides]) for n in ("x", "low", "high"))
+        numbers = [side.problem.numbers.pack(side.values, 0.0) for side in self.sides]
+        p = self._look(x, np.concatenate([*numbers, *self.offsets]))[1]
+        start = nlp.Start(np.clip(x, low, high), low, high, *self.whole.bounds(), p)
+        depth = allowed_depth(self.scene)
+        last, p = solve_clear(method, self.whole.nlp, start, self._look, depth, self.budget, ITERATIONS)
+        if not last.converged or not np.isfinite(last.x).all():
+            return last, None
+        return last, self.solver.arrays_at(self.scene, self.start, self.whole.split(last.x)[0], p[: len(numbers[0])])
 
-
-_IPOPT = {"mu_strategy": "monotone", "mu_init": 1e-2, "bound_relax_factor": 0.0}
-"""As for a single grasp, which the errors begin next to."""
+    def _look(self, x: Array, numbers: Array) -> tuple[float, Array]:
+        """How deep fingers are anywhere, and the numbers with guarded places where they are deepest."""
+        ends = np.cumsum([side.problem.numbers.symbol.numel() for side in self.sides])
+        parts = zip(self.sides, self.whole.split(x), np.split(numbers, ends), strict=False)
+        looks = [side.look(own, p) for side, own, p in parts]
+        return max(depth for depth, _ in looks), np.concatenate([*(new for _, new in looks), *self.offsets])

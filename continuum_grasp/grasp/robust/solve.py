@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from continuum_grasp.grasp.robust.errors import alone, drawn
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Found, find_robust
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
@@ -28,19 +30,42 @@ HALVINGS = 4
 """How often the interval of the bounds that can be borne is halved: to a sixteenth."""
 
 
-def with_robust(result: GraspResult, bounds: Robust, budget: Budget) -> GraspResult:
-    """The grasp that holds for all errors, in place of a nominal one; why there is none, where none was found."""
+BRANCHES = 3
+"""Further grasps of the nominal search next to which a robust one is sought."""
+SAME = 1e-3
+"""Relative difference of the sum of tensions up to which two grasps with the same contacts are one."""
+
+
+def with_robust(result: GraspResult, search: Search, bounds: Robust, budget: Budget) -> GraspResult:
+    """The grasp that holds for all errors, in place of a nominal one; why there is none, where none was found.
+
+    It is sought next to that grasp, and next to others of its ``search`` that may lead to a better one.
+    """
     scene = result.scene
-    found = find_robust(scene, bounds, result.arrays, budget)
+    first = found = find_robust(scene, bounds, result.arrays, budget)
+    branches = 1
+    for arrays in _others(search, result.arrays):
+        # No robust grasp takes less than the nominal one that it is next to.
+        may = not found.holds or (
+            scene.objective == "least_tension"
+            and _tension(scene, arrays) < (1.0 - SAME) * _tension(scene, found.arrays)
+        )
+        if branches > BRANCHES or not may or budget.over:
+            break
+        branches += 1
+        other = find_robust(scene, bounds, arrays, budget)
+        if other.holds and (not found.holds or _tension(scene, other.arrays) < _tension(scene, found.arrays)):
+            found = other
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
     errors = drawn(bounds, scene.solver.random_seed)
-    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, found.first)
+    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
         return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
     robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
     held = f"held with {robust.tension:.4g} N of tension in all whatever the errors within robust"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
+    effort["branches"] = branches
     changed = GraspResult(
         scene,
         result.status if found.optimal else Status.FEASIBLE,
@@ -56,6 +81,35 @@ def with_robust(result: GraspResult, bounds: Robust, budget: Budget) -> GraspRes
     failed = robust.margins.size - robust.held
     message = f"held at all corners of robust, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
     return replace(changed, status=Status.FEASIBLE, message=message)
+
+
+def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
+    """Verified grasps of a search other than the best one, in the order of their tensions, as far as these are known:
+    those it found, then those from basins that it left because they take more.
+    """
+    scene, seen = search.scene, [best]
+
+    def new(arrays: Mapping[str, Array]) -> bool:
+        same = any(
+            set(arrays["contact_names"]) == set(one["contact_names"])
+            and math.isclose(_tension(scene, arrays), _tension(scene, one), rel_tol=SAME)
+            for one in seen
+        )
+        seen.append(arrays)
+        return not same
+
+    for tried in sorted(search.good, key=lambda tried: _tension(scene, tried.arrays)):
+        if tried.acceptable and new(tried.arrays):
+            yield tried.arrays
+    for basin in sorted((basin for basin in search.basins if not basin.tried), key=lambda basin: basin.start.estimate):
+        found = search.attempt(basin.start)
+        if found is not None and found.acceptable and new(found.arrays):
+            yield found.arrays
+
+
+def _tension(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
+    """Sum of all tensions [N]."""
+    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
 
 
 def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
@@ -115,13 +169,13 @@ def _trials(
         name = response.weakest or "balance"
         weakest[name] = weakest.get(name, 0) + 1
     single = {name: min(responder.to(error).margin for error in ends) for name, ends in alone(bounds).items()}
-    tension = float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
     return Trials(
-        tension,
+        _tension(scene, arrays),
         np.array([response.margin for response in responses]),
         len(again),
         sum(response.holds for response in again),
         np.array([response.margin for response in corners]),
         single,
         weakest,
+        responder.anew,
     )

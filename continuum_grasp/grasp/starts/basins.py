@@ -32,9 +32,9 @@ _PLACES, _DENSE, _FEW = 128, 0.25, 10
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
-_WINDOW = 0.25 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+_WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_ROUNDS, _SHRINK, _BETTER = 3, 0.25, 0.4
+_ROUNDS, _SHRINK, _BETTER = 2, 0.125, 0.2
 """Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
 _SETTLED = 3e-4
 """Relative difference of the scores of the best two neighbors from which on a basin is refined no more."""
@@ -101,6 +101,7 @@ class Basins:
 
     def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
         self.on, self._dense = on, dense
+        self.is_dense = True  # whether a dense scan would find no more
         base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
@@ -146,6 +147,7 @@ class Basins:
         few: list[int] = []
         if not isolated:
             few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
+            self.is_dense = len(few) == 2
         if few:
             dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
             others = ~np.isin(some.side, few)

@@ -10,11 +10,13 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.boxed import boxed
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, sample
 from continuum_grasp.grasp.starts.values import ContactStart
@@ -31,14 +33,8 @@ _FINE = 6
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-TENSION_WEIGHT, _STEPS = 3e-4, 15
-"""Weight of the tensions (per their limits) beside the squared imbalance, and most steps of the interior point method:
-8 to 11 as a rule."""
-_RIGID, _ENOUGH = 1e-9, 1e-6
-"""Stiffness that makes every system regular, and mean product of distances and multipliers, per weight, at which a
-posture is done: of 26 forces the tensions are exact to 5e-5 of their limits then."""
-_SIGNS = np.array([1.0, -1.0])[:, None, None]
-"""Changes of the distances from both bounds per change of an unknown."""
+TENSION_WEIGHT = 3e-4
+"""Weight of the tensions (per their limits) beside the squared imbalance."""
 
 
 @dataclass(frozen=True)
@@ -205,43 +201,50 @@ class _Mesh:
     """Elements of P postures with Gauss points, and the shapes over which their moments are balanced."""
 
     sections: Array  # positions (P, 4 M + 1), the last one the tip's
-    shares: Array  # lengths of the elements (P, M)
-    constant: bool  # whether the shapes are constant on each element, not hats over the ends of elements
+    shares: Array  # lengths of the elements (P, 4 M), at each point
+    shapes: Array  # (R, 4 M) at the points, times the weights of these
     matches_tip: bool
 
     @staticmethod
     def of(setup: FingerSetup, found: Candidates) -> _Mesh:
         """The elements of a finger, or fewer where it has many."""
-        counts = np.diff((0, *setup.before, setup.elements))
-        few = setup.elements <= _FINE
-        if not few:
-            counts = np.minimum(counts, 2)
-        count = len(found)
+        few, count = setup.elements <= _FINE, len(found)
+        counts = tuple(n if few else min(n, 2) for n in np.diff((0, *setup.before, setup.elements)).tolist())
+        at, share, shapes = _elements(counts, few and family_class(setup.family).degree == 0)
         ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
-        shares = np.concatenate(
-            [np.repeat(np.diff(ends[:, k : k + 2]) / n, n, axis=1) for k, n in enumerate(counts)], axis=1
-        )
-        starts = np.cumsum(shares, axis=1) - shares
-        at = (starts[..., None] + shares[..., None] * _NODES).reshape(count, -1)
-        constant = few and family_class(setup.family).degree == 0
-        sections = np.concatenate([at, np.ones((count, 1))], axis=1)
-        return _Mesh(sections, shares, constant, FAMILIES[setup.family].matches_tip)
+        return _Mesh(ends @ at, ends @ share, shapes, FAMILIES[setup.family].matches_tip)
 
     def project(self, values: Array) -> Array:
         """Means (P, R, n) of values (P, 4 M + 1, n) over the shapes."""
-        count, size = self.shares.shape
-        inner = values[:, :-1].reshape(count, size, len(_NODES), -1) * self.shares[..., None, None]
-        if self.constant:
-            return np.asarray((inner * _WEIGHTS[:, None]).sum(axis=2))
-        left = (inner * (_WEIGHTS * (1.0 - _NODES))[:, None]).sum(axis=2)
-        right = (inner * (_WEIGHTS * _NODES)[:, None]).sum(axis=2)
-        rows = np.zeros((count, size + 1, values.shape[2]))
-        rows[:, :-1] += left
-        rows[:, 1:] += right
+        rows = self.shapes @ (values[:, :-1] * self.shares[..., None])
         if self.matches_tip:
             # The tip's curvature has a balance of its own, which counts as half an element's.
             rows[:, -1] = 0.5 * values[:, -1]
-        return rows
+        return np.asarray(rows)
+
+
+@lru_cache(maxsize=64)
+def _elements(counts: tuple[int, ...], constant: bool) -> tuple[Array, Array, Array]:
+    """For so many elements per segment, what the ends of the segments are multiplied by: (J, 4 M + 1) for the Gauss
+    points and the tip, (J, 4 M) for the lengths of the elements there; and the shapes (R, 4 M), which are ``constant``
+    on each element, or hats over the ends of elements.
+    """
+    total, points = sum(counts), len(_NODES)
+    at, share = np.zeros((len(counts) + 1, total * points + 1)), np.zeros((len(counts) + 1, total * points))
+    at[-1, -1] = 1.0
+    shapes = np.zeros((total + (0 if constant else 1), total * points))
+    element = 0
+    for segment, count in enumerate(counts):
+        for k in range(count):
+            own = slice(element * points, (element + 1) * points)
+            part = (k + _NODES) / count
+            at[segment, own], at[segment + 1, own] = 1.0 - part, part
+            share[segment, own], share[segment + 1, own] = -1.0 / count, 1.0 / count
+            shapes[element, own] = _WEIGHTS if constant else _WEIGHTS * (1.0 - _NODES)
+            if not constant:
+                shapes[element + 1, own] = _WEIGHTS * _NODES
+            element += 1
+    return at, share, shapes
 
 
 def _own_weight(setup: FingerSetup, world: Array, at: Array, gravity: complex) -> Array:
@@ -296,81 +299,4 @@ def imbalance(
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
     low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
-    return _boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), tension_weight)
-
-
-def _boxed(
-    system: Array, right: Array, low: Array, high: Array, cost: Array, tension_weight: float
-) -> tuple[Array, Array, Array]:
-    """Least squares within bounds for many systems at once, by an interior point method: what is left, the cost, and
-    the unknowns.
-
-    S. Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992), doi:10.1137/0802028. The Newton steps are solved in
-    the rows of the system, of which there are fewer than columns.
-    """
-    # In shares of their ranges all unknowns lie in (0, 1); 1e-8 beside the cost makes the optimum unique.
-    span = np.maximum(high - low, 1e-12)
-    scaled = system * span
-    goal = right - system @ low
-    weight, enough = tension_weight * cost * span + 1e-8, _ENOUGH * tension_weight
-    count, size = len(right), len(low)
-    found = np.empty((count, size))
-    rows = np.arange(count)
-    across = np.ascontiguousarray(np.swapaxes(scaled, 1, 2))
-    unit = np.eye(right.shape[1])
-    # Distances from both bounds (2, B, n) and their multipliers.
-    away = np.empty((2, count, size))
-    away[0], away[1] = 0.1, 0.9
-    press = np.full(away.shape, 0.05)
-    # Where multipliers are nearly zero the steps are inaccurate: what was best counts.
-    best, least = away[0], np.full(count, np.inf)
-    for _ in range(_STEPS + 1):
-        x = away[0]
-        left = (scaled @ x[..., None])[..., 0] - goal
-        value = 0.5 * np.einsum("bn,bn->b", left, left) + x @ weight
-        worse = value > least
-        best, least = (np.where(worse[:, None], best, x) if worse.any() else x), np.minimum(value, least)
-        gap = np.einsum("kbn,kbn->b", away, press) / (2 * size)
-        going = gap > enough
-        if 2 * np.count_nonzero(going) < len(rows):
-            # Few are not done: on with these alone.
-            found[rows] = best
-            if not going.any():
-                break
-            rows, scaled, across, goal, left = (v[going] for v in (rows, scaled, across, goal, left))
-            away, press, best, least, gap = away[:, going], press[:, going], best[going], least[going], gap[going]
-            going = np.ones(len(rows), bool)
-        slope = (across @ left[..., None])[..., 0] + weight
-        # (K' K + D) step = -down, by the Woodbury identity: D is diagonal, and its inverse is `soft`.
-        stiff = press / away
-        soft = 1.0 / (stiff[0] + stiff[1] + _RIGID)
-        slim = scaled * soft[:, None, :]
-        newton = soft, slim, across, np.linalg.inv(unit + slim @ across)
-        step = _step(*newton, slope) * _SIGNS
-        change = -press - stiff * step
-        length = _longest(step, change, away, press)[:, 0]
-        # To first order the products of both fall by the step's part.
-        after = (1.0 - length) * gap + length**2 * np.einsum("kbn,kbn->b", step, change) / (2 * size)
-        barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), 0.1 * enough)[:, None]
-        pull = (barrier - step * change) / away
-        step = _step(*newton, slope - pull[0] + pull[1]) * _SIGNS
-        change = pull - press - stiff * step
-        # Those that have converged stay: with multipliers of zero the system is singular.
-        length = 0.99 * _longest(step, change, away, press) * going[:, None]
-        away, press = away + length * step, press + length * change
-    found[rows] = best
-    x = found * span + low
-    left = (system @ x[..., None])[..., 0] - right
-    return np.sqrt((left**2).sum(axis=1)), x @ cost, x
-
-
-def _step(soft: Array, slim: Array, across: Array, inverse: Array, slope: Array) -> Array:
-    """A Newton step (B, n) down a slope."""
-    inner = inverse @ (slim @ slope[..., None])
-    return np.asarray(soft * ((across @ inner)[..., 0] - slope))
-
-
-def _longest(step: Array, change: Array, away: Array, press: Array) -> Array:
-    """The longest step (B, 1), at most one, that no bound and no multiplier of one cuts."""
-    least = np.minimum(step / away, change / press).min(axis=(0, 2))
-    return np.asarray(1.0 / np.maximum(-least, 1.0))[:, None]
+    return boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), tension_weight)

@@ -285,6 +285,12 @@ class _PolygonOutline(Outline):
             return np.asarray(np.abs(points - self.corners[0]) - self.radius)
         return self._nearest_edge(points)[0]
 
+    @property
+    def rough_numbers(self) -> list[float]:
+        each = [self.corners.real, self.corners.imag, self._along.real, self._along.imag, self._lengths]
+        own = [self.radius, _SLOT * self.extent**2, *np.stack(each, axis=1).ravel().tolist()]
+        return [0.0, len(self.corners), len(own), *own]
+
     def _nearest_edge(self, points: Array) -> tuple[Array, Array, Array]:
         if len(self.corners) == 1:
             zero = np.zeros(points.shape, int)

@@ -93,6 +93,11 @@ class Outline(ABC):
         """The same to within 1e-5 of the part's size, where that takes less time."""
         return self.distance(points)
 
+    @property
+    @abstractmethod
+    def rough_numbers(self) -> list[float]:
+        """What `rough_distance` is computed from, as the kernel of the scan reads it."""
+
     @abstractmethod
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
         """Outermost points of the part in a direction, and how much less far out they are: one, or the two ends of a

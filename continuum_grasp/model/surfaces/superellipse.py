@@ -35,9 +35,6 @@ then exact to 1e-7 of the shorter half axis for points nearer than 0.4 of it."""
 _LONGEST = 0.5
 """Longest step of the search on superellipses, as an angle of its parameter [rad]: Newton's method overshoots where the
 curvature changes by its own size, which it does within half a radian."""
-_COUNT = 129  # see below
-_SPACING = 0.5 * math.pi / (_COUNT - 1)
-"""Places of a quadrant that are scanned before Newton's method, and their distance [rad]."""
 _SETTLED = 1e-7
 """Change of the polar angle, whose square is left, up to which a nearest place counts as found [rad]."""
 
@@ -114,17 +111,10 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         return (c * x + s * y) / part.semi_axes[0], (c * y - s * x) / part.semi_axes[1]
 
     def nearest_places(self, part: SuperellipsePart, points: Array) -> tuple[Array, Array, Array]:
-        (a, b), power = part.semi_axes, part.exponent
-        c, s = np.cos(part.angle), np.sin(part.angle)
-        turn = np.array([[c, -s], [s, c]])
-        local = (points - part.center) @ turn
-        t = _nearest_parameter(np.abs(local), a, b, power)
-        sign = np.where(local < 0.0, -1.0, 1.0)
-        foot, normal, radius = _at(t, a, b, power)
-        foot, normal = foot * sign, normal * sign
-        distance = ((local - foot) * normal).sum(axis=1)
-        world = normal @ turn.T
-        return np.arctan2(world[:, 1], world[:, 0]), distance, 1.0 / radius
+        outline = _placed(part.center, part.angle, part.semi_axes, part.exponent)
+        distance, walk = outline.nearest(points[:, 0] + 1j * points[:, 1])
+        at = outline.walk(walk)
+        return at.angle, distance, at.dangle / np.abs(at.dpoint)
 
     # -- search of a grasp
 
@@ -184,46 +174,6 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     return point, slope, gradient.scaled(1.0 / size), curvature
 
 
-def _at(t: Array, a: float, b: float, power: float) -> tuple[Array, Array, Array]:
-    """Point, normal and radius of curvature in the first quadrant at a parameter from 0 to pi/2."""
-    c, s = np.cos(t), np.sin(t)
-    norm = (c**power + s**power) ** (-1.0 / power)
-    xi, eta = c * norm, s * norm
-    fx, fy = xi ** (power - 1.0) / a, eta ** (power - 1.0) / b
-    size = np.hypot(fx, fy)
-    # Level line of f = xi^p + eta^p: radius |grad f|^3 / (fxx fy^2 + fyy fx^2); infinite on the axes where p > 2.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fxx = (power - 1.0) * xi ** (power - 2.0) / a**2
-        fyy = (power - 1.0) * eta ** (power - 2.0) / b**2
-        radius = size**3 / (fxx * fy**2 + fyy * fx**2)
-    radius = np.where(np.isfinite(radius), radius, np.inf)
-    return np.stack([a * xi, b * eta], axis=1), np.stack([fx, fy], axis=1) / size[:, None], radius
-
-
-def _nearest_parameter(points: Array, a: float, b: float, power: float) -> Array:
-    """Parameter of the surface point nearest to each point of the first quadrant: a scan, then Newton's method along
-    the circle of curvature.
-    """
-    grid, foot = _scan(a, b, power)
-    t = grid[((points[:, None, :] - foot) ** 2).sum(axis=2).argmin(axis=1)]
-    for _ in range(8):
-        at, normal, radius = _at(t, a, b, power)
-        step = 1e-6 * np.where(t > 0.7, -1.0, 1.0)  # a difference that stays in the quadrant
-        speed = np.linalg.norm(_at(t + step, a, b, power)[0] - at, axis=1) / np.abs(step)
-        away = points - at
-        along = away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1]  # counter-clockwise, as t grows
-        bent = np.maximum(1.0 + (away * normal).sum(axis=1) / radius, 0.2)
-        change = np.clip(along / bent / np.maximum(speed, 1e-300), -_SPACING, _SPACING)
-        t = np.clip(t + change, 0.0, 0.5 * np.pi)
-    return np.asarray(t)
-
-
-@lru_cache(maxsize=64)
-def _scan(a: float, b: float, power: float) -> tuple[Array, Array]:
-    grid = np.linspace(0.0, 0.5 * np.pi, _COUNT)
-    return grid, _at(grid, a, b, power)[0]
-
-
 class _SuperellipseOutline(Outline):
     """Of a superellipse; w is the polar angle of the scaled superellipse."""
 
@@ -278,6 +228,14 @@ class _SuperellipseOutline(Outline):
             turning,
         )
 
+    @property
+    def rough_numbers(self) -> list[float]:
+        at, normal, reach, radius = self._lines
+        axis = np.exp(1j * self.angle)
+        numbers = np.concatenate([normal.real, normal.imag, reach, at.real, at.imag, radius]).tolist()
+        own = [self.center.real, self.center.imag, axis.real, axis.imag, *numbers]
+        return [1.0, len(at), len(own), *own]
+
     def rough_distance(self, points: Array) -> Array:
         local = (points - self.center) * np.exp(-1j * self.angle)
         x, y = np.abs(local.real), np.abs(local.imag)
@@ -330,3 +288,11 @@ class _SuperellipseOutline(Outline):
         x = math.copysign(a * u ** (dual - 1.0) / norm, local.real)
         y = math.copysign(b * v ** (dual - 1.0) / norm, local.imag)
         return [(complex(self.center + complex(x, y) * np.exp(1j * self.angle)), 0.0)]
+
+
+@lru_cache(maxsize=64)
+def _placed(
+    center: tuple[float, float], angle: float, semi_axes: tuple[float, float], exponent: float
+) -> _SuperellipseOutline:
+    """The outline of a part in its own frame, not grown."""
+    return _SuperellipseOutline(complex(*center), angle, semi_axes, exponent, 0.0)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.scan import kernel
+
 Array = NDArray[Any]
 
 MOST_TURN = 6.6
@@ -52,6 +54,12 @@ def bends_to(aims: Array, turns: Array, limit: float = _MOST_BEND) -> tuple[Arra
     """
     tabled, bends, table, change = _table()
     at = (turns - tabled[0]) / (tabled[1] - tabled[0])
+    if kernel.library():
+        edges = max(int(np.searchsorted(bends, -limit)) - 1, 0), int(np.searchsorted(bends, limit)) + 1
+        numbers = len(aims), _TURNS, _BENDS, edges[0], min(edges[1], _BENDS), table, aims / np.abs(aims), at
+        found = kernel.called("crossings", np.empty(1 + 2 * _BENDS * len(aims)), *numbers)
+        rows, column = found[1 : 1 + 2 * int(found[0])].reshape(-1, 2).T
+        return rows.astype(int), bends[0] + (bends[1] - bends[0]) * column
     index = np.clip(at.astype(int), 0, _TURNS - 2)
     share = (at - index)[:, None]
     some = slice(max(int(np.searchsorted(bends, -limit)) - 1, 0), int(np.searchsorted(bends, limit)) + 1)
@@ -74,6 +82,11 @@ def exact_bends(aims: Array, turns: Array, guess: Array, away: float) -> tuple[A
     lengths then, and which were found within ``away`` of the guess.
     """
     back = np.conj(aims / np.abs(aims))
+    if kernel.library():
+        numbers = len(aims), len(_AT), away, _AT, _WEIGHTS, np.conj(back), turns, guess
+        bend, along, across = kernel.called("exact_bends", np.empty((3, len(aims))), *numbers)
+        good = (np.abs(across) < 1e-9) & (along > 1e-3)
+        return bend, np.abs(aims) / np.where(good, along, 1.0), good
     bend = guess
     off = chord = np.zeros(0, complex)
     for _ in range(4):

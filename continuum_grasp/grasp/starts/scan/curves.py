@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
@@ -91,6 +92,8 @@ def curvature_at(knots: Array, curvatures: Array, at: Array) -> Array:
 
 def sample(knots: Array, curvatures: Array, at: Array) -> Array:
     """Points (B, S) at increasing positions ``at`` (B, S), the first of which is 0."""
+    if kernel.library():
+        return kernel.called("sample", np.empty(at.shape, complex), *knots.shape, at.shape[1], knots, curvatures, at)
     step = np.diff(at, axis=1)
     inner = at[:, :-1, None] + step[..., None] * _TWO
     angle = turning(knots, curvatures, inner.reshape(len(inner), 2 * step.shape[1])).reshape(inner.shape)

@@ -8,6 +8,7 @@ import cmath
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self, TypeVar
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
@@ -74,8 +76,16 @@ class FingerTask:
             out = np.minimum(out, away)
         return out
 
+    @cached_property
+    def object_numbers(self) -> Array:
+        """The object as the kernel of the scan has it."""
+        return np.array([len(self.shapes), *(each for shape in self.shapes for each in shape.rough_numbers)])
+
     def rough_distance(self, points: Array) -> Array:
         """Signed distance from the object, to within 1e-5 of its size."""
+        if kernel.library():
+            out = np.empty(points.shape)
+            return kernel.called("distances", out, out.size, self.object_numbers, points)
         out = self.shapes[0].rough_distance(points)
         for shape in self.shapes[1:]:
             out = np.minimum(out, shape.rough_distance(points))

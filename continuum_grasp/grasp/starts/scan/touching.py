@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import FingerTask
@@ -300,9 +301,17 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         move = ell * (-(np.sin(angle) @ _WEIGHTS) + 1j * (np.cos(angle) @ _WEIGHTS))
         return first.point[rows, None] + move, first.turn[rows, None] + 0.5 * ell * (start + last)
 
-    every = np.arange(len(first))
-    at, _ = tips(every, grid)
-    gap = task.rough_distance(at) - task.half
+    start = np.stack([first.point.real, first.point.imag, first.turn, rest], axis=1)
+    rule = task.object_numbers, _AT, _WEIGHTS
+
+    def gaps(rows: Array, last: Array) -> Array:
+        """Gaps (R, G) between such tips and the object."""
+        if kernel.library():
+            numbers = *last.shape, len(_AT), int(one_arc), *rule, start[rows], begin[rows], last
+            return kernel.called("tip_gaps", np.empty(last.shape), *numbers) - task.half
+        return task.rough_distance(tips(rows, last)[0]) - task.half
+
+    gap = gaps(np.arange(len(first)), grid)
     rows, columns = np.nonzero(gap[:, :-1] * gap[:, 1:] <= 0.0)
     # Both ends of each bracket, and the gaps there.
     after = columns + 1
@@ -310,7 +319,7 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     # Where the curves of both roots fold, they lie between two lines of the grid.
     row, column, least = folds(grid, gap)
     if len(row):
-        between = task.rough_distance(tips(row, least[:, None])[0])[:, 0] - task.half
+        between = gaps(row, least[:, None])[:, 0]
         two = between * gap[row, column] < 0.0
         row, column, least, between = row[two], column[two], least[two], between[two]
         rows = np.concatenate([rows, row, row])
@@ -319,9 +328,13 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         ends = np.concatenate([ends, left, right], axis=1)
 
     def miss(last: Array) -> Array:
-        return np.asarray(task.rough_distance(tips(rows, last[:, None])[0])[:, 0] - task.half)
+        return np.asarray(gaps(rows, last[:, None])[:, 0])
 
-    last = bracketed_root(miss, *ends)
+    if kernel.library():
+        numbers = len(rows), len(_AT), int(one_arc), _ROOT, task.half, _ROUNDED, *rule, start[rows], begin[rows], ends
+        last = kernel.called("tip_roots", np.empty(len(rows)), *numbers)
+    else:
+        last = bracketed_root(miss, *ends)
     tip, facing = (v[:, 0] for v in tips(rows, last[:, None]))
     part, point, normal = task.touched(tip)
     ahead = np.cos(normal - facing - 0.5 * math.pi) <= FRONT

@@ -1,0 +1,40 @@
+"""Which contacts are on: every choice that the switches of a scene leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import product
+
+from continuum_grasp.grasp.starts.supports import touching_supports
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.supports import Switch
+
+MOST = 64
+"""Sets of contacts that are tried, those with the most contacts first:
+all choices of six contacts."""
+_CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
+
+
+def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
+    """The sets of contacts that may be on, those with the most contacts first, at most `MOST`.
+
+    They name contacts of fingers, of which every one touches somewhere, and supports that the object touches.
+    """
+    choices: list[list[frozenset[str]]] = []
+    for setup in scene.setups:
+        chosen = _chosen(zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True))
+        choices.append([names for names in chosen if names])
+    supports = [(body.name, body.touch) for body in scene.places]
+    if scene.object.free is None:
+        touching = touching_supports(scene, scene.object.pose)
+        choices.append([frozenset(name for name, touch in supports if touch != "off" and name in touching)])
+    else:
+        choices.append(_chosen(supports))
+    modes = [frozenset[str]().union(*sets) for sets in product(*choices)]
+    return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]
+
+
+def _chosen(switches: Iterable[tuple[str, Switch]]) -> list[frozenset[str]]:
+    """The sets of names that switches leave to choose."""
+    each = [[frozenset({name}) if on else frozenset() for on in _CHOICES[state]] for name, state in switches]
+    return [frozenset[str]().union(*chosen) for chosen in product(*each)]
