@@ -120,7 +120,7 @@ def load_cases(scene: Scene) -> list[LoadCase]:
     """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one."""
     values: list[object] = [value_of(load) for load in scene.loads]
     if scene.actuation is not None:
-        values += [scene.actuation.tip_moment, *(scene.actuation.tensions or ())]
+        values += scene.actuation.given[1]
     sampled = [value for value in values if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})
@@ -148,11 +148,10 @@ def _frozen(scene: Scene, t: float, held: bool) -> Scene:
         nothing = (0.0, 0.0) if isinstance(load, ForceLoad) else 0.0
         loads.append(load if held else _with_value(load, nothing))
     actuation = scene.actuation
-    if actuation is not None and actuation.tensions is not None:
-        tensions = tuple(_at(tension, t) for tension in actuation.tensions)
-        actuation = actuation.model_copy(update={"tensions": tensions})
-    elif actuation is not None and actuation.tip_moment is not None:
-        actuation = actuation.model_copy(update={"tip_moment": _at(actuation.tip_moment, t)})
+    if actuation is not None:
+        key, given = actuation.given
+        values = tuple(_at(value, t) for value in given)
+        actuation = actuation.model_copy(update={key: values[0] if key == "tip_moment" else values})
     return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation})
 
 

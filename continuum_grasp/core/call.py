@@ -183,7 +183,7 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
     structure = model.structure
     if not structure.moment_is_constant or u.shape[1] < 2:
         return
-    drives = max(structure.inputs.tendons, 1)
+    drives = max(structure.inputs.drives, 1)
     values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
     for source in structure.sources:
         driven, couples = source.amplitudes(values, drives)

@@ -16,19 +16,21 @@ from continuum_grasp.scene.profile import Curve
 class InputLayout:
     """What the input vector holds: values, then (for known moments that vary) their rates and accelerations."""
 
-    tendons: int  # 0: the tip moment
+    drives: int  # of tendons; 0: the tip moment
     couples: tuple[str, ...]  # names of the couples of the scene that are inputs
     rates: bool
+    quantity: tuple[str, str] = ("tension", "N")  # what drives take, and its unit
 
     @property
     def count(self) -> int:
         """Number of values."""
-        return max(self.tendons, 1) + len(self.couples)
+        return max(self.drives, 1) + len(self.couples)
 
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        entries = [(f"tension_{k + 1}", "N") for k in range(self.tendons)] or [("tip_moment", "N m")]
+        name, unit = self.quantity
+        entries = [(f"{name}_{k + 1}", unit) for k in range(self.drives)] or [("tip_moment", "N m")]
         entries += [(name, "N m") for name in self.couples]
         derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
@@ -43,11 +45,14 @@ class Source:
     couples: tuple[int, ...]  # of the input's couples
     time_constant: float | None  # of the lag of the first [s]
     tendon: int | None = None  # whose tension is its amplitude [N]: a tendon that has one of its own, see TendonForces
+    wound: bool = False  # up by a winch or motor, so that its tension is no input
 
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
         """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""
         driven: Any = 0.0
         couples = sum((values[drives + k] for k in self.couples), 0.0)
+        if self.wound:
+            return 0.0, couples
         if self.tendon is not None:
             return values[self.tendon], couples
         # Equation (42); equal arms are multiplied once.
@@ -76,7 +81,7 @@ class Drive:
     @staticmethod
     def from_input(u: ca.SX, layout: InputLayout, source: Source, scale: Scalar) -> Drive:
         """Read the input vector; ``scale`` is that of the tendons' arms."""
-        values, drives = ca.vertsplit(u), max(layout.tendons, 1)
+        values, drives = ca.vertsplit(u), max(layout.drives, 1)
 
         def block(k: int) -> tuple[Scalar, Scalar]:
             return source.amplitudes(values[k * layout.count : (k + 1) * layout.count], drives, scale)

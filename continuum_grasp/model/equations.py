@@ -20,9 +20,9 @@ from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
-from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, solve_ldl
+from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.tendon_forces import TendonForces
+from continuum_grasp.model.tendon_forces import Pulls, TendonForces
 from continuum_grasp.scene.loads import ForceLoad
 
 _STOP_NODES = 3
@@ -41,7 +41,7 @@ class Equations:
         self.q = ca.SX.sym("q", structure.n)
         self.qd = ca.SX.sym("qd", structure.n)
         self.qdd = ca.SX.sym("qdd", structure.n)
-        self.lag = ca.SX.sym("lag", 2 * sum(source.time_constant is not None for source in structure.sources))
+        self.lag = ca.SX.sym("lag", structure.drive_states)
         self.z = ca.SX.sym("z", structure.friction_states)
         self.x = ca.vertcat(self.q, self.qd, self.lag, self.z)
         # Of what acts at rest: friction states, and whether the finger's sliding moves them (``TendonForces``).
@@ -362,19 +362,81 @@ class Equations:
     @cached_property
     def tendons(self) -> TendonForces:
         """Tendons that have a tension of their own, of a finger that moves."""
-        return self._tendons(self.drives, self.z)
+        pulls = Pulls(self._own_tensions(self.drives))
+        if self._structure.winches:
+            moving = zip(self._structure.winches, self._winch_states, strict=True)
+            every = [(winch.wound(states[0]), winch.wound_rates(states[1])) for winch, states in moving]
+            pulls = Pulls((), [y for wound, _ in every for y in wound], [v for _, rates in every for v in rates])
+        return self._tendons(pulls, self.z)
 
     @cached_property
     def tendons_at_rest(self) -> TendonForces:
         """The same of a finger at rest under what is commanded."""
-        count = self.z.numel()
-        return self._tendons(self.commanded, self.history[:count], self.history[count] if count else None)
+        winches, count = self._structure.winches, self.z.numel()
+        commands = list(zip(winches, ca.vertsplit(self.u)[: len(winches)], strict=True))
+        pulls = Pulls(self._own_tensions(self.commanded))
+        if any(winch.follows for winch in winches):
+            pulls = Pulls((), [y for winch, command in commands for y in winch.wound(command)])
+        elif winches:
+            pulls = Pulls(
+                lambda c: [
+                    tension
+                    for winch, command in commands
+                    for tension in winch.tensions_at_rest(command, [c[k] for k in winch.tendons])
+                ]
+            )
+        return self._tendons(pulls, self.history[:count], self.history[count] if count else None)
 
-    def _tendons(self, drives: Sequence[Drive], states: ca.SX, moved: Scalar | None = None) -> TendonForces:
+    def _own_tensions(self, drives: Sequence[Drive]) -> list[Scalar]:
         sources = zip(self._structure.sources, drives, strict=True)
-        tensions = [drive.moment for source, drive in sources if source.tendon is not None]
+        return [drive.moment for source, drive in sources if source.tendon is not None]
+
+    def _tendons(self, pulls: Pulls, states: ca.SX, moved: Scalar | None = None) -> TendonForces:
         split = [states[k] for k in range(states.numel())]
-        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, tensions, split, moved)
+        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, split, moved)
+
+    @cached_property
+    def _winch_states(self) -> list[list[Scalar]]:
+        """States of each winch."""
+        found: list[list[Scalar]] = []
+        at = self.lag.numel() - sum(winch.states for winch in self._structure.winches)
+        for winch in self._structure.winches:
+            found.append([self.lag[at + k] for k in range(winch.states)])
+            at += winch.states
+        return found
+
+    @cached_property
+    def drives_at_rest(self) -> list[Scalar]:
+        """States of the drives of a finger at rest under what is commanded."""
+        sources = zip(self._structure.sources, self.commanded, strict=True)
+        found: list[Scalar] = []
+        for source, command in sources:
+            found += [command.moment, 0.0] if source.time_constant is not None else []
+        for k, winch in enumerate(self._structure.winches):
+            at_rest = self.tendons_at_rest
+            tensions = [at_rest.tensions[tendon] for tendon in winch.tendons]
+            drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
+            position = self.u[k] if winch.follows else winch.position(drawn, tensions)
+            found += [position, *[0.0] * (winch.states - 1)]
+        return found
+
+    @property
+    def drives_drawn(self) -> ca.SX:
+        """States of winches at which (the first of) their tendons become taut, and what they are more per newton."""
+        rows: list[list[Scalar]] = []
+        for winch in self._structure.winches:
+            taut, pulled = (self.tendons_at_rest.drawn(winch.tendons[0], tension) for tension in (0.0, 1.0))
+            rows.append([winch.position([taut], [1.0]), (pulled - taut) / winch.radius])
+            rows += [[0.0, 0.0]] * (winch.states - 1)
+        return matrix(rows)
+
+    @cached_property
+    def _winch_rates(self) -> list[Scalar]:
+        """Their rates."""
+        found: list[Scalar] = []
+        for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
+            found += winch.rates(states, self.u[k], [self.tendons.tensions[j] for j in winch.tendons])
+        return found
 
     def _actuation(self, tendons: TendonForces) -> list[Scalar]:
         total: list[Scalar] = [0.0] * self._family.size
@@ -488,10 +550,15 @@ class Equations:
 
     @cached_property
     def drive_rates(self) -> list[Scalar]:
-        """Derivative of what lags, and of the friction states of tendons."""
+        """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
         lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
-        return [*lag, *self.tendons.state_rates]
+        return [*lag, *self._winch_rates, *self.tendons.state_rates]
+
+    @property
+    def drives_feel_motion(self) -> bool:
+        """Whether the rates of drives depend on the motion of the finger."""
+        return bool(self.z.numel() or self._structure.winches)
 
     @cached_property
     def pattern(self) -> Pattern | None:
@@ -505,14 +572,20 @@ class Equations:
 
     @cached_property
     def kinetic_energy(self) -> Scalar:
-        """Kinetic energy [J], with what moves with the input."""
-        return 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
+        """Kinetic energy [J], with what moves with the input, and that of motors."""
+        winches = zip(self._structure.winches, self._winch_states, strict=True)
+        turning = sum((winch.kinetic_energy(states) for winch, states in winches), 0.0)
+        return turning + 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
 
     @cached_property
     def potential_energy(self) -> Scalar:
-        """Elastic energy above the rest shape and potential of the weight above the world's origin [J]."""
+        """Elastic energy above the rest shape, with that of tendons on winches, and potential of the weight above the
+        world's origin [J].
+        """
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
+        if self._structure.winches:
+            elastic += self.tendons.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position

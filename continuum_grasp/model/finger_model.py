@@ -6,6 +6,8 @@ from functools import cached_property
 from typing import Unpack
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
@@ -201,6 +203,37 @@ class FingerModel(Functions):
         missing = -column(eq.force_at_rest)
         names = "q u w p history" if eq.history.numel() else "q u w p"
         return self._function("statics", names, Q=missing, K=ca.jacobian(missing, eq.q))
+
+    @cached_property
+    def _drives_at_rest(self) -> ca.Function:
+        eq = self._equations
+        names = "q u p history" if eq.history.numel() else "q u p"
+        return self._function("drives_at_rest", names, lag=eq.drives_at_rest, drawn=eq.drives_drawn)
+
+    def drives_at(
+        self, q: ArrayLike, u: ArrayLike, friction_states: ArrayLike = (), *, pulled: float | None = None
+    ) -> list[float]:
+        """States of lags, winches and motors of a finger at rest in a shape q (n,) under an input u (nu,).
+
+        ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
+        """
+        if not self.structure.winches:
+            return self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
+        states = np.zeros(len(self.friction_names))
+        if np.size(friction_states):
+            states[:] = np.ravel(friction_states)
+        given = [np.asarray(v, dtype=float) for v in (q, u, self.p_nominal)]
+        history = [np.append(states, 0.0)] if states.size else []
+        lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
+        return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]
+
+    @cached_property
+    def _tensions(self) -> ca.Function:
+        return self._function("tensions", "x u p", tensions=list(self._equations.tendons.tensions))
+
+    def tensions(self) -> ca.Function:
+        """``(x, u, p) -> tensions``: of each tendon at its drive [N]; of fingers with tendon friction or winches."""
+        return self._tensions
 
     @cached_property
     def _sliding(self) -> ca.Function:

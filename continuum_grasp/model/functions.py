@@ -87,6 +87,8 @@ class Functions(Remade, Summarized):
         sources = zip(eq.commanded, eq._structure.sources, strict=True)
         lagged = [drive.moment for drive, source in sources if source.time_constant is not None]
         commanded = ca.vertcat(*(value for moment in lagged for value in (ca.SX(moment), 0.0)))
+        # What is wound up is not commanded at rest (``tendons_at_rest``), and nothing of this depends on it.
+        commanded = ca.vertcat(commanded, ca.SX.zeros(eq.lag.numel() - commanded.numel()))
         return list(ca.substitute(expressions, [eq.lag], [commanded]))
 
     @cached_property
@@ -98,7 +100,7 @@ class Functions(Remade, Summarized):
         x, u, w, p = arguments = [ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp"]
         rates, lagging = sweep_function(Builder(eq))(x, u, w, p)
         n = eq.q.numel()
-        xd = ca.vertcat(x[n : 2 * n], rates, self._drive_rates(x, u, p) if eq.z.numel() else lagging)
+        xd = ca.vertcat(x[n : 2 * n], rates, self._drive_rates(x, u, p) if eq.drives_feel_motion else lagging)
         return ca.Function("forward_dynamics", arguments, [xd], ["x", "u", "w", "p"], ["xd"])
 
     def _drive_rates(self, x: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
@@ -128,7 +130,7 @@ class Functions(Remade, Summarized):
         part, n = ca.MX.sym("part"), eq.q.numel()
         if self.sweeps:
             rates, lagging = sweep_function(Builder(eq, implicit=True))(x, u, w, p, part, x[n : 2 * n])
-            driven = self._drive_rates(x, u, p) if eq.z.numel() else lagging
+            driven = self._drive_rates(x, u, p) if eq.drives_feel_motion else lagging
             k = ca.vertcat(x[n : 2 * n] + part * rates, rates, driven)
         else:
             symbol = ca.SX.sym("part")

@@ -17,8 +17,10 @@ from continuum_grasp.model.family import Array, Family, Mesh, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
+from continuum_grasp.model.winches import winches_of
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -64,6 +66,8 @@ class Structure:
             breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
             self.lengths = element_lengths(profile, breaks, None)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger)
+        if self.finger.winches:
+            self._check_within_arms()
         self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
         self.accuracy = choices.number("accuracy")
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
@@ -74,6 +78,7 @@ class Structure:
         self.sources = self._sources()
         self.mesh = self._mesh()
         self.family = self._make_family()
+        self.winches = winches_of(self.finger.tendon_list, self.length)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
         self.n = self.family.size - len(self.family.known)
@@ -93,6 +98,17 @@ class Structure:
                 )
         if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
+
+    def _check_within_arms(self) -> None:
+        """Refuse bends that would turn the path of a tendon on a winch inside out."""
+        arm = max(abs(at) for tendon in self.finger.tendon_list for at in ends(tendon.offset))
+        for k, (reach, h) in enumerate(zip(self.ranges, self.lengths, strict=True)):
+            if arm * reach >= h:
+                raise InputError(
+                    f"element {k + 1} may bend by {reach:.3g} rad, to a radius of {h / reach:.3g} m, within the "
+                    f"tendons' offset of {arm:.3g} m: expected a smaller range",
+                    key="bending_range",
+                )
 
     def check_initial(self, initial: Initial) -> None:
         """Raise InputError where coordinates or rates at time zero are not as many as the model has."""
@@ -149,13 +165,19 @@ class Structure:
         return self.family.coordinates(flat[:, 0], flat)[: self.n]
 
     def lag_at(self, u: Sequence[float]) -> list[float]:
-        """States of the lag of the tendons that has reached an input (nu)."""
-        drives, found = max(self.inputs.tendons, 1), []
+        """States of the lag of the tendons that has reached an input (nu); see `FingerModel.drives_at`."""
+        drives, found = max(self.inputs.drives, 1), []
         for source in self.sources:
             if source.time_constant is not None:
                 driven, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], drives)
                 found += [float(driven), 0.0]
         return found
+
+    @property
+    def drive_states(self) -> int:
+        """Number of states of lags, winches and motors."""
+        lagged = sum(source.time_constant is not None for source in self.sources)
+        return 2 * lagged + sum(winch.states for winch in self.winches)
 
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
         limits = [math.inf] * self.family.size
@@ -211,8 +233,7 @@ class Structure:
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         if self.matched and self.needs_free_tip:
-            why = {"tendon friction": self.has_tendon_friction, "stops": self.finger.stops is not None}
-            what = next((word for word, there in why.items() if there), "a body at the tip that turns with it")
+            what = "tendon friction" if self.has_tendon_friction else self.finger.why_free_tip
             raise InputError(
                 f"{self.family_name} cannot carry {what} (the moment at the tip then depends on the whole motion): use "
                 f"family {default_family(free_tip=True)}",
@@ -234,7 +255,11 @@ class Structure:
         for k, load in enumerate(self.loads):
             if self._is_input(load):
                 names.append(f"tip_couple_{next(tip)}" if self.on_tip(load.at) else f"load_{k + 1}_moment")
-        return InputLayout(len(self.finger.tendon_list), tuple(names), input_rates)
+        drives = self.finger.winches
+        if not drives:
+            return InputLayout(len(self.finger.tendon_list), tuple(names), input_rates)
+        taken = {"lengths": ("length", "m"), "torques": ("torque", "N m"), "currents": ("current", "A")}
+        return InputLayout(len(drives), tuple(names), False, taken[drives[0].key])
 
     def _is_input(self, load: Load) -> bool:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
@@ -243,9 +268,12 @@ class Structure:
     def _sources(self) -> tuple[Source, ...]:
         """What gives bending moments, one per shape."""
         whole = Curve.uniform(self.length, 1.0)
-        drives = max(self.inputs.tendons, 1)
-        own = self.has_tendon_friction
-        found = [Source(c.shape, c.arms, (), c.time_constant, k if own else None) for k, c in enumerate(self.channels)]
+        drives = max(self.inputs.drives, 1)
+        wound = bool(self.finger.winches)
+        own = self.has_tendon_friction or wound
+        found = [
+            Source(c.shape, c.arms, (), c.time_constant, k if own else None, wound) for k, c in enumerate(self.channels)
+        ]
         if not found:
             found = [Source(whole, (1.0,), (), None)]
         couples = [load for load in self.loads if self._is_input(load)]
@@ -261,8 +289,9 @@ class Structure:
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Shapes of the moments of the tendons; one per tendon with friction, by which their tensions differ."""
-        return channels(self.length, self.finger.tendon_list, apart=self.has_tendon_friction)
+        """Shapes of the moments of the tendons; one per tendon where friction or winches make their tensions differ."""
+        apart = self.has_tendon_friction or bool(self.finger.winches)
+        return channels(self.length, self.finger.tendon_list, apart=apart)
 
     def _cell_sets(self) -> tuple[CellSet, ...]:
         if not self.has_tendon_friction:
@@ -334,6 +363,8 @@ class Structure:
             if tendon is not None:
                 name, unit = f"tension_{tendon + 1}", "N"
             self.x_names += [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"]
+        for k, winch in enumerate(self.winches):
+            self.x_names += winch.names(k + 1)
         self.friction_names = [name for k, cells in enumerate(self.cell_sets) for name in cells.names(k + 1)]
         self.x_names += self.friction_names
         self.u_names = self.inputs.labels

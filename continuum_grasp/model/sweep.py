@@ -258,8 +258,8 @@ class Builder:
                 "tip": tip,
                 "tip_rate": tip_rate,
                 "base": [weight.x, weight.y],
-                # Friction states depend on the motion of the finger: their rates are found elsewhere, with these.
-                "lagging": [] if eq.z.numel() else eq.drive_rates,
+                # Friction states and winches depend on the motion of the finger: found elsewhere, with these.
+                "lagging": [] if eq.drives_feel_motion else eq.drive_rates,
             },
         )
 

@@ -196,7 +196,7 @@ class System(Functions):
         """
         bends, rates, inputs = (_vector(*v) for v in (("q", q, self.n), ("qd", qd, self.n), ("u", u, self.nu)))
         made = self.finger_model.structure
-        x = [*bends, *rates, *made.lag_at(inputs), *[0.0] * made.friction_states]
+        x = [*bends, *rates, *self.finger_model.drives_at(bends, inputs), *[0.0] * made.friction_states]
         start = self._equations.body.start if self._equations.body else []
         if pose is not None:
             given = np.asarray(pose, dtype=float).ravel()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from continuum_grasp.model.family import nodes_of
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import (
@@ -20,6 +22,22 @@ from continuum_grasp.model.tendon_friction import (
     shares,
     state_rate,
 )
+from continuum_grasp.model.winches import compliance, soft, soft_integral
+
+_LITTLE = 1e-3
+"""Tension that keeps a mean over slack tendons finite [N]."""
+
+
+@dataclass(frozen=True)
+class Pulls:
+    """What drives give the tendons: tensions at the base [N], or cable that is wound up [m] and its rates.
+
+    Tensions may be a function of the compliances of the tendons [m/N].
+    """
+
+    tensions: Sequence[Scalar] | Callable[[Sequence[Scalar]], Sequence[Scalar]] = ()
+    wound: Sequence[Scalar] = ()
+    rates: Sequence[Scalar] = ()
 
 
 class TendonForces:
@@ -32,8 +50,8 @@ class TendonForces:
         Of the elements [m].
     full, rates : sequence of Scalar
         Full coordinates and their rates.
-    tensions : sequence of Scalar
-        Of each tendon at the base [N].
+    pulls : Pulls
+        Of each tendon, at its drive.
     states : sequence of Scalar
         Friction states.
     moved : Scalar, optional
@@ -48,12 +66,12 @@ class TendonForces:
         lengths: Sequence[Scalar],
         full: Sequence[Scalar],
         rates: Sequence[Scalar],
-        tensions: Sequence[Scalar],
+        pulls: Pulls,
         states: Sequence[Scalar],
         moved: Scalar | None = None,
     ) -> None:
         self._made, self._par, self._lengths = structure, structure.parameters, lengths
-        self._full, self._rates, self._tensions, self._states, self._moved = full, rates, tensions, states, moved
+        self._full, self._rates, self._pulls, self._states, self._moved = full, rates, pulls, states, moved
 
     # -- geometry -------------------------------------------------------------------------------------------------
 
@@ -137,28 +155,128 @@ class TendonForces:
         return found
 
     @cached_property
-    def shares(self) -> dict[int, Shares]:
-        """Shares of the tension at the base, per tendon with friction."""
-        found = {}
+    def _frictional(self) -> set[int]:
+        return {tendon for cells in self._made.cell_sets for tendon in cells.tendons}
+
+    @cached_property
+    def shares(self) -> list[Shares]:
+        """Shares of the tensions at the drives, per set."""
+        found = []
         for cells, mu, bends, ways in zip(
             self._made.cell_sets, self._friction, self._bends, self.directions, strict=True
         ):
             inside = ways[-len(bends) :]
-            losses = [way * (mu * bend) for way, bend in zip(inside, bends, strict=True)]
-            conduit = ways[0] * (mu * cells.conduit_bend) if cells.conduit_bend else None
-            for tendon, side in zip(cells.tendons, cells.sides, strict=True):
-                turned = None if conduit is None else side * conduit
-                found[tendon] = shares([side * loss for loss in losses], turned)
+            halves = [(-0.5 * mu) * (way * bend) for way, bend in zip(inside, bends, strict=True)]
+            conduit = ways[0] * (-cells.conduit_bend * mu) if cells.conduit_bend else None
+            found.append(shares(halves, conduit, cells.sides))
         return found
+
+    # -- winches --------------------------------------------------------------------------------------------------
+
+    def _path(self, tendon: int, values: Sequence[Scalar], *, rest: bool) -> Scalar:
+        """How much a tendon is drawn in by a curvature [m]; equal for both of a pair but for its sign."""
+        made, shape = self._made, self._made.own_tendons[tendon].shape
+        works = [made.family.work(k, self._lengths, shape) for k in range(len(self._lengths))]
+        drawn = sum((sum(column) * value for column, value in zip(zip(*works, strict=True), values, strict=True)), 0.0)
+        if rest:
+            drawn += self._drawn_at_rest(tendon)
+        return self.arm(tendon) * drawn
+
+    def _drawn_at_rest(self, tendon: int) -> Scalar:
+        mesh, shape = self._made.mesh, self._made.own_tendons[tendon].shape
+        runtime = self._par.is_runtime("rest_curvature")
+        total: Scalar = 0.0
+        for k, length in enumerate(self._lengths):
+            own = 0.0
+            for s, weights in nodes_of(mesh.panels(k, mesh.rest, shape)):
+                own += float(((1.0 if runtime else mesh.rest(s)) * shape(s)) @ weights)
+            total += own * (length / mesh.lengths[k] if self._par.is_runtime("element_lengths") else 1.0)
+        return self._par["rest_curvature"] * total if runtime else total
+
+    @cached_property
+    def _slack(self) -> list[Scalar]:
+        """Cable wound up beyond taut, per tendon [m]."""
+        return [y - self._path(k, self._full, rest=True) for k, y in enumerate(self._pulls.wound)]
+
+    def _elongations(self, tendon: int) -> tuple[float, list[Scalar]]:
+        """Elongation of the tendon along each of its cells per tension at the base, as a factor [m/N] and shares."""
+        own, passed = next(
+            each for each in zip(self._made.cell_sets, self.shares, strict=True) if tendon in each[0].tendons
+        )
+        unit, found = own.cells[0].length, list[Scalar]()
+        for cell, swell, middle in zip(own.cells, passed.swell, passed.middle[own.tendons.index(tendon)], strict=True):
+            share = swell * middle
+            if abs(cell.length - unit) > 1e-12 * unit:
+                share *= cell.length / unit
+            if self._par.is_runtime("element_lengths"):
+                share *= self._lengths[cell.element] / self._made.lengths[cell.element]
+            found.append(share)
+        return unit / (self._made.finger.tendon_list[tendon].axial_stiffness or 1.0), found
+
+    @cached_property
+    def compliances(self) -> list[Scalar]:
+        """Elongation of each tendon per tension at its drive [m/N]."""
+        found: list[Scalar] = []
+        for k, tendon in enumerate(self._made.finger.tendon_list):
+            if k in self._frictional:
+                unit, shares = self._elongations(k)
+                found.append(unit * sum(shares) + 1.0 / (tendon.series_stiffness or 1.0))
+            else:
+                found.append(compliance(tendon, self._made.length))
+        return found
+
+    @cached_property
+    def _stiffnesses(self) -> list[Scalar]:
+        return [1.0 / c for c in self.compliances]
+
+    @cached_property
+    def tensions(self) -> Sequence[Scalar]:
+        """Of each tendon at its drive [N]."""
+        given = self._pulls.tensions
+        if callable(given):
+            return given(self.compliances)
+        return given or [k * soft(slack) for slack, k in zip(self._slack, self._stiffnesses, strict=True)]
+
+    def drawn(self, tendon: int, tension: Scalar) -> Scalar:
+        """Cable that a taut tendon of a tension [N] is drawn in [m]."""
+        return self._path(tendon, self._full, rest=True) + self.compliances[tendon] * tension
+
+    @cached_property
+    def stored_energy(self) -> Scalar:
+        """Energy of the elongated tendons [J], exactly where they have no friction."""
+        slacks = zip(self._slack, self.compliances, strict=True)
+        return sum((soft_integral(slack) / c for slack, c in slacks), 0.0)
+
+    def _elongating(self, cells: CellSet) -> list[Scalar]:
+        """Per state of a set the sliding by elongation beyond it per presliding [1/s]: on average, by tensions."""
+        # Nothing elongates where a tendon is slack: there its tension, and with it the weight, is none.
+        least = 1.0 / (sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE)
+        each: list[list[Scalar]] = []
+        for tendon, side in zip(cells.tendons, cells.sides, strict=True):
+            moving = self._pulls.rates[tendon] - self._path(tendon, self._rates, rest=False)
+            unit, shares = self._elongations(tendon)
+            weight = (side * unit / cells.presliding) * (least * self.tensions[tendon])
+            rate = weight * (self._stiffnesses[tendon] * moving)
+            each.append([rate * share for share in shares])
+        found: list[Scalar] = []
+        beyond: Scalar = 0.0
+        for grown in reversed([sum(parts) for parts in zip(*each, strict=True)]):
+            found.append(beyond + 0.5 * grown)
+            beyond = beyond + grown
+        return [*([beyond] if cells.conduit_bend else []), *reversed(found)]
 
     @cached_property
     def state_rates(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
         rates, entry = list[Scalar](), 0
         for cells in self._made.cell_sets:
-            arm = self._arm_size(cells)
-            for slid in self._beyond(cells, self._rates, rest=False):
-                rates.append(state_rate(self._states[entry], arm * slid, cells.presliding))
+            # Per presliding, which saves products.
+            arm = self._arm_size(cells) / cells.presliding
+            sliding = [arm * slid for slid in self._beyond(cells, self._rates, rest=False)]
+            if self._pulls.wound:
+                sliding = [u + v for u, v in zip(sliding, self._elongating(cells), strict=True)]
+            for slid in sliding:
+                rates.append(state_rate(self._states[entry], slid))
                 entry += 1
         return rates
 
@@ -170,28 +288,25 @@ class TendonForces:
         made = self._made
         total: list[list[Scalar]] = [[0.0] * len(made.family.local(k)) for k in range(len(made.lengths))]
         for tendon, source in made.own_tendons.items():
-            pull = self.arm(tendon) * self._tensions[tendon]
-            if tendon not in self.shares:
+            pull = self.arm(tendon) * self.tensions[tendon]
+            if tendon not in self._frictional:
                 for k, forces in enumerate(total):
                     work = made.family.work(k, self._lengths, source.shape)
                     for i, a in enumerate(made.family.local(k)):
                         forces[i] += pull * work[a]
-        for cells in made.cell_sets:
-            pulls = [self.arm(tendon) * self._tensions[tendon] for tendon in cells.tendons]
-            own = [self.shares[tendon] for tendon in cells.tendons]
+        for cells, passed in zip(made.cell_sets, self.shares, strict=True):
+            size = self._arm_size(cells)
+            pulls = [size * self.tensions[tendon] for tendon in cells.tendons]
             for k, cell in enumerate(cells.cells):
                 # Of all tendons of the set together: they bend by the same shapes.
-                mean = sum((pull * each.mean[k] for pull, each in zip(pulls, own, strict=True)), 0.0)
-                lean: Scalar = 0.0
-                if cell.lean.any():
-                    lean = sum(
-                        (pull * (each.middle[k] * each.loss[k]) for pull, each in zip(pulls, own, strict=True)), 0.0
-                    )
+                parts = [pull * own[k] for pull, own in zip(pulls, passed.middle, strict=True)]
+                mean = passed.swell[k] * sum(side * part for side, part in zip(cells.sides, parts, strict=True))
+                lean = passed.halves[k] * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
                 for i, (work, first) in enumerate(zip(cell.work.tolist(), cell.lean.tolist(), strict=True)):
                     forces[i] += scale[i] * work * mean
                     if first != 0.0:
-                        forces[i] -= scale[i] * first * lean
+                        forces[i] += (2.0 * first * scale[i]) * lean
         return total
 
     @cached_property

@@ -150,9 +150,9 @@ def clipped(z: Scalar) -> Scalar:
     return ca.fmin(ca.fmax(z, -1.0), 1.0)
 
 
-def state_rate(z: Scalar, sliding: Scalar, presliding: float) -> Scalar:
-    """Rate of a friction state [1/s] of a sliding [m/s]."""
-    return sliding * (1.0 / presliding) - (z - clipped(z)) * (1.0 / RETURN_TIME)
+def state_rate(z: Scalar, sliding: Scalar) -> Scalar:
+    """Rate of a friction state [1/s] of a sliding per presliding [1/s]."""
+    return sliding - (z - clipped(z)) * (1.0 / RETURN_TIME)
 
 
 def rounded(bend: Scalar, share: float) -> Scalar:
@@ -163,22 +163,29 @@ def rounded(bend: Scalar, share: float) -> Scalar:
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of a tendon's tension at the base: mean along each cell, in its middle, and its loss across it in logs."""
+    """Shares of the tensions at the drives of tendons that slide alike: with half the gain of each cell in logarithms.
 
-    mean: list[Scalar]
-    middle: list[Scalar]
-    loss: list[Scalar]
+    ``middle`` has those in the middle of the cells, per tendon; the means along the cells are these times ``swell``.
+    """
+
+    halves: list[Scalar]
+    swell: list[Scalar]
+    middle: list[list[Scalar]]
 
 
-def shares(losses: Sequence[Scalar], conduit: Scalar | None) -> Shares:
-    """Shares by the losses across the cells, and across a conduit before them."""
-    mean: list[Scalar] = []
-    middle: list[Scalar] = []
-    entering: Scalar = 1.0 if conduit is None else ca.exp(-1.0 * conduit)
-    for loss in losses:
-        half = ca.exp(-0.5 * loss)
-        middle.append(entering * half)
-        # sinh(x / 2) / (x / 2): the mean of the exponential over its value in the middle.
-        mean.append(middle[-1] * (1.0 + loss * loss * (1.0 / 24.0)))
-        entering = middle[-1] * half
-    return Shares(mean, middle, list(losses))
+def shares(halves: Sequence[Scalar], conduit: Scalar | None, sides: Sequence[float]) -> Shares:
+    """Shares by half the gains across the cells, in logarithms, and by the gain across a conduit before them.
+
+    All are those of a tendon on the -X side; on the other one friction acts the other way.
+    """
+    passed = [ca.exp(half) for half in halves]
+    before = 1.0 if conduit is None else ca.exp(conduit)
+    middle: list[list[Scalar]] = []
+    for side in sides:
+        entering, own = before if side > 0.0 else 1.0 / before, list[Scalar]()
+        for share in passed:
+            own.append(entering * share if side > 0.0 else entering / share)
+            entering = own[-1] * share if side > 0.0 else own[-1] / share
+        middle.append(own)
+    # sinh(x / 2) / (x / 2): the mean of the exponential over its value in the middle.
+    return Shares(list(halves), [1.0 + half * half * (1.0 / 6.0) for half in halves], middle)

@@ -157,6 +157,10 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
     actuation, tensions = scene.actuation, None
+    if scene.finger.winches:
+        raise InputError(
+            "the exact rod knows commanded tensions alone: leave the drive out", key="finger.tendons.drive"
+        )
     if actuation is not None and actuation.tip_moment is not None:
         couples.append((length, _at_zero(actuation.tip_moment)[0]))
     if actuation is not None and actuation.tensions is not None:

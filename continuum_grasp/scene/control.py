@@ -48,6 +48,7 @@ class ControlScene(FingerScene):
     """How long the closed loop runs [s]."""
 
     def _check(self) -> None:
+        self.finger.check_commands_tensions("finger", "controllers")
         self.controller.input.check(self.finger, "controller.input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for controllers: give family and elements")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.rod import Rod
@@ -268,9 +269,33 @@ class Finger(Value):
         return self.tendon_friction > 0.0
 
     @property
+    def winches(self) -> tuple[LengthDrive | MotorDrive, ...]:
+        """Winches and motors of the tendons, those on one pulley once; none where tensions are commanded."""
+        found = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
+        return found[:1] if found and found[0].arrangement == "one_pulley" else found
+
+    def check_commands_tensions(self, key: str, what: str) -> None:
+        """Refuse winches and motors for ``what``, of a finger at ``key``."""
+        if self.winches:
+            raise ValueError(
+                f"{key}.tendons.drive: {what} know commanded tensions alone, got drive.kind: {self.winches[0].kind}; "
+                "leave it out"
+            )
+
+    @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        return self.has_tendon_friction or self.stops is not None or self._tip_bears_moments
+        return bool(self.has_tendon_friction or self.winches or self.stops is not None or self._tip_bears_moments)
+
+    @property
+    def why_free_tip(self) -> str:
+        """What a matched tip cannot carry, where the finger has it."""
+        why = {
+            "tendon friction": self.has_tendon_friction,
+            f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
+            "stops": self.stops is not None,
+        }
+        return next((word for word, there in why.items() if there), "a body at the tip that turns with it")
 
     @property
     def _tip_bears_moments(self) -> bool:
@@ -282,10 +307,8 @@ class Finger(Value):
     def check_family(self, key: str, family: str) -> None:
         """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does."""
         if FAMILIES[family].matches_tip and self.needs_free_tip:
-            why = {"tendon friction": self.has_tendon_friction, "stops": self.stops is not None}
-            what = next((word for word, there in why.items() if there), "a body at the tip that turns with it")
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
-            raise ValueError(f"{key}: {family} cannot carry {what}; use {free}")
+            raise ValueError(f"{key}: {family} cannot carry {self.why_free_tip}; use {free}")
 
     def with_tendons(self, **changes: float | None) -> Self:
         """The same with changes of every tendon; of a finger without tendons, itself."""

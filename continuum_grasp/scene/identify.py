@@ -178,6 +178,7 @@ class IdentifyScene(Scene):
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
     def _check(self) -> None:
+        self.finger.check_commands_tensions("finger", "identifications")
         if self.object is not None:
             raise ValueError("object has no place here: measurements are of the finger alone")
         names = [one.name for one in self.estimate]

@@ -71,12 +71,26 @@ Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 
 class Actuation(Value):
-    """The input of the finger: the tip moment, or the tensions of its tendons."""
+    """The input of the finger: the tip moment, or what the drives of its tendons take."""
 
     tip_moment: Annotated[Real | Samples, Unit("N m")] | None = None
     """Tip moment [N m], for a finger without tendons."""
     tensions: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N")] | None = None
     """Tension of each tendon [N], for a finger with tendons: F1, F2 of a pair."""
+    lengths: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("m")] | None = None
+    """Cable that each winch winds up [m], for tendons with ``drive.kind: length``."""
+    torques: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N m")] | None = None
+    """Torque of each motor at the drum [N m], for tendons with ``drive.kind: motor``."""
+    currents: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("A")] | None = None
+    """Current of each motor [A], where its drive has a ``torque_constant``."""
 
     def _check(self) -> None:
-        check_one_given(self, "tip_moment", "tensions")
+        check_one_given(self, "tip_moment", "tensions", "lengths", "torques", "currents")
+
+    @property
+    def given(self) -> tuple[str, tuple[float | Samples, ...]]:
+        """Key of the commands, and the commands: one per drive, or the tip moment alone."""
+        for key in ("tensions", "lengths", "torques", "currents"):
+            if getattr(self, key) is not None:
+                return key, getattr(self, key)
+        return "tip_moment", (self.tip_moment or 0.0,)

@@ -208,6 +208,7 @@ class PlanScene(FingerScene):
     """How the plan is tried on a finer model."""
 
     def _check(self) -> None:
+        self.finger.check_commands_tensions("finger", "plans")
         self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")

@@ -187,6 +187,8 @@ class Scene(FingerScene):
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
+        if self.fidelity.tolerance is not None:
+            self.finger.check_commands_tensions("finger", "models chosen by fidelity.tolerance")
         if self.object is not None and self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not measured with an object; give family and elements")
         lengths, length = self.fidelity.elements, self.finger.rod.length
@@ -194,21 +196,23 @@ class Scene(FingerScene):
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
 
     def _check_actuation(self, actuation: Actuation) -> None:
-        tendons = self.finger.tendon_list
-        if actuation.tensions is None:
-            if tendons:
-                raise ValueError("actuation.tip_moment needs a finger without tendons; give tensions")
-            return
+        tendons, drives, (key, values) = self.finger.tendon_list, self.finger.winches, actuation.given
+        wanted = drives[0].key if drives else "tensions" if tendons else "tip_moment"
+        if key != wanted:
+            kind = f"tendons with drive.kind: {drives[0].kind}" if drives else "tendons" if tendons else "no tendons"
+            raise ValueError(f"actuation.{key} is not what this finger takes, which has {kind}: give {wanted}")
         if not tendons:
-            raise ValueError("actuation.tensions needs finger.tendons; without tendons give tip_moment")
-        if len(actuation.tensions) != len(tendons):
-            raise ValueError(
-                f"actuation.tensions must have one entry per tendon ({len(tendons)}), got {len(actuation.tensions)}"
-            )
-        for k, (tension, tendon) in enumerate(zip(actuation.tensions, tendons, strict=True)):
-            for value in tension.values if isinstance(tension, Samples) else (tension,):
-                if not tendon.min_tension <= value <= tendon.max_tension:
-                    raise ValueError(
-                        f"actuation.tensions[{k}] = {value} N is outside min_tension = {tendon.min_tension} N to "
-                        f"max_tension = {tendon.max_tension} N"
-                    )
+            return
+        if len(values) != (len(drives) or len(tendons)):
+            each = f"drive ({len(drives)})" if drives else f"tendon ({len(tendons)})"
+            raise ValueError(f"actuation.{key} must have one entry per {each}, got {len(values)}")
+        ranges = [(t.min_tension, t.max_tension) for t in tendons]
+        names = "min_tension = {} N to max_tension = {} N"
+        if drives:
+            ranges = [(-math.inf, math.inf) if d.limit is None else (-d.limit, d.limit) for d in drives]
+            names = "what drive.torque_max allows, {:g} to {:g}"
+        for k, (given, (least, most)) in enumerate(zip(values, ranges, strict=True)):
+            for value in given.values if isinstance(given, Samples) else (given,):
+                if not least <= value <= most:
+                    unit = " N" if key == "tensions" else ""
+                    raise ValueError(f"actuation.{key}[{k}] = {value}{unit} is outside {names.format(least, most)}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
@@ -44,12 +45,39 @@ class _Tensions(Value):
     time_constant: TimeConstant | None = None
     """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
     second-order lag. None: the tension is what is commanded."""
+    axial_stiffness: Annotated[Positive, Field(examples=[10e3]), Unit("N")] | None = None
+    """Stiffness EA of the tendon along the finger [N]; needed by drives."""
+    series_stiffness: Annotated[Positive, Field(examples=[3e4]), Unit("N/m")] | None = None
+    """Stiffness of what is between the drive and the finger, free cable, springs, gear, in series [N/m]."""
+    drive: WinchDrive | None = None
+    """A winch or a motor, which need both stiffnesses; None: the tension is commanded."""
 
     def _check(self) -> None:
+        if self.drive is None:
+            for key in ("axial_stiffness", "series_stiffness"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} has no effect where the tension is commanded: give a drive")
+        else:
+            self._check_drive(self.drive)
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
         if self.conduit_bend > 0.0 and self.friction == 0.0:
             raise ValueError("conduit_bend has no effect without friction")
+
+    def _check_drive(self, drive: LengthDrive | MotorDrive) -> None:
+        for key in ("axial_stiffness", "series_stiffness"):
+            if getattr(self, key) is None:
+                raise ValueError(f"{key} is needed: under drive.kind: {drive.kind} the tension follows from it")
+        if self.min_tension > 0.0:
+            raise ValueError(
+                f"min_tension must be zero under drive.kind: {drive.kind}, which cannot maintain one; see "
+                "drive.pretension"
+            )
+        if self.time_constant is not None:
+            raise ValueError(
+                f"time_constant is that of commanded tensions; under drive.kind: {drive.kind} leave it out"
+                + ("" if isinstance(drive, MotorDrive) else ", drive has its own")
+            )
 
 
 class Tendons(_Tensions):
@@ -109,6 +137,7 @@ def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -
                 f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
                 "for tendons that are nearly parallel to the backbone"
             )
+    _check_drives(singles, keys)
     for first, *others in alike(singles, length):
         for k in others:
             if singles[k].time_constant != singles[first].time_constant:
@@ -116,6 +145,30 @@ def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -
                     f"{keys[k]}.time_constant differs from that of {keys[first]}, which runs alike: their moments add "
                     "up before they lag"
                 )
+
+
+def _check_drives(tendons: tuple[Tendon, ...], keys: list[str]) -> None:
+    """Refuse drives that do not go together."""
+    if not tendons:
+        return
+    first = tendons[0].drive
+    for key, tendon in zip(keys[1:], tendons[1:], strict=True):
+        kinds = [None if drive is None else (drive.key, drive.arrangement) for drive in (first, tendon.drive)]
+        if kinds[0] != kinds[1]:
+            raise ValueError(f"{key}.drive: all tendons of a finger need the same kind of drive, input and arrangement")
+    if first is None or first.arrangement == "per_tendon":
+        return
+    if len(tendons) != 2:
+        raise ValueError(f"{keys[0]}.drive.arrangement: one_pulley needs two tendons, there are {len(tendons)}")
+    names = ("friction", "axial_stiffness", "series_stiffness", "to", "drive")
+    for name in names:
+        if getattr(tendons[0], name) != getattr(tendons[1], name):
+            raise ValueError(f"{keys[1]}.{name} must be that of the other tendon on one_pulley")
+    if any(abs(a + b) > _SAME * abs(a) for a, b in zip(*(ends(t.offset) for t in tendons), strict=True)):
+        raise ValueError(
+            f"{keys[1]}.offset: one_pulley needs tendons at equal distances on both sides: it winds up the one by as "
+            "much as it pays out the other"
+        )
 
 
 def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) -> list[list[int]]:

@@ -67,8 +67,9 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0], **friction).q
     elif initial.pose == "straight":
         q = model.structure.straight()
-    # The lag has reached what the tensions command at time zero: nothing moves because of it.
-    return np.concatenate([q, qd, model.structure.lag_at(u), _friction_states(initial, model, q, u)])
+    # Drives have reached what is commanded at time zero: nothing moves because of them.
+    friction_states = _friction_states(initial, model, q, u)
+    return np.concatenate([q, qd, model.drives_at(q, u, friction_states), friction_states])
 
 
 def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -> Array:

@@ -92,10 +92,8 @@ class Signals:
 
     def _actuation(self, scene: Scene) -> list[float | Samples]:
         if scene.actuation is None:
-            return [0.0] * (max(self._model.structure.inputs.tendons, 1))
-        if scene.actuation.tensions is not None:
-            return list(scene.actuation.tensions)
-        return [scene.actuation.tip_moment if scene.actuation.tip_moment is not None else 0.0]
+            return [0.0] * (max(self._model.structure.inputs.drives, 1))
+        return list(scene.actuation.given[1])
 
     @property
     def constant(self) -> bool:

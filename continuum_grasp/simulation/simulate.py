@@ -28,7 +28,7 @@ from continuum_grasp.simulation.spectrum import (
     spectral_radius,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
+from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text, tension_warnings
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -142,7 +142,8 @@ class _Run:
         half, contacts = self._model.finger.profile.half_thickness, result.contacts
         overlap = overlap_text(result.t, contacts, result.overlap, half) if contacts is not None else ""
         through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
-        warnings = (*at_start, *jumps, *inexact, *limits, *((through,) if overlap else ()))
+        pulled = tension_warnings(self._model.finger, result.t, result.tensions)
+        warnings = (*at_start, *jumps, *inexact, *limits, *pulled, *((through,) if overlap else ()))
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,8 @@ TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 _SLIDING = 1.5
 """A friction state beyond its range [1], as of a tendon that slides."""
+_TAUT = 1.0
+"""Tension of tendons that are taut [N]: what is stiff about them does not depend on it."""
 _POSES = 12
 """Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
@@ -110,8 +113,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     Infinite where the model's numbers are not finite. Velocities are left out.
     """
     model = core.model
-    if model.friction_names:
-        return _radius_with_friction(core, np.atleast_2d(q), u, w, p)
+    if model.structure.own_tendons:
+        return _radius_of_tendons(core, np.atleast_2d(q), u, w, p)
     lags = [channel.time_constant for channel in model.finger.channels]
     largest = max((1.0 / lag for lag in lags if lag is not None), default=0.0)
     for shape in np.atleast_2d(q):
@@ -124,14 +127,19 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     return largest
 
 
-def _radius_with_friction(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
-    """The same of a finger whose tendons have friction: stuck, where they are stiffest, and sliding."""
+def _radius_of_tendons(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+    """The same of a finger whose tendons have friction, or are wound up.
+
+    With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them slack.
+    """
     model, largest = core.model, 0.0
     states = len(model.friction_names)
     for shape in q:
-        x = np.concatenate([shape, np.zeros(model.n), model.structure.lag_at(u), np.zeros(states)])
-        for sliding in (0.0, _SLIDING):
-            x[len(x) - states :] = sliding
+        drives = [model.drives_at(shape, u)]
+        if model.structure.winches:
+            drives.append(model.drives_at(shape, u, pulled=_TAUT))
+        for lag, sliding in product(drives, (0.0, _SLIDING) if states else (0.0,)):
+            x = np.concatenate([shape, np.zeros(model.n), lag, np.full(states, sliding)])
             slope = core.linearization(x, u, w, p)[0]
             if not np.all(np.isfinite(slope)):
                 return math.inf

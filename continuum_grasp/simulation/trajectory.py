@@ -15,6 +15,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
@@ -63,6 +64,7 @@ class Trajectory(MotionResult):
             "",
             "pose of the object: x, y [m], angle [rad], and height [m] if it slides out",
         ),
+        Stored("tensions", "(time, tendon)", "N", "tensions at the drives, of tendons with friction or on winches"),
         *CONTACTS_STORED,
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
@@ -72,6 +74,7 @@ class Trajectory(MotionResult):
         Dimension("force_component", "forces and moments that act, in the world's axes", "w_names"),
         XY,
         POSE,
+        Dimension("tendon", "tendons, that on the -X side first", "tendon_numbers"),
         CONTACT,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
@@ -144,6 +147,19 @@ class Trajectory(MotionResult):
     def tip(self) -> Array:
         """Tip positions (T, 2) [m]."""
         return np.asarray(self.core.batch("tip", self.q, self.acting, None))
+
+    @property
+    def tendon_numbers(self) -> NDArray[np.int64]:
+        """Numbers of the tendons, from one."""
+        return np.arange(1, len(self.model.finger.tendon_list) + 1)
+
+    @cached_property
+    def tensions(self) -> Array | None:
+        """Tensions at the drives (T, tendons) [N] of tendons with friction or on winches; None of others."""
+        if not self.model.structure.own_tendons:
+            return None
+        columns = self.x[:, : self.model.nx].T, self.u.T, np.tile(np.array(self.model.p_nominal)[:, None], len(self.t))
+        return np.array(self.model.tensions()(*columns)).T
 
     @cached_property
     def _energies(self) -> tuple[Array, Array]:
@@ -265,6 +281,25 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     return acting
 
 
+def tension_warnings(finger: Finger, t: Array, tensions: Array | None) -> tuple[str, ...]:
+    """What the user must know of tensions (T, tendons) [N] that winches and motors leave to the motion."""
+    found = []
+    for k, tendon in enumerate(finger.tendon_list if finger.winches and tensions is not None else ()):
+        own = tensions[:, k] if tensions is not None else t
+        high, slack = np.flatnonzero(own > tendon.max_tension), own < _SLACK
+        if high.size:
+            found.append(
+                f"tendon {k + 1} exceeds max_tension = {tendon.max_tension:g} N at t = {t[high[0]]:g} s (greatest: "
+                f"{own.max():.3g} N)"
+            )
+        begins = np.flatnonzero(slack[1:] & ~slack[:-1])
+        if begins.size:
+            found.append(f"tendon {k + 1} goes slack at t = {t[begins[0] + 1]:g} s: nothing pulls there")
+    return tuple(found)
+
+
+_SLACK = 1e-6
+"""Tension below which a tendon is slack [N]."""
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 _THROUGH = 0.5

@@ -76,7 +76,10 @@ WRONG = {
         lambda: cg.Samples(times=(0.0, 1e-12), values=(1.0, 2.0)),
         "Samples: times: times must be 1e-9 s",
     ),
-    "actuation": (lambda: cg.Actuation(), "Actuation: give exactly one of tip_moment and tensions"),
+    "actuation": (
+        lambda: cg.Actuation(),
+        "Actuation: give exactly one of tip_moment, tensions, lengths, torques and currents",
+    ),
     "object": (lambda: Circle(shape="circle", diameter=0.0, mass=1, position=(0, 0)), "Circle: diameter: out of range"),
     "contacts": (
         lambda: GraspContacts(friction=0.5, normal_force_max=1.0, middle_range=(0.1, 0.05)),

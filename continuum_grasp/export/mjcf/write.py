@@ -155,6 +155,11 @@ def _refuse(scene: Scene) -> None:
             "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
             key="out_of_plane_gravity",
         )
+    if scene.finger.winches:
+        raise InputError(
+            "winches and motors are not exported: leave the drive out, so that tensions are commanded",
+            key="finger.tendons.drive",
+        )
     if scene.finger.has_tendon_friction:
         raise InputError(
             "MuJoCo's tendons have the same tension all along, without friction in their guides: set friction to 0",

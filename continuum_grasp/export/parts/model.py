@@ -24,6 +24,11 @@ from continuum_grasp.model.tendon_friction import direction
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""
     text = "Rate of change xd of the state x; equation of motion."
+    if subject.model.structure.winches:
+        raise InputError(
+            "winches and motors are not exported: leave the drive out, so that tensions are commanded",
+            key="finger.tendons.drive",
+        )
     if subject.model.sweeps and subject.model.friction_names:
         raise InputError(
             f"friction of tendons with {FEWEST_ELEMENTS} elements or more cannot be exported: expected fewer elements",

@@ -1,0 +1,87 @@
+"""What winds the tendons up: winches that follow a commanded length, and motors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
+
+
+class _Winch(Value):
+    """What winches have in common."""
+
+    arrangement: Literal["one_pulley", "per_tendon"] = "per_tendon"
+    """one_pulley: one drive winds up the first of two tendons by as much as it pays out the second; per_tendon: each
+    tendon has a drive of its own."""
+    pretension: Annotated[NonNegative, Unit("N")] = 0.0
+    """Tension of the straight finger while the drives are at zero [N]."""
+    slack: Distance = 0.0
+    """How far a drive must wind up until its tendon is taut on the straight finger [m]."""
+
+    def _check(self) -> None:
+        if self.pretension > 0.0 and self.slack > 0.0:
+            raise ValueError("pretension and slack exclude each other")
+
+
+class LengthDrive(_Winch):
+    """A winch whose servo follows a commanded length."""
+
+    kind: Literal["length"]
+    """A winch that follows a commanded length."""
+    time_constant: TimeConstant
+    """Time constant of the critically damped servo [s]."""
+    rate_max: Annotated[Positive, Field(examples=[0.1]), Unit("m/s")] | None = None
+    """Greatest speed [m/s]; None: not limited."""
+
+    @property
+    def key(self) -> str:
+        """Key of its commands in ``actuation``."""
+        return "lengths"
+
+    @property
+    def limit(self) -> float | None:
+        """Greatest magnitude of a command; None: not limited."""
+        return None
+
+
+class MotorDrive(_Winch):
+    """A motor that turns a winch."""
+
+    kind: Literal["motor"]
+    """A motor under a commanded torque or current."""
+    winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
+    """Cable wound up per angle [m]."""
+    inertia: Annotated[Positive, Field(examples=[2e-6]), Unit("kg m2")]
+    """Moment of inertia at the drum, with that of motor and gear [kg m2]: a gear ratio N multiplies the motor's N^2
+    times."""
+    viscous_friction: Annotated[NonNegative, Unit("N m s")] = 0.0
+    """Torque at the drum per angular velocity [N m s]; a gear ratio N multiplies the motor's N^2 times."""
+    coulomb_friction: Annotated[NonNegative, Unit("N m")] = 0.0
+    """Dry friction at the drum [N m]; a gear ratio N multiplies the motor's N times."""
+    presliding_angle: Annotated[float, Field(ge=1e-6, le=1.0, examples=[0.005]), Unit("rad")] | None = None
+    """Angle within which dry friction turns from one direction to the other, halved [rad]: a drive that holds a load
+    without current, as worm gears do. None: friction by the velocity alone, under which a load creeps."""
+    torque_max: Annotated[Positive, Field(examples=[0.2]), Unit("N m")]
+    """Greatest magnitude of the torque at the drum [N m]."""
+    torque_constant: Annotated[Positive, Field(examples=[0.02]), Unit("N m/A")] | None = None
+    """Torque at the drum per current [N m/A]: the input is then a current. None: the input is the torque."""
+
+    def _check(self) -> None:
+        if self.presliding_angle is not None and self.coulomb_friction == 0.0:
+            raise ValueError("presliding_angle has no effect without coulomb_friction")
+
+    @property
+    def key(self) -> str:
+        """Key of its commands in ``actuation``."""
+        return "torques" if self.torque_constant is None else "currents"
+
+    @property
+    def limit(self) -> float | None:
+        """Greatest magnitude of a command; None: not limited."""
+        return self.torque_max / (self.torque_constant or 1.0)
+
+
+WinchDrive = Annotated[LengthDrive | MotorDrive, Field(discriminator="kind")]

@@ -1,0 +1,248 @@
+"""Winches and motors: closed forms of what they wind up, energy, slack and taut, stiff cables, what is refused."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.simulation import equilibrium_under
+
+LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
+ROD = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
+PASSIVE = {"rod": ROD, "damping": {"material": 3e-5}, "masses": [{"at": LENGTH, "mass": 0.002}]}
+CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
+SERVO = {"kind": "length", "time_constant": 0.02}
+MOTOR = {
+    "kind": "motor",
+    "arrangement": "one_pulley",
+    "pretension": 2.0,
+    "winch_radius": 0.008,
+    "inertia": 2e-6,
+    "viscous_friction": 1e-5,
+    "coulomb_friction": 2e-3,
+    "torque_max": 0.2,
+}
+HOLDING = {**MOTOR, "presliding_angle": 0.005}
+
+
+def finger(drive, **tendons):
+    return cg.Finger(**PASSIVE, tendons={**CABLE, "drive": drive, **tendons})
+
+
+def model(drive, *, elements=2, **tendons):
+    return cg.FingerModel(
+        finger(drive, **tendons), family="clothoid", elements=elements, gravity=(0, 0), bending_range=2.0
+    )
+
+
+def scene(drive, actuation, duration=0.8, *, tendons=None, **time):
+    own = finger(drive, **(tendons or {}))
+    timing = {"duration": duration, "step": 2e-3, **time}
+    return cg.Scene(finger=own, actuation=actuation, time=timing, gravity=[0.0, 0.0], fidelity={"family": "clothoid"})
+
+
+def bend(model, q):
+    return float(np.array(model.bending(q, np.zeros(model.nu), [])).sum())
+
+
+def pulled(model, found, u):
+    """Tensions at rest."""
+    x = [*found.q, *np.zeros(model.n), *model.drives_at(found.q, u, found.friction_states), *found.friction_states]
+    return np.array(model.tensions()(x, u, [])).ravel()
+
+
+@pytest.mark.parametrize("elements", [2, 8])
+def test_length_pulled_is_that_of_the_closed_form(elements):
+    """It is bend (e + EI / (e EA)) + c0 T, of a tendon that slides in at 20 N under friction 0.1."""
+    made = model(SERVO, elements=elements, friction=0.1)
+    u = [13.8255721e-3, -0.02]
+    found = equilibrium_under(made, u, np.zeros(made.nw), reached_by="pulling")
+    assert bend(made, found.q) == pytest.approx(2.58201009, rel=5e-5)
+    assert pulled(made, found, u) == pytest.approx([20.0, 0.0], rel=5e-3)
+
+
+@pytest.mark.parametrize(("at", "gain"), [(LENGTH, 18.0), (LENGTH / 2, 4.5)])
+def test_a_locked_winch_on_a_stiff_cable_feels_a_force_across(at, gain):
+    """The tension grows by F x^2 / (2 e L) on the straight finger."""
+    own = finger(SERVO, axial_stiffness=1e7, series_stiffness=1e9)
+    load = {"kind": "force", "at": at, "force": [0.0, 0.0]}
+    made = cg.FingerModel(
+        own, family="clothoid", elements=4, gravity=(0, 0), loads=[cg.scene.ForceLoad(**load)], tip_force=False
+    )
+    u = [1e-4, -0.01]
+    tensions = [pulled(made, equilibrium_under(made, u, [force, 0.0]), u)[0] for force in (0.0, 0.01)]
+    assert np.diff(tensions)[0] / 0.01 == pytest.approx(gain, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    "drive", [MOTOR, HOLDING, {**MOTOR, "arrangement": "per_tendon"}, {**MOTOR, "slack": 1e-3, "pretension": 0.0}]
+)
+def test_energy_balances(drive):
+    """Kinetic, elastic and cable energy grow by the power of the motors less friction and damping."""
+    made = model(drive)
+    eq = made._equations
+    rate = made.forward_dynamics(eq.x, eq.u, eq.w, eq.p)
+    slopes = ca.gradient(eq.kinetic_energy + eq.potential_energy, eq.x)
+    damped = ca.dot(ca.vertcat(*eq.damping), eq.qd)
+    balance = ca.Function(
+        "balance", [eq.x, eq.u, eq.w], [ca.dot(slopes, rate), damped, ca.sum1(ca.fabs(slopes * rate))]
+    )
+    rng, winches = np.random.default_rng(1), made.structure.winches
+    size = np.concatenate(
+        [np.full(made.n, 8.0), np.full(made.n, 50.0)] + [[1.0, 5.0, 1.0][: w.states] for w in winches]
+    )
+    for _ in range(300):
+        x, u = rng.normal(size=made.nx) * size, rng.uniform(-0.2, 0.2, made.nu)
+        gained, damping, scale = (float(v) for v in balance(x, u, np.zeros(made.nw)))
+        power, at = -damping, 2 * made.n
+        for winch, torque in zip(winches, u, strict=True):
+            speed = x[at + 1]
+            way = speed / np.hypot(speed, 0.05)
+            if winch.states == 3:
+                y = np.clip(x[at + 2], -1.0, 1.0)
+                way = 1.5 * y - 0.5 * y**3
+            power += (torque - 1e-5 * speed - 2e-3 * way) * speed
+            at += winch.states
+        assert gained == pytest.approx(power, abs=2e-13 * scale)
+
+
+def test_a_servo_neither_overshoots_nor_exceeds_its_rate():
+    for reach in (0.001, 0.02):
+        drive = {**SERVO, "rate_max": 0.1, "slack": 0.05}
+        rise = {"times": [0.0, 1e-3], "values": [0.0, reach], "interpolation": "linear"}
+        motion = cg.simulate(scene(drive, {"lengths": [rise, 0.0]}))
+        y, v = motion.x[:, 2 * motion.n], motion.x[:, 2 * motion.n + 1]
+        assert y.max() <= reach * (1 + 1e-6)
+        assert y[-1] == pytest.approx(reach, rel=1e-4)
+        assert v.max() <= 0.1 * (1 + 1e-9)
+
+
+PULL = {"times": [0.0, 0.2, 0.4], "values": [0.0, 0.01, 0.0]}
+
+
+def test_slack_forgets_and_comes_taut_again():
+    """Wound up and let out beyond slack, with friction: tensions never push, and nothing is left of them."""
+    motion = cg.simulate(
+        scene(
+            {**SERVO, "slack": 1e-3},
+            {"lengths": [{"times": [0.0, 0.2, 0.4, 0.7], "values": [0.0, 0.01, -0.002, 0.01]}, -0.01]},
+            1.2,
+            tendons={"friction": 0.2},
+        )
+    )
+    assert motion.tensions.min() > -1e-12
+    first = motion.tensions[:, 0]
+    assert np.ptp(first[(motion.t > 0.405) & (motion.t < 0.43)]) < 1e-9
+    assert first[-1] > 1.0
+    assert any("goes slack" in text for text in motion.warnings)
+
+
+def test_mirrored_windings_move_mirrored():
+    ends = []
+    for lengths in ([PULL, -0.01], [-0.01, PULL]):
+        motion = cg.simulate(scene(SERVO, {"lengths": lengths}, 0.5, tendons={"friction": 0.15}))
+        ends.append(motion.q[-1])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-7)
+
+
+@pytest.mark.parametrize("cable", [1e4, 1e5])
+@pytest.mark.parametrize("friction", [0.0, 0.15])
+def test_implicit_steps_of_milliseconds_follow_stiff_cables(cable, friction):
+    def motion(**time):
+        stiff = {"axial_stiffness": 1e5, "series_stiffness": cable, "friction": friction}
+        drive = {**SERVO, "rate_max": 0.1}
+        return cg.simulate(scene(drive, {"lengths": [PULL, -0.011]}, 0.5, tendons=stiff, **time))
+
+    exact = motion(step=1e-3, method="reference").tip
+    for step, error in ((1e-3, 5e-5), (5e-3, 2e-3)):
+        found = motion(step=step, method="rodas").tip
+        assert found == pytest.approx(exact[:: round(step / 1e-3)], abs=error * LENGTH)
+
+
+def test_dry_friction_with_a_memory_holds_a_load_without_current():
+    """What is wound up stays where it is when the torque ceases; by the velocity alone it creeps."""
+    worm = {"coulomb_friction": 0.05, "viscous_friction": 1e-3, "pretension": 0.5}
+    torque = {"times": [0.0, 0.2, 0.4], "values": [0.0, 0.1, 0.0]}
+    crept = []
+    for drive in ({**HOLDING, **worm}, {**MOTOR, **worm}):
+        motion = cg.simulate(scene(drive, {"torques": [torque]}, 3.0))
+        angle = motion.x[:, 2 * motion.n]
+        assert angle[-1] > 0.3
+        crept.append(angle[motion.t == 2.0][0] - angle[-1])
+    assert abs(crept[0]) < 1e-6
+    assert crept[1] > 1e-3
+
+
+def test_motors_at_rest_pull_as_hard_as_their_torque():
+    torque = 0.06
+    for drive, u in ((MOTOR, [torque]), ({**MOTOR, "arrangement": "per_tendon", "pretension": 0.0}, [torque, 0.01])):
+        made = model(drive)
+        found = equilibrium_under(made, u, np.zeros(made.nw))
+        first, second = pulled(made, found, u)
+        assert first - second == pytest.approx((u[0] - (u[1] if len(u) > 1 else 0.0)) / 0.008, rel=1e-9)
+        assert bend(made, found.q) == pytest.approx((first - second) * OFFSET * LENGTH / STIFFNESS, rel=1e-9)
+        # and a motion that starts there stays
+        x = [*found.q, *np.zeros(made.n), *made.drives_at(found.q, u)]
+        assert np.abs(np.array(made.forward_dynamics(x, u, [0.0, 0.0], []))).max() < 1e-5
+
+
+def test_a_current_is_a_torque_by_its_constant():
+    found = [
+        np.array(made.forward_dynamics(np.full(made.nx, 0.1), [value], [0.0, 0.0], []))
+        for made, value in ((model(MOTOR), 0.05), (model({**MOTOR, "torque_constant": 0.02}), 2.5))
+    ]
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
+
+
+def test_winches_cost_what_they_are_worth():
+    def lagged(friction):
+        own = {"offset": OFFSET, "max_tension": 60.0, "time_constant": 0.02, "friction": friction}
+        return cg.FingerModel(cg.Finger(**PASSIVE, tendons=own), family="clothoid", elements=2).instructions
+
+    def cost(**tendons):
+        return cg.FingerModel(finger(SERVO, **tendons), family="clothoid", elements=2).instructions
+
+    assert cost() <= lagged(0.0) + 65
+    assert cost(friction=0.1, friction_cells=1) <= lagged(0.0) + 200
+    assert cost(friction=0.1) <= lagged(0.0) + 340
+
+
+REFUSED = {
+    "no axial stiffness": ({"axial_stiffness": None}, "axial_stiffness is needed"),
+    "no series stiffness": ({"series_stiffness": None}, "series_stiffness is needed"),
+    "least tension": ({"min_tension": 1.0}, "min_tension must be zero"),
+    "lag of tensions": ({"time_constant": 0.02}, "time_constant is that of commanded tensions"),
+    "rate of a motor": ({"drive": {**MOTOR, "rate_max": 0.1}}, "rate_max"),
+    "no torque per current": ({"drive": {**MOTOR, "torque_constant": 0.0}}, "torque_constant"),
+    "taut and slack": ({"drive": {**SERVO, "slack": 1e-3, "pretension": 1.0}}, "exclude each other"),
+    "no drive": ({"drive": None}, "give a drive"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_does_not_go_together_is_refused(name):
+    changes, message = REFUSED[name]
+    with pytest.raises(InputError, match=message):
+        cg.Finger(**PASSIVE, tendons={**CABLE, "drive": SERVO, **changes})
+
+
+def test_a_pulley_needs_tendons_that_go_together():
+    tendons = [{**CABLE, "drive": MOTOR}, {**CABLE, "offset": -0.004, "drive": MOTOR}]
+    with pytest.raises(InputError, match="equal distances"):
+        cg.Finger(**PASSIVE, tendons=tendons)
+
+
+def test_commands_are_those_of_the_drive():
+    for actuation, message in (({"tensions": [1.0, 1.0]}, "give torques"), ({"torques": [0.3]}, "torque_max")):
+        with pytest.raises(InputError, match=message):
+            scene(MOTOR, actuation)
+
+
+def test_a_matched_tip_and_too_much_bend_are_refused():
+    with pytest.raises(InputError, match=r"matched_clothoid cannot carry tendons with drive\.kind: motor"):
+        cg.FingerModel(finger(MOTOR), family="matched_clothoid", elements=2)
+    with pytest.raises(InputError, match="within the tendons' offset"):
+        cg.FingerModel(finger(MOTOR, offset=0.1), family="clothoid", elements=2, bending_range=2.0)
