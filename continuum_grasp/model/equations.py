@@ -364,9 +364,12 @@ class Equations:
         """Tendons that have a tension of their own, of a finger that moves."""
         pulls = Pulls(self._own_tensions(self.drives))
         if self._structure.winches:
-            moving = zip(self._structure.winches, self._winch_states, strict=True)
-            every = [(winch.wound(states[0]), winch.wound_rates(states[1])) for winch, states in moving]
-            pulls = Pulls((), [y for wound, _ in every for y in wound], [v for _, rates in every for v in rates])
+            moving = list(zip(self._structure.winches, self._winch_states, strict=True))
+            pulls = Pulls(wound=[y for winch, states in moving for y in winch.wound(winch.drum(states))])
+            tensions = self._tendons(pulls, self.z).tensions
+            rates = [winch.drum_rate(states, [tensions[k] for k in winch.tendons]) for winch, states in moving]
+            every = [v for (winch, _), rate in zip(moving, rates, strict=True) for v in winch.wound_rates(rate)]
+            pulls = replace(pulls, rates=every)
         return self._tendons(pulls, self.z)
 
     @cached_property
@@ -379,10 +382,12 @@ class Equations:
             pulls = Pulls((), [y for winch, command in commands for y in winch.wound(command)])
         elif winches:
             pulls = Pulls(
-                lambda c: [
+                lambda c, paths: [
                     tension
                     for winch, command in commands
-                    for tension in winch.tensions_at_rest(command, [c[k] for k in winch.tendons])
+                    for tension in winch.tensions_at_rest(
+                        command, [c[k] for k in winch.tendons], [paths[k] for k in winch.tendons]
+                    )
                 ]
             )
         return self._tendons(pulls, self.history[:count], self.history[count] if count else None)
@@ -416,8 +421,9 @@ class Equations:
             at_rest = self.tendons_at_rest
             tensions = [at_rest.tensions[tendon] for tendon in winch.tendons]
             drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
-            position = self.u[k] if winch.follows else winch.position(drawn, tensions)
-            found += [position, *[0.0] * (winch.states - 1)]
+            compliances = [at_rest.compliances[tendon] for tendon in winch.tendons]
+            position = winch.position_at_rest(self.u[k], drawn, tensions, compliances)
+            found += winch.at(position, tensions)
         return found
 
     @property
@@ -426,8 +432,10 @@ class Equations:
         rows: list[list[Scalar]] = []
         for winch in self._structure.winches:
             taut, pulled = (self.tendons_at_rest.drawn(winch.tendons[0], tension) for tension in (0.0, 1.0))
-            rows.append([winch.position([taut], [1.0]), (pulled - taut) / winch.radius])
-            rows += [[0.0, 0.0]] * (winch.states - 1)
+            slope = (pulled - taut) / winch.radius
+            own: list[list[Scalar]] = [[winch.position([taut], [1.0]), slope]]
+            own += [[0.0, 0.0] for _ in range(winch.states - 1)]
+            rows += [*own[:-1], own[0]] if winch.has_backlash else own
         return matrix(rows)
 
     @cached_property

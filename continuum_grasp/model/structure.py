@@ -259,6 +259,7 @@ class Structure:
         if not drives:
             return InputLayout(len(self.finger.tendon_list), tuple(names), input_rates)
         taken = {"lengths": ("length", "m"), "torques": ("torque", "N m"), "currents": ("current", "A")}
+        taken["angles"] = ("angle", "rad")
         return InputLayout(len(drives), tuple(names), False, taken[drives[0].key])
 
     def _is_input(self, load: Load) -> bool:

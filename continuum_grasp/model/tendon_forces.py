@@ -32,10 +32,10 @@ _LITTLE = 1e-3
 class Pulls:
     """What drives give the tendons: tensions at the base [N], or cable that is wound up [m] and its rates.
 
-    Tensions may be a function of the compliances of the tendons [m/N].
+    Tensions may be a function of the compliances of the tendons [m/N] and of their paths, drawn in by the bend [m].
     """
 
-    tensions: Sequence[Scalar] | Callable[[Sequence[Scalar]], Sequence[Scalar]] = ()
+    tensions: Sequence[Scalar] | Callable[[Sequence[Scalar], Sequence[Scalar]], Sequence[Scalar]] = ()
     wound: Sequence[Scalar] = ()
     rates: Sequence[Scalar] = ()
 
@@ -234,7 +234,8 @@ class TendonForces:
         """Of each tendon at its drive [N]."""
         given = self._pulls.tensions
         if callable(given):
-            return given(self.compliances)
+            paths = [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
+            return given(self.compliances, paths)
         return given or [k * soft(slack) for slack, k in zip(self._slack, self._stiffnesses, strict=True)]
 
     def drawn(self, tendon: int, tension: Scalar) -> Scalar:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.tendon_friction import clipped, direction, state_rate
+from continuum_grasp.model.tendon_friction import RETURN_TIME, clipped, direction, state_rate
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.tendons import Tendon
 
@@ -36,6 +36,8 @@ class Winch:
     tendons: tuple[int, ...]
     start: float
     """Cable wound up of the straight finger while the drive is at zero [m], counted from where a tendon is taut."""
+    stiffness: float
+    """Tension per length wound up, of a tendon without friction [N/m]."""
 
     @property
     def radius(self) -> float:
@@ -57,36 +59,91 @@ class Winch:
         if isinstance(self.drive, LengthDrive):
             return [f"length_{number} [m]", f"length_{number}_rate [m/s]"]
         own = [f"motor_angle_{number} [rad]", f"motor_angle_{number}_rate [rad/s]"]
-        return own + [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
+        own += [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
+        return own + [f"drum_angle_{number} [rad]"] * self.has_backlash
 
     @property
     def states(self) -> int:
         """Number of states."""
         return len(self.names(1))
 
+    @property
+    def has_backlash(self) -> bool:
+        """Whether the drum has an angle of its own, its last state."""
+        return isinstance(self.drive, MotorDrive) and self.drive.backlash > 0.0
+
+    def drum(self, states: Sequence[Scalar]) -> Scalar:
+        """Position of what winds up."""
+        return states[-1] if self.has_backlash else states[0]
+
     def wound(self, position: Scalar) -> list[Scalar]:
-        """Cable wound up of each tendon [m] at a position."""
+        """Cable wound up of each tendon [m] at a position of what winds up."""
         return [self.start + (side * self.radius) * position for side in self.sides]
 
     def position(self, drawn: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:
-        """Position where cables [m] are drawn in by tensions [N]: that of the first tendon that is taut."""
-        found = (drawn[0] - self.start) / self.radius
-        if len(drawn) > 1:
-            found = ca.if_else(ca.SX(tensions[0]) > 0.0, found, (self.start - drawn[1]) / self.radius)
+        """Position of what winds up where cables [m] are drawn in by tensions [N]; between them if both are slack."""
+        first = (drawn[0] - self.start) / self.radius
+        if len(drawn) == 1:
+            return first - ca.if_else(ca.SX(tensions[0]) > 0.0, 0.0, SOFT / self.radius)
+        middle, second = (drawn[0] - drawn[1]) / (2.0 * self.radius), (self.start - drawn[1]) / self.radius
+        return ca.if_else(ca.SX(tensions[0]) > 0.0, first, ca.if_else(ca.SX(tensions[1]) > 0.0, second, middle))
+
+    def position_at_rest(
+        self, command: Scalar, drawn: Sequence[Scalar], tensions: Sequence[Scalar], compliances: Sequence[Scalar]
+    ) -> Scalar:
+        """Position of what winds up under a command, of tendons whose paths and elongation [m] draw cable in."""
+        if self.follows:
+            return command
+        found = self.position(drawn, tensions)
+        gain = self.drive.position_gain if isinstance(self.drive, MotorDrive) else None
+        if gain is None or not isinstance(self.drive, MotorDrive):
+            return found
+        paths = [y - c * tension for y, c, tension in zip(drawn, compliances, tensions, strict=True)]
+        angle = self._angle_at_rest(command, compliances, paths)
+        return ca.if_else(ca.fabs(gain * (command - angle)) < self.drive.torque_max, angle, found)
+
+    def at(self, position: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
+        """States at rest where what winds up is, under tensions [N]."""
+        found: list[Scalar] = [position, *[0.0] * (self.states - 1)]
+        if self.has_backlash and isinstance(self.drive, MotorDrive):
+            torque = self._pull(tensions)
+            found[-1] = position
+            found[0] += torque / (self.drive.gear_stiffness or 1.0) + 0.5 * self.drive.backlash * ca.sign(torque)
         return found
 
     def wound_rates(self, speed: Scalar) -> list[Scalar]:
         """Rate of it [m/s]."""
         return [(side * self.radius) * speed for side in self.sides]
 
-    def torque(self, command: Scalar) -> Scalar:
-        """Torque at the drum [N m] of a motor under a command."""
+    def torque(self, command: Scalar, angle: Scalar = 0.0, rate: Scalar = 0.0) -> Scalar:
+        """Torque at the drum [N m] of a motor under a command, where it is and how it turns."""
         drive = self.drive
         if not isinstance(drive, MotorDrive):
             raise TypeError("a winch that follows a length has no torque")
-        per_command = drive.torque_constant or 1.0
-        limit = drive.torque_max / per_command
-        return per_command * ca.fmin(ca.fmax(command, -limit), limit)
+        if drive.position_gain is not None:
+            wanted = drive.position_gain * (command - angle) - drive.rate_gain * rate
+        else:
+            wanted = command if drive.torque_constant is None else drive.torque_constant * command
+        return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
+
+    def _pull(self, tensions: Sequence[Scalar]) -> Scalar:
+        """Torque of the tensions on the drum [N m]."""
+        return self.radius * sum((side * tension for side, tension in zip(self.sides, tensions, strict=True)), 0.0)
+
+    def _of_gear(self, states: Sequence[Scalar]) -> Scalar:
+        """Torque of a gear with play on the drum [N m]."""
+        drive, twist = self.drive, states[0] - states[-1]
+        if not isinstance(drive, MotorDrive) or drive.gear_stiffness is None:
+            raise TypeError("a drive without backlash has no gear")
+        half = 0.5 * drive.backlash
+        return drive.gear_stiffness * (twist - ca.fmin(ca.fmax(twist, -half), half))
+
+    def drum_rate(self, states: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:
+        """Rate of what winds up: a drum without inertia settles between gear and tendons as a friction state does."""
+        if not self.has_backlash or not isinstance(self.drive, MotorDrive):
+            return states[1]
+        stiff = (self.drive.gear_stiffness or 0.0) + 2.0 * self.radius**2 * self.stiffness
+        return (1.0 / (RETURN_TIME * stiff)) * (self._of_gear(states) - self._pull(tensions))
 
     def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
         """Rates of the states under a command and the tensions of its tendons [N]."""
@@ -98,27 +155,49 @@ class Winch:
             if drive.rate_max is not None:
                 wanted = drive.rate_max * ca.tanh((1.0 / drive.rate_max) * wanted)
             return [speed, (2.0 * pole) * (wanted - speed)]
-        torque = self.torque(command) - drive.viscous_friction * speed
-        if rest:
+        torque = self.torque(command, position, speed) - drive.viscous_friction * speed
+        if drive.presliding_angle is not None:
             torque -= drive.coulomb_friction * direction(rest[0])
         elif drive.coulomb_friction > 0.0:
             torque -= drive.coulomb_friction * speed / ca.sqrt(speed * speed + SLOW**2)
-        pull = sum((side * tension for side, tension in zip(self.sides, tensions, strict=True)), 0.0)
-        found = [speed, (1.0 / drive.inertia) * (torque - drive.winch_radius * pull)]
-        return found + [state_rate(z, (1.0 / (drive.presliding_angle or 1.0)) * speed) for z in rest]
+        against = self._of_gear(states) if self.has_backlash else self._pull(tensions)
+        found = [speed, (1.0 / drive.inertia) * (torque - against)]
+        if drive.presliding_angle is not None:
+            found.append(state_rate(rest[0], (1.0 / drive.presliding_angle) * speed))
+        return found + [self.drum_rate(states, tensions)] * self.has_backlash
 
-    def tensions_at_rest(self, command: Scalar, compliances: Sequence[Scalar]) -> list[Scalar]:
-        """Tensions [N] under the torque of a motor that is at rest without dry friction of its own.
+    def tensions_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> list[Scalar]:
+        """Tensions [N] under a motor that is at rest without dry friction of its own, of tendons drawn in by paths [m].
 
         On a pulley they are (y_0 + a) / C1 and (y_0 - a) / C2, with a such that their difference balances the torque;
         where that leaves the one slack, the other bears the torque alone.
         """
-        pull = self.torque(command) / self.radius
+        pull = self.torque(command, self._angle_at_rest(command, compliances, paths)) / self.radius
         if len(self.tendons) == 1:
             return [ca.fmax(pull, 0.0)]
         first, second = compliances
         released = ca.fmax(ca.fmax((2.0 * self.start - first * pull) / (first + second), -pull), 0.0)
         return [released + pull, released]
+
+    def _angle_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Angle of a motor under a position servo of boundless torque [rad].
+
+        The torque of the tensions grows with the angle by straight pieces, with one tendon taut, both or none.
+        """
+        gain = self.drive.position_gain if isinstance(self.drive, MotorDrive) else None
+        if gain is None:
+            return 0.0
+        radius, slopes = self.radius, [self.radius**2 / c for c in compliances]
+        turns = [(path - self.start) / radius for path in paths]  # at which each is just taut
+        first = (gain * command + slopes[0] * turns[0]) / (gain + slopes[0])
+        if len(turns) == 1:
+            return ca.fmin(command, first)
+        low, high = ca.fmin(turns[0], -turns[1]), ca.fmax(turns[0], -turns[1])
+        second = (gain * command - slopes[1] * turns[1]) / (gain + slopes[1])
+        pulled = gain * command + slopes[0] * turns[0] - slopes[1] * turns[1]
+        taut = pulled / (gain + slopes[0] + slopes[1])
+        between = ca.if_else(ca.SX(turns[0]) < -turns[1], taut, command)
+        return ca.if_else(between < low, second, ca.if_else(between > high, first, between))
 
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
         """Kinetic energy [J]."""
@@ -151,7 +230,8 @@ def winches_of(tendons: Sequence[Tendon], length: float) -> tuple[Winch, ...]:
         if drive is None or (found and drive.arrangement == "one_pulley"):
             continue
         own = (0, 1) if drive.arrangement == "one_pulley" else (k,)
-        found.append(Winch(drive, own, drive.pretension * compliance(tendon, length) - drive.slack))
+        given = compliance(tendon, length)
+        found.append(Winch(drive, own, drive.pretension * given - drive.slack, 1.0 / given))
     return tuple(found)
 
 

@@ -51,7 +51,7 @@ class MotorDrive(_Winch):
     """A motor that turns a winch."""
 
     kind: Literal["motor"]
-    """A motor under a commanded torque or current."""
+    """A motor under a commanded torque, current or angle."""
     winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
     """Cable wound up per angle [m]."""
     inertia: Annotated[Positive, Field(examples=[2e-6]), Unit("kg m2")]
@@ -69,19 +69,44 @@ class MotorDrive(_Winch):
     torque_constant: Annotated[Positive, Field(examples=[0.02]), Unit("N m/A")] | None = None
     """Torque at the drum per current [N m/A]: the input is then a current. None: the input is the torque."""
 
+    position_gain: Annotated[Positive, Field(examples=[2.0]), Unit("N m/rad")] | None = None
+    """Torque per angle short of the commanded one [N m/rad], of a position servo: the input is then an angle. None: no
+    servo."""
+    rate_gain: Annotated[NonNegative, Unit("N m s/rad")] = 0.0
+    """Torque of the servo against the angular velocity [N m s/rad]."""
+    backlash: Annotated[NonNegative, Unit("rad")] = 0.0
+    """Play of the gear, as an angle of the drum from flank to flank [rad]; of one_pulley."""
+    gear_stiffness: Annotated[Positive, Field(examples=[20.0]), Unit("N m/rad")] | None = None
+    """Stiffness of the gear at the drum [N m/rad]; needed for backlash, without it a part of ``series_stiffness``."""
+
     def _check(self) -> None:
         if self.presliding_angle is not None and self.coulomb_friction == 0.0:
             raise ValueError("presliding_angle has no effect without coulomb_friction")
+        if self.position_gain is not None and self.torque_constant is not None:
+            raise ValueError("torque_constant has no effect: under position_gain the input is an angle")
+        if self.rate_gain > 0.0 and self.position_gain is None:
+            raise ValueError("rate_gain needs position_gain")
+        self._check_backlash()
+
+    def _check_backlash(self) -> None:
+        if (self.backlash > 0.0) != (self.gear_stiffness is not None):
+            raise ValueError("backlash and gear_stiffness need each other")
+        if self.backlash > 0.0 and self.arrangement == "per_tendon":
+            raise ValueError("backlash has no effect per_tendon: a tendon loads one flank alone; see slack")
+        if self.backlash > 0.0 and self.position_gain is not None:
+            raise ValueError("backlash under position_gain is not modeled: command torques, or leave it out")
 
     @property
     def key(self) -> str:
         """Key of its commands in ``actuation``."""
+        if self.position_gain is not None:
+            return "angles"
         return "torques" if self.torque_constant is None else "currents"
 
     @property
     def limit(self) -> float | None:
         """Greatest magnitude of a command; None: not limited."""
-        return self.torque_max / (self.torque_constant or 1.0)
+        return None if self.position_gain is not None else self.torque_max / (self.torque_constant or 1.0)
 
 
 WinchDrive = Annotated[LengthDrive | MotorDrive, Field(discriminator="kind")]

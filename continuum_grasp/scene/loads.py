@@ -70,6 +70,9 @@ class MomentLoad(Value):
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 
+_OF_TENDONS = ("tensions", "lengths", "torques", "currents", "angles")
+
+
 class Actuation(Value):
     """The input of the finger: the tip moment, or what the drives of its tendons take."""
 
@@ -83,14 +86,16 @@ class Actuation(Value):
     """Torque of each motor at the drum [N m], for tendons with ``drive.kind: motor``."""
     currents: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("A")] | None = None
     """Current of each motor [A], where its drive has a ``torque_constant``."""
+    angles: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("rad")] | None = None
+    """Angle of each drum [rad], where its drive has a ``position_gain``."""
 
     def _check(self) -> None:
-        check_one_given(self, "tip_moment", "tensions", "lengths", "torques", "currents")
+        check_one_given(self, "tip_moment", *_OF_TENDONS)
 
     @property
     def given(self) -> tuple[str, tuple[float | Samples, ...]]:
         """Key of the commands, and the commands: one per drive, or the tip moment alone."""
-        for key in ("tensions", "lengths", "torques", "currents"):
+        for key in _OF_TENDONS:
             if getattr(self, key) is not None:
                 return key, getattr(self, key)
         return "tip_moment", (self.tip_moment or 0.0,)

@@ -246,3 +246,32 @@ def test_a_matched_tip_and_too_much_bend_are_refused():
         cg.FingerModel(finger(MOTOR), family="matched_clothoid", elements=2)
     with pytest.raises(InputError, match="within the tendons' offset"):
         cg.FingerModel(finger(MOTOR, offset=0.1), family="clothoid", elements=2, bending_range=2.0)
+
+
+@pytest.mark.parametrize("angle", [0.05, 0.9, -0.9, 30.0])
+@pytest.mark.parametrize("arrangement", [{}, {"pretension": 0.0, "slack": 2e-3}])
+def test_a_position_servo_at_rest_stays_there(angle, arrangement):
+    """Its torque, which may be all that it has, is what the tensions exert on the drum."""
+    made = model({**MOTOR, **arrangement, "position_gain": 0.4, "coulomb_friction": 0.0})
+    found = equilibrium_under(made, [angle], np.zeros(made.nw))
+    states = made.drives_at(found.q, [angle])
+    first, second = pulled(made, found, [angle])
+    assert 0.008 * (first - second) == pytest.approx(np.clip(0.4 * (angle - states[0]), -0.2, 0.2), abs=1e-9)
+    rates = made.forward_dynamics([*found.q, *np.zeros(made.n), *states], [angle], [0.0, 0.0], [])
+    assert np.abs(np.array(rates)).max() < 2e-4
+
+
+def test_backlash_is_passed_when_the_load_changes_sides():
+    """Turned to and fro under a slow torque, the motor is ahead of the drum by half the play and the gear's twist."""
+    drive = {**MOTOR, "backlash": 0.04, "gear_stiffness": 20.0, "coulomb_friction": 0.0, "viscous_friction": 2e-3}
+    swing = {"times": [0.0, 1.0, 2.0], "values": [0.0, 0.05, -0.05]}
+    motion = cg.simulate(scene(drive, {"torques": [swing]}, 2.5))
+    ahead = motion.x[:, 2 * motion.n] - motion.x[:, 2 * motion.n + 2]
+    for at, torque in ((1.0, 0.05), (2.5, -0.05)):
+        assert ahead[motion.t == at][0] == pytest.approx(np.sign(torque) * 0.02 + torque / 20.0, abs=3e-4)
+    made = motion.model
+    found = equilibrium_under(made, [0.05], np.zeros(made.nw))
+    states = made.drives_at(found.q, [0.05])
+    assert states[0] - states[2] == pytest.approx(0.0225, rel=1e-9)
+    rates = made.forward_dynamics([*found.q, *np.zeros(made.n), *states], [0.05], np.zeros(made.nw), [])
+    assert np.abs(np.array(rates)).max() < 1e-5
