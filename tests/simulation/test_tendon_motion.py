@@ -1,0 +1,82 @@
+"""Motions with tendon friction against a chain of many guides with the exact law, on which controllers can be tried."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from tests.truth.tendon_motion import MovingFinger
+
+LENGTH, STIFFNESS, OFFSET, DENSITY = 0.18, 6.11e-3, 0.005, 0.034
+CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
+IN = {"times": [0.0, 0.08, 0.16], "values": [0.0, 0.010, 0.004]}
+OUT = {"times": [0.0, 0.08, 0.16], "values": [0.0, -0.010, -0.004]}
+
+
+def test_the_chain_vibrates_as_a_cantilever_does():
+    chain = MovingFinger(LENGTH, STIFFNESS, OFFSET, 0.0, sides=(1.0,), hinges=40, damping=0.0, tip_mass=0.0)
+    at = 1.8751041 * (np.arange(40) + 0.5) / 40
+    chain.bends = 1e-4 * (np.cosh(at) + np.cos(at) - 0.7340955 * (np.sinh(at) + np.sin(at)))
+    chain._before = chain.bends, chain.rates
+    angles = []
+    while len(angles) < 800:
+        chain.advance([("tension", 0.0)])
+        angles.append(chain.angle)
+    a = np.array(angles)
+    crossed = np.flatnonzero((a[:-1] > 0.0) != (a[1:] > 0.0))
+    instants = chain.time_step * (1 + crossed + a[crossed] / (a[crossed] - a[crossed + 1]))
+    pulsation = math.pi * (len(instants) - 1) / (instants[-1] - instants[0])
+    exact = 1.8751041**2 * math.sqrt(STIFFNESS / DENSITY) / LENGTH**2
+    assert pulsation == pytest.approx(exact, rel=2e-3)
+
+
+def test_the_chain_stays_where_it_rests():
+    chain = MovingFinger(LENGTH, STIFFNESS, OFFSET, 0.2, sides=(1.0,), hinges=24, time_step=1e-3)
+    for tension in (*range(1, 13), *range(11, 6, -1)):
+        chain.move([("tension", float(tension))])
+    chain._before = chain.bends, chain.rates
+    angle = chain.angle
+    for _ in range(20):
+        chain.advance([("tension", 7.0)])
+    assert chain.angle == pytest.approx(angle, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("friction", "angle", "tip", "tension"), [(0.15, 0.007, 2.2e-3, 0.33), (0.3, 0.019, 3e-3, 0.66)]
+)
+def test_two_winches_move_a_finger_as_the_chain_moves(friction, angle, tip, tension):
+    """Greatest differences of angle and tip, and those of the tensions in the mean."""
+    finger = cg.Finger(
+        rod={"length": LENGTH, "linear_density": DENSITY, "bending_stiffness": STIFFNESS},
+        damping={"material": 3e-5},
+        masses=[{"at": LENGTH, "mass": 0.002}],
+        tendons={
+            **CABLE,
+            "friction": friction,
+            "drive": {"kind": "length", "time_constant": 0.01, "pretension": 2.0},
+        },
+    )
+    scene = cg.Scene(
+        finger=finger,
+        gravity=[0.0, 0.0],
+        actuation={"lengths": [IN, OUT]},
+        time={"duration": 0.2, "step": 1e-3},
+        fidelity={"family": "clothoid"},
+    )
+    motion = cg.simulate(scene)
+    wound = motion.x[:, [2 * motion.n, 2 * motion.n + 2]] + motion.model.structure.winches[0].start
+    chain = MovingFinger(LENGTH, STIFFNESS, OFFSET, friction, hinges=24, time_step=5e-4)
+    chain.move([("length", wound[0, 0]), ("length", wound[0, 1])])
+    found = []
+    for k in range(len(wound) - 1):
+        for y in (0.5 * (wound[k] + wound[k + 1]), wound[k + 1]):
+            chain.advance([("length", y[0]), ("length", y[1])])
+        found.append((chain.angle, *chain.tip, *chain.tensions))
+    exact = np.array(found)
+    bends = [float(np.array(motion.model.bending(q, [0.0, 0.0], [])).sum()) for q in motion.q[1:]]
+    assert np.abs(bends - exact[:, 0]).max() <= angle
+    assert np.linalg.norm(motion.tip[1:] - exact[:, 1:3], axis=1).max() <= tip
+    assert np.sqrt(np.mean((motion.tensions[1:] - exact[:, 3:]) ** 2)) <= tension
