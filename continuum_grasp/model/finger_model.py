@@ -7,7 +7,7 @@ from typing import Unpack
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
@@ -229,11 +229,26 @@ class FingerModel(Functions):
 
     @cached_property
     def _tensions(self) -> ca.Function:
-        return self._function("tensions", "x u p", tensions=list(self._equations.tendons.tensions))
+        own = self._equations.tendons
+        along = [tension for tensions in own.along for tension in tensions]
+        return self._function("tensions", "x u p", tensions=list(own.tensions), along=along)
 
     def tensions(self) -> ca.Function:
-        """``(x, u, p) -> tensions``: of each tendon at its drive [N]; of fingers with tendon friction or winches."""
+        """``(x, u, p) -> tensions, along``: of each tendon at its drive [N], and at its `tension_places`.
+
+        Of fingers with tendon friction or winches.
+        """
         return self._tensions
+
+    def tension_places(self) -> list[NDArray[np.float64]]:
+        """Where tensions along the finger are, per tendon [m]: in the middle of friction cells, or where it ends."""
+        ends = [self.structure.length if t.to is None else t.to for t in self.finger.tendon_list]
+        found = [np.array([end]) for end in ends]
+        for cells in self.structure.cell_sets:
+            lengths = np.array([cell.length for cell in cells.cells])
+            for tendon in cells.tendons:
+                found[tendon] = np.cumsum(lengths) - 0.5 * lengths
+        return found
 
     @cached_property
     def _sliding(self) -> ca.Function:

@@ -243,6 +243,15 @@ class TendonForces:
         return self._path(tendon, self._full, rest=True) + self.compliances[tendon] * tension
 
     @cached_property
+    def along(self) -> list[list[Scalar]]:
+        """Per tendon its tension [N] in the middle of its friction cells, or the one that it has all along."""
+        found: list[list[Scalar]] = [[tension] for tension in self.tensions]
+        for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
+            for tendon, middle in zip(cells.tendons, passed.middle, strict=True):
+                found[tendon] = [self.tensions[tendon] * share for share in middle]
+        return found
+
+    @cached_property
     def stored_energy(self) -> Scalar:
         """Energy of the elongated tendons [J], exactly where they have no friction."""
         slacks = zip(self._slack, self.compliances, strict=True)

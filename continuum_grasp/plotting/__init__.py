@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from continuum_grasp.plotting.motion import plot_tip_path as plot_tip_path
     from continuum_grasp.plotting.sweep import plot_front as plot_front
     from continuum_grasp.plotting.sweep import plot_map as plot_map
+    from continuum_grasp.plotting.tendons import plot_tension_loop as plot_tension_loop
+    from continuum_grasp.plotting.tendons import plot_tensions as plot_tensions
+    from continuum_grasp.plotting.tendons import plot_tensions_along as plot_tensions_along
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]

@@ -82,6 +82,9 @@ class Trajectory(MotionResult):
         Picture("tip_path", "plotting.motion:plot_tip_path"),
         Picture("coordinates", "plotting.motion:plot_coordinates"),
         Picture("energy", "plotting.motion:plot_energy"),
+        Picture("tensions", "plotting.tendons:plot_tensions", needs="tensions"),
+        Picture("tensions_along", "plotting.tendons:plot_tensions_along", needs="tensions"),
+        Picture("tension_loop", "plotting.tendons:plot_tension_loop", needs="tensions"),
         Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion:motion_frames"
@@ -153,13 +156,39 @@ class Trajectory(MotionResult):
         """Numbers of the tendons, from one."""
         return np.arange(1, len(self.model.finger.tendon_list) + 1)
 
-    @cached_property
+    @property
     def tensions(self) -> Array | None:
         """Tensions at the drives (T, tendons) [N] of tendons with friction or on winches; None of others."""
+        return None if self._tensions is None else self._tensions[0]
+
+    @property
+    def tensions_along(self) -> list[tuple[Array, Array]] | None:
+        """Per tendon places along the finger (K,) [m] and the tension there (T, K) [N], the drive's first.
+
+        None where tendons have neither friction nor winches; without friction the tension is the same everywhere.
+        """
+        if self._tensions is None:
+            return None
+        at_drives, along = self._tensions
+        places = self.model.tension_places()
+        parts = np.split(along, np.cumsum([len(at) for at in places])[:-1], axis=1)
+        return [
+            (np.append(0.0, at), np.column_stack([own, part]))
+            for at, own, part in zip(places, at_drives.T, parts, strict=True)
+        ]
+
+    @cached_property
+    def _tensions(self) -> tuple[Array, Array] | None:
         if not self.model.structure.own_tendons:
             return None
         columns = self.x[:, : self.model.nx].T, self.u.T, np.tile(np.array(self.model.p_nominal)[:, None], len(self.t))
-        return np.array(self.model.tensions()(*columns)).T
+        at_drives, along = self.model.tensions()(*columns)
+        return np.array(at_drives).T, np.array(along).T
+
+    @cached_property
+    def tip_angle(self) -> Array:
+        """How far the tip is turned (T,) [rad], from the base."""
+        return np.asarray(np.sum(self.core.batch("bending", self.q, self.acting, None), axis=1))
 
     @cached_property
     def _energies(self) -> tuple[Array, Array]:

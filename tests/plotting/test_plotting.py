@@ -32,7 +32,7 @@ class Motion(MotionResult):
     length = LENGTH
     n = 2
     name = "one arc"
-    object_pose = contacts = None
+    object_pose = contacts = tensions = None
     x_names = ("theta_1 [rad]", "theta_2 [rad]", "theta_1 rate [rad/s]", "theta_2 rate [rad/s]")
 
     def __init__(self, count: int = 101, forces: bool = True, mass: float = 0.02) -> None:

@@ -131,13 +131,16 @@ class MovingFinger(HingedFinger):
             over = np.abs(tried) - limit
             wanted = np.where(over > 0.0, np.sign(tried), 0.0)
             wanted = np.where((tensions <= 0.0)[:, None] & (wanted == 0.0), 1.0, wanted)
+            if self.friction == 0.0:
+                wanted[:] = 1.0
             if turn < TOGETHER:
                 changed, slides = (wanted != slides).any(), wanted
             else:
-                differs = np.where(wanted != slides, np.abs(over) + 1e-12, 0.0) * settled
-                changed = differs.max() > 1e-9
-                if changed:
-                    slides = np.where(differs == differs.max(), wanted, slides)
+                # A guide that slides the wrong way sticks first. What is not solved says nothing yet.
+                differs = np.where(wanted != slides, np.abs(over) + 1e-12, 0.0)
+                changed = not settled or differs.max() > 1e-7
+                if settled and changed:
+                    slides = np.where(differs == differs.max(), np.where(slides == 0.0, wanted, 0.0), slides)
             for j, side in enumerate(self.sides):
                 at = slice(n * (1 + j), n * (2 + j))
                 tension, by_bends, by_losses, middle, _, slopes, loss_slopes = found[j]
@@ -154,7 +157,7 @@ class MovingFinger(HingedFinger):
             change *= min(1.0, 0.2 / np.abs(change[:n]).max(initial=1e-300))
             bends = bends + change[:n]
             losses = losses + change[n:].reshape(count, n)
-            settled = np.abs(change[:n]).max() < 1e-11 and np.abs(change[n:]).max() < 1e-8
+            settled = np.abs(change[:n]).max() < 1e-9 and np.abs(change[n:]).max() < 1e-7
             if settled and not changed:
                 break
         else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -68,8 +68,10 @@ def color_bar(ax: Axes, drawn: ScalarMappable, text: str = "time [s]") -> None:
     bar.outline.set_visible(False)
 
 
-def draw_timed(ax: Axes, lines: NDArray[Any], at: NDArray[Any], t: NDArray[Any], width: float = 2.0) -> LineCollection:
-    """Draw lines (n, points, 2) in the colors of their instants (n,) [s] within all instants t, with a color bar."""
+def draw_timed(
+    ax: Axes, lines: Iterable[NDArray[Any]], at: NDArray[Any], t: NDArray[Any], width: float = 2.0
+) -> LineCollection:
+    """Draw n lines (points, 2) in the colors of their instants (n,) [s] within all instants t, with a color bar."""
     from matplotlib.collections import LineCollection
 
     drawn = LineCollection(list(lines), cmap=time_map(), linewidths=width, capstyle="round", zorder=Z.SHAPE)
