@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from tests.truth.tendon import HingedFinger
 from tests.truth.tendon_motion import MovingFinger
 
 LENGTH, STIFFNESS, OFFSET, DENSITY = 0.18, 6.11e-3, 0.005, 0.034
@@ -80,3 +81,16 @@ def test_two_winches_move_a_finger_as_the_chain_moves(friction, angle, tip, tens
     assert np.abs(bends - exact[:, 0]).max() <= angle
     assert np.linalg.norm(motion.tip[1:] - exact[:, 1:3], axis=1).max() <= tip
     assert np.sqrt(np.mean((motion.tensions[1:] - exact[:, 3:]) ** 2)) <= tension
+
+
+def test_moved_slowly_the_chain_is_that_at_rest():
+    """Two solvers of the same guides: one goes from rest to rest, the other steps in time with hardly any mass."""
+    still = {"density": 1e-9, "damping": 1e-12, "tip_mass": 0.0, "time_step": 1.0}
+    resting = HingedFinger(LENGTH, STIFFNESS, OFFSET, 0.1, sides=(1.0,), hinges=20)
+    moving = MovingFinger(LENGTH, STIFFNESS, OFFSET, 0.1, sides=(1.0,), hinges=20, **still)
+    loads = [(float(tension), 0.0) for tension in range(1, 13)]
+    loads += [(12.0, force) for force in (0.03, 0.06, 0.03, 0.0, -0.03)]
+    for tension, force in loads:
+        resting.move([("tension", tension)], (force, 0.0))
+        moving.advance([("tension", tension)], (force, 0.0))
+        assert moving.angle == pytest.approx(resting.angle, abs=1e-6)
