@@ -1,9 +1,9 @@
 """Errors of the laws of tendon friction against a chain of guides, and a controller that meets such a chain.
 
-Run ``python -m benchmarks.bench_tendons`` in the root of the repository (5 min). A loop at rest has inner loops; its
-error is the greatest difference per its range. tension: that of the drive goes to and fro; force: 12 N are held, and a
-force across the tip goes to and fro; wall: a winch closes the tip on a rigid wall, and the error is that of the wall's
-force. Motions are those of two winches, 10 mm in 80 ms and 6 mm back.
+Run ``OPENBLAS_NUM_THREADS=1 python -m benchmarks.bench_tendons`` in the root of the repository (10 min). A loop at rest
+has inner loops; its error is the greatest difference per its range. tension: that of the drive goes to and fro; force:
+12 N are held, and a force across the tip goes to and fro; wall: a winch closes the tip on a rigid wall, and the error
+is that of the wall's force. Motions are those of two winches, 10 mm in 80 ms and 6 mm back.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def moved(friction: float, cells: int) -> tuple[float, float, float]:
     motion = cg.simulate(scene)
     wound = motion.x[:, [2 * motion.n, 2 * motion.n + 2]] + motion.model.structure.winches[0].start
     chain = MovingFinger(LENGTH, STIFFNESS, OFFSET, friction, hinges=40)
-    chain.move([("length", y) for y in wound[0]])
+    chain.start([("length", y) for y in wound[0]])
     exact = []
     for a, b in pairwise(wound):
         for share in (0.25, 0.5, 0.75, 1.0):

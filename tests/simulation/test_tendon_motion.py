@@ -70,7 +70,7 @@ def test_two_winches_move_a_finger_as_the_chain_moves(friction, angle, tip, tens
     motion = cg.simulate(scene)
     wound = motion.x[:, [2 * motion.n, 2 * motion.n + 2]] + motion.model.structure.winches[0].start
     chain = MovingFinger(LENGTH, STIFFNESS, OFFSET, friction, hinges=24, time_step=5e-4)
-    chain.move([("length", wound[0, 0]), ("length", wound[0, 1])])
+    chain.start([("length", wound[0, 0]), ("length", wound[0, 1])])
     found = []
     for k in range(len(wound) - 1):
         for y in (0.5 * (wound[k] + wound[k + 1]), wound[k + 1]):

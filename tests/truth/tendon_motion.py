@@ -54,6 +54,10 @@ class MovingFinger(HingedFinger):
         self._falls = np.tril(np.ones((n, n)), -1) + 0.5 * np.eye(n)
         self._beyond = 0.5 * np.eye(n) + np.triu(np.ones((n, n)), 1)
 
+    def start(self, drums: Sequence[tuple[str, float]]) -> None:
+        """Straight and at rest under drums that pull equally, without friction so far."""
+        self.tensions, _, self.slid = self._state(self.bends, self.losses, drums)
+
     def _inertia(self, bends):
         """Mass matrix of the absolute angles of the pieces, and what squares of their rates exert (as a matrix)."""
         angles = np.cumsum(bends)
