@@ -41,11 +41,13 @@ class Block:
 
     name: str
     entries: list[Entry]
+    own: Sequence[Unknown] = ()
+    """Unknowns of this set alone, behind those that all blocks have."""
     horizons = False
     """Whether a part from the start can be fitted before the whole."""
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        """Predictions (entries,) and their derivatives (entries, unknowns).
+        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
 
         Raises
         ------

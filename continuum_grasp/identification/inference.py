@@ -58,11 +58,17 @@ class Inference(NamedTuple):
 
 
 def infer(
-    unknowns: Sequence[Unknown], values: Array, jacobian: Array, residuals: Array, inflation: float = 1.0
+    unknowns: Sequence[Unknown],
+    values: Array,
+    jacobian: Array,
+    residuals: Array,
+    inflation: float = 1.0,
+    shared: int | None = None,
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
-    The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss.
+    The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss. The
+    first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each.
     """
     from scipy.special import stdtrit
 
@@ -90,11 +96,12 @@ def infer(
     deviations = spread * sizes
     reach = quantile * deviations
     intervals = np.stack([values - reach, values + reach], axis=1)
-    warnings = _blindness(unknowns, unseen, jacobian * sizes)
-    warnings += _weakness(unknowns, values, deviations, correlation, lost)
+    told = unknowns[:shared]
+    warnings = _blindness(unknowns, unseen, jacobian * sizes, len(told))
+    warnings += _weakness(told, values, deviations, correlation, lost)
     warnings += [
         f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
-        for one, value, gone in zip(unknowns, values, lost, strict=True)
+        for one, value, gone in zip(told, values, lost, strict=False)
         if not gone and (value <= one.lower or value >= one.upper)
     ]
     if freedom <= 0:
@@ -102,18 +109,21 @@ def infer(
     return Inference(deviations, intervals, correlation, singular, freedom, tuple(warnings))
 
 
-def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array) -> list[str]:
-    """Parameters that the data do not see, alone or in the combinations (k, n) that no prediction changes with."""
+def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array, shared: int) -> list[str]:
+    """Parameters that the data do not see, alone or in the combinations (k, n) that no prediction changes with.
+
+    What concerns none of the first ``shared`` ones is left out.
+    """
     lengths = np.linalg.norm(scaled, axis=0)
     unseen = lengths <= _BLIND * max(float(lengths.max(initial=0.0)), _TINY)
     found = [
         f"the data cannot see {one.name}: no prediction changes with it; its value is the start value"
-        for one, gone in zip(unknowns, unseen, strict=True)
+        for one, gone in zip(unknowns[:shared], unseen, strict=False)
         if gone
     ]
     for direction in directions:
         parts = [int(k) for k in np.flatnonzero(np.abs(direction) > _PART) if not unseen[k]]
-        if len(parts) > 1:
+        if len(parts) > 1 and parts[0] < shared:
             names = " and ".join(unknowns[k].name for k in parts)
             ratio = ", ".join(f"{unknowns[k].name} by {100 * direction[k] / direction[parts[0]]:+.3g} %" for k in parts)
             found.append(

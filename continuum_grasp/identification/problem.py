@@ -49,6 +49,8 @@ class Solution(NamedTuple):
 class Problem:
     """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
 
+    The first ``shared`` unknowns are those of all sets, the others of one set each.
+
     Raises
     ------
     InputError
@@ -56,7 +58,15 @@ class Problem:
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
-        self.blocks, self.unknowns, self._loss = list(blocks), list(unknowns), loss
+        self.blocks, self._loss = list(blocks), loss
+        shared = [one for one in unknowns if not one.per_set]
+        self.unknowns, self.shared, self._columns = list(shared), len(shared), []
+        for block in blocks:
+            own = iter(range(len(self.unknowns), len(self.unknowns) + len(unknowns) + len(block.own)))
+            columns = [next(own) if one.per_set else shared.index(one) for one in (*unknowns, *block.own)]
+            mine = [one for one in (*unknowns, *block.own) if one.per_set]
+            self.unknowns += [one._replace(name=f"{one.name} of {block.name}") for one in mine]
+            self._columns.append(np.array(columns, dtype=int))
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
@@ -67,10 +77,20 @@ class Problem:
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._iterations = self._evaluations = 0
 
+    def by_block(self, values: Array) -> list[Array]:
+        """Those of the values that each block has."""
+        return [values[columns] for columns in self._columns]
+
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n)."""
-        parts = [block.predict(values) for block in self.blocks]
-        return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts])
+        parts, slopes = [], []
+        for block, columns, mine in zip(self.blocks, self._columns, self.by_block(values), strict=True):
+            y, by_own = block.predict(mine)
+            slope = np.zeros((len(y), len(values)))
+            slope[:, columns] = by_own
+            parts.append(y)
+            slopes.append(slope)
+        return np.concatenate(parts), np.concatenate(slopes)
 
     def solve(self, progress: Progress) -> Solution:
         """Find the parameters; unknown standard deviations and robust weights are found by iteration.
@@ -132,7 +152,8 @@ class Problem:
         parts = []
         for block in self.blocks:
             at = np.array([entry.at for entry in block.entries])
-            parts.append(at <= share * at.max() if block.horizons else np.ones(at.size, dtype=bool))
+            early = at <= at.min() + share * np.ptp(at)
+            parts.append(early if block.horizons else np.ones(at.size, dtype=bool))
         return np.concatenate(parts)
 
     def _first_sigma(self) -> Array:

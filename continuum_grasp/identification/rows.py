@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
-from continuum_grasp.identification.unknowns import DEADBAND, Unknown
+from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
@@ -29,7 +29,7 @@ a hundredth of a typical deadband."""
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
     """Parameters that the model keeps as run-time arguments."""
-    own = (one.target for one in unknowns if one.target != DEADBAND)
+    own = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
     return tuple(dict.fromkeys((*scene.parameters, *own, *more)))
 
 
@@ -81,7 +81,7 @@ class Rows:
         # z = own * table + derivative @ values, but for the deadband, which is not linear
         self._derivative, self._own = np.zeros((len(names), len(unknowns))), np.ones(len(names))
         for k, unknown in enumerate(unknowns):
-            if unknown.target != DEADBAND:
+            if unknown.target not in OF_DRIVE:
                 at = names.index(unknown.target)
                 self._derivative[at, k] = unknown.factor
                 self._own[at] = 1.0 if unknown.added else 0.0

@@ -88,7 +88,7 @@ class StaticPoses(_Data):
 
 
 class TipTrajectory(_Data):
-    """Path of a point of the finger in time; the motion starts as ``initial`` of the scene says."""
+    """Path of a point of the finger in time, and of further ones along the same motion."""
 
     kind: Literal["trajectory"]
     """Path of a point in time."""
@@ -100,14 +100,19 @@ class TipTrajectory(_Data):
     """Column of the world position y [m]; None: not measured."""
     at: Length | None = None
     """Position along the finger [m]; None: the tip."""
+    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False)] = ()
+    """Columns with what was measured at further sections at the same instants."""
+    start: Literal["scene", "measured", "estimated"] = "scene"
+    """How the motion starts. scene: at time zero as ``initial`` says; measured: at the first sample, in the smoothest
+    shape and rates through what is measured there; estimated: so, but both are estimated with the parameters."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
     sigma: Annotated[Positive, Unit("m")] | None = None
     """Standard deviation of x and y [m], where known."""
 
     def _check(self) -> None:
-        if self.x is None and self.y is None:
-            raise ValueError("x and y are both null: give one of them at least")
+        if self.x is None and self.y is None and not self.measured:
+            raise ValueError("x and y are both null: give one of them at least, or measured")
 
 
 class RingDown(_Data):
@@ -157,6 +162,9 @@ class Estimate(Value):
     """Least value [SI unit of the parameter]; None: 0, or none for angles and curvatures."""
     max: Annotated[Estimated | None, Field(examples=[2.0])] = None
     """Greatest value [SI unit of the parameter]; None: none."""
+    per: Literal["all", "set"] = "all"
+    """all: one value; set: each set of data has its own, such as a clamp that is turned anew. The estimates of sets are
+    reported beside the parameters, and no scene takes them."""
     second_moment: Annotated[float, Field(ge=1e-24, le=1e6), Unit("m4")] | None = None
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
