@@ -35,12 +35,21 @@ class Reading:
         Position along the finger [m]; the tip where not given.
     sigma : float, optional
         Standard deviation, where known.
+    since : float, optional
+        Position from which a bend counts [m]; the base where not given.
     """
 
     quantity: str
     values: ArrayLike
     at: float | None = None
     sigma: float | None = None
+    since: float | None = None
+
+    @property
+    def place(self) -> str:
+        """Where it was measured, for labels."""
+        end = "tip" if self.at is None else f"{self.at:g} m"
+        return end if self.since is None else f"{self.since:g} to {end}"
 
 
 @dataclass(frozen=True)
@@ -200,6 +209,8 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int) -> None:
         if reading.quantity not in UNIT_OF:
             message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
             raise InputError(message, key=f"{name}.measured[{k}].quantity")
+        if reading.since is not None and reading.quantity != "bend":
+            raise InputError(f"since goes with bend, not with {reading.quantity}", key=f"{name}.measured[{k}].since")
         column(f"{name}.measured[{k}].values", reading.values, count)
         _check_deviation(f"{name}.measured[{k}].sigma", reading.sigma)
 

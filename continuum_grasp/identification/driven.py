@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.identification.data import Reading
 from continuum_grasp.identification.rows import observation, runtime_names, symbols
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model import FingerModel
@@ -29,7 +30,7 @@ class Driven:
     constants [s]; inputs are commands, and their derivatives by a delay where that is unknown.
     """
 
-    def __init__(self, scene: Scene, unknowns: Sequence[Unknown], readings: Sequence[tuple[str, float | None]]) -> None:
+    def __init__(self, scene: Scene, unknowns: Sequence[Unknown], readings: Sequence[Reading]) -> None:
         finger, names = scene.finger, runtime_names(scene, unknowns)
         targets = [one.target for one in unknowns]
         constants = [tendon.time_constant for tendon in finger.tendon_list]
@@ -54,7 +55,7 @@ class Driven:
             self.slope[:, targets.index(LAG)] = 1.0
         self._build(readings)
 
-    def _build(self, readings: Sequence[tuple[str, float | None]]) -> None:
+    def _build(self, readings: Sequence[Reading]) -> None:
         model, lagged = self.model, self._lagged
         _, commands, w, p = symbols(model)
         x, tension = ca.SX.sym("x", model.nx), ca.SX.sym("tension", 2, len(lagged))

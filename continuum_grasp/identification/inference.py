@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.identification.laws import doubts_of_laws
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
 
@@ -182,6 +183,7 @@ def doubts(problem: Problem, solution: Solution, freedom: int) -> list[str]:
         *_series(problem, weighted),
         *_sets(problem, weighted),
         *_misfits(problem, solution.predictions),
+        *doubts_of_laws(problem, solution.predictions),
     ]
 
 

@@ -38,8 +38,7 @@ class PathBlock(Block):
         if any(one.target == DEADBAND for one in unknowns):
             raise InputError(f"{DEADBAND} is for shapes at rest, not for paths", key="estimate")
         self.name, readings = data.name, data.readings
-        places = [(one.quantity, one.at) for one in readings]
-        plain = Driven(scene, unknowns, places)
+        plain = Driven(scene, unknowns, readings)
         self._t = t = column(f"{data.name}.t", data.t)
         self._measured = None if data.start == "scene" else MeasuredStart(plain.model, readings, t, data.name)
         self._rows = Rows(plain.scene, unknowns, data.name)
@@ -48,7 +47,7 @@ class PathBlock(Block):
         if self._measured is not None and data.start == "estimated":
             self.own = self._estimated_start(self._measured, plain, np.array([one.start for one in unknowns]))
         self._all = [*unknowns, *self.own]
-        self._driven = Driven(scene, self._all, places) if self.own else plain
+        self._driven = Driven(scene, self._all, readings) if self.own else plain
         self._driven.check(unknowns, data.name)
         self._model = self._driven.model
         self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
@@ -129,12 +128,12 @@ def _entries(readings: Sequence[Reading], t: Array, data: TipPath) -> list[Entry
     found = []
     for k, at in enumerate(t):
         for one in readings:
-            unit, where = UNIT_OF[one.quantity], "tip" if one.at is None else f"{one.at:g} m"
+            unit = UNIT_OF[one.quantity]
             kind = "positions" if unit == "m" else "angles"
             group = f"{kind} on paths" if one.sigma is None else f"{data.name}: {kind}"
             value = float(np.asarray(one.values)[k])
-            what = f"{one.quantity} of {where} at {at:g} s"
-            found.append(Entry(what, group, unit, value, data.fitted, one.sigma, float(at)))
+            what = f"{one.quantity} of {one.place}"
+            found.append(Entry(f"{what} at {at:g} s", group, unit, value, data.fitted, one.sigma, float(at), what))
     return found
 
 

@@ -146,10 +146,11 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
 def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key: str) -> list[Reading]:
     length, readings = scene.finger.rod.length, []
     for k, m in enumerate(measured):
-        if m.at is not None and m.at > length * (1 + 1e-9):
-            message = f"{m.at:g} m is beyond the finger's length of {length:g} m"
-            raise InputError(message, key=f"{key}.measured[{k}].at")
-        readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma))
+        for name, at in (("at", m.at), ("since", m.since)):
+            if at is not None and at > length * (1 + 1e-9):
+                message = f"{at:g} m is beyond the finger's length of {length:g} m"
+                raise InputError(message, key=f"{key}.measured[{k}].{name}")
+        readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma, m.since))
     return readings
 
 
@@ -209,7 +210,7 @@ def _unit_of_entry(name: str, scene: Scene, key: str) -> str:
 
 def _column(table: Table, column: ColumnLike, si: str) -> Array:
     one = Column(column=column) if isinstance(column, str) else column
-    values = table.in_si(one.column, si, one.unit)
+    values = table.in_si(one.column, si, one.unit, one.zero)
     if one.minus is not None:
         values = values - table.in_si(one.minus, si, one.unit)
     return one.scale * values

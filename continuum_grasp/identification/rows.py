@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import column
+from continuum_grasp.identification.data import Reading, column
 from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
@@ -209,8 +209,8 @@ class Shapes:
         return np.array(missing).ravel(), np.array(stiffness), np.array(slope)
 
 
-def observation(model: FingerModel, places: Sequence[tuple[str, float | None]]) -> ca.Function:
-    """What is measured, quantities at positions along the finger [m] or None for the tip, as `with_slopes` of (q, z).
+def observation(model: FingerModel, readings: Sequence[Reading]) -> ca.Function:
+    """What is measured, as `with_slopes` of (q, z).
 
     Raises
     ------
@@ -219,14 +219,14 @@ def observation(model: FingerModel, places: Sequence[tuple[str, float | None]]) 
     """
     q, u, w, p = symbols(model)
     length, values = model.finger.rod.length, []
-    for quantity, at in places:
-        s = length if at is None else at
+    for one in readings:
+        quantity, s = one.quantity, length if one.at is None else one.at
         if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
             raise InputError(f"{quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
         if quantity in ("x", "y"):
             values.append(model.position(q, u, s, p)["xy".index(quantity)])
         else:
-            base = model.orientation(q, u, 0.0, p) if quantity == "bend" else 0.0
+            base = model.orientation(q, u, one.since or 0.0, p) if quantity == "bend" else 0.0
             values.append(model.orientation(q, u, s, p) - base)
     return with_slopes("observation", ca.vertcat(*values), q, ca.vertcat(u, w, p))
 

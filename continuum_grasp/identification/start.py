@@ -49,7 +49,7 @@ class MeasuredStart:
         _, u, w, p = symbols(model)
         q, qd = ca.SX.sym("q", n), ca.SX.sym("qd", n)
         z = ca.vertcat(u, w, p)
-        y, by_q, _ = observation(model, [(one.quantity, one.at) for one in readings])(q, z)
+        y, by_q, _ = observation(model, readings)(q, z)
         missed = ca.vertcat(scale * y - value, np.sqrt(_SMOOTH) / self.reach * q)
         moved = ca.vertcat(scale * (by_q @ qd) - slope, np.sqrt(_SMOOTH) * self.slow / self.reach * qd)
         self._residuals = ca.Function("missed", [q, z], [missed, ca.jacobian(missed, q)])

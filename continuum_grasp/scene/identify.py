@@ -26,6 +26,9 @@ class Column(Value):
     """Factor [1], -1 for a drop that is counted downwards."""
     minus: str | None = None
     """Heading of a column of the same unit that is subtracted first, such as the base's position."""
+    zero: Annotated[Real, Unit("unit of the column")] = 0.0
+    """What the column shows where the quantity is zero, subtracted first [unit of the column], such as the motor's
+    steps at the straight finger."""
 
 
 ColumnLike = str | Column
@@ -48,8 +51,14 @@ class ReadingColumn(Column):
     """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad]."""
     at: Annotated[float, Field(ge=0.0, le=1e4), Unit("m")] | None = None
     """Position along the finger [m]; None: the tip."""
+    since: Length | None = None
+    """Position from which a bend counts [m], such as the near side of a joint; None: the base."""
     sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("m or rad")] | None = None
     """Standard deviation [m or rad], where known: weights of unlike quantities; None: from the residuals."""
+
+    def _check(self) -> None:
+        if self.since is not None and self.quantity != "bend":
+            raise ValueError(f"since goes with bend, not with {self.quantity}")
 
 
 class RowsEqual(Value):
