@@ -115,14 +115,13 @@ def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], set
     found = []
     for (one, scene), own in zip(given, sets, strict=True):
         model = FingerModel(scene)
-        if len(model.lengths) > _MOST:
+        # the start that was estimated is in coordinates of the coarser one
+        if len(model.lengths) > _MOST or (isinstance(one, TipPath) and one.start == "estimated"):
             return None
         halves = tuple(0.5 * h for h in model.lengths for _ in range(2))
         fidelity = scene.fidelity.model_copy(update={"family": model.family, "elements": halves})
         try:
             fine = _block(scene.model_copy(update={"fidelity": fidelity}), one, unknowns)
-            if fine.own:  # whose coordinates are others
-                return None
             found.append(fine.predict(own)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None

@@ -58,13 +58,15 @@ def test_a_measured_start_is_the_state_that_the_samples_show(motion):
 
 
 def test_an_estimated_start_leaves_the_stiffness_to_the_motion(motion):
+    """A hold-out has its start estimated too, and nothing else."""
     first, scene = 50, swinging()
-    data = points_of(motion, scene, first, start="estimated")
+    data = [points_of(motion, scene, k, start="estimated", fitted=k == first, name=str(k)) for k in (first, 120)]
     fit = cg.identify(scene, data, parameters=[Estimate(name="bending_stiffness", start=0.02), "tip_body_along"])
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-4)
     assert fit["tip_body_along"] == pytest.approx(0.03, rel=1e-3)
-    true = motion.x[first]
+    true = np.concatenate([motion.x[first], motion.x[120]])
     assert fit.set_values == pytest.approx(true, abs=1e-3 * np.abs(true).max())
+    assert fit.holdout_errors[0].rms < 1e-5
     assert len(fit.names) == 2
     assert fit.errors[0].rms < 1e-5
 
