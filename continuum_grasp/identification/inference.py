@@ -106,8 +106,8 @@ def infer(
         if not gone and (value <= one.lower or value >= one.upper)
     ]
     warnings += [
-        f"{one.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip than "
-        "its linear law of stiffness says, so that law is wrong"
+        f"{one.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
+        "than its linear law of stiffness says, so that law is wrong"
         for one, value, high in zip(told, values, intervals[:, 1], strict=False)
         if one.target == "tendon_friction" and high < 0.0
     ]

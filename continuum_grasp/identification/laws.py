@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 _SURE = 4.0
 """Student's t from which a trend is reported [1]: noise exceeds it in 0.4 % of trends through ten points."""
+_MOVES = 0.3
+"""Of the greatest range of the readings along a path, that below which one is left out [1]."""
 _LEAST = 4
 """Least degrees of freedom beside a trend, and least rows of each way [1]."""
 _OF_PARABOLA = 3
@@ -52,13 +54,17 @@ def _series(problem: Problem, predictions: Array, paths: bool) -> Iterator[_Seri
         start = part.stop
         if block.horizons != paths:
             continue
+        found = []
         for name in dict.fromkeys(entry.series for entry in block.entries):
             chosen = np.array([entry.series == name and entry.fitted for entry in block.entries], dtype=bool)
             if name and chosen.any():
                 entries = [entry for entry, there in zip(block.entries, chosen, strict=True) if there]
                 measured, predicted = (values[part][chosen] for values in (problem.measured, predictions))
                 at = np.array([one.at for one in entries])
-                yield _Series(name, entries[0].unit, measured, predicted, at)
+                found.append(_Series(name, entries[0].unit, measured, predicted, at))
+        # Along a path, what hardly moves has more noise than swings.
+        least = max((_MOVES * float(np.ptp(one.measured)) for one in found), default=0.0) if paths else 0.0
+        yield from (one for one in found if float(np.ptp(one.measured)) >= least)
 
 
 class _Swings(NamedTuple):
@@ -95,10 +101,11 @@ def _swings(problem: Problem, predictions: Array) -> list[str]:
         measured, predicted = (_swings_of(values, one.at) for values in (one.measured, one.predicted))
         if measured is None or predicted is None or one.unit != "m":
             continue
-        count = min(len(measured.size), len(predicted.size))
-        sizes += list(np.log(measured.size[:count]))
-        lost += list(measured.lost[:count] - predicted.lost[:count])
-        duration += list(np.log(measured.duration[:count] / predicted.duration[:count]))
+        # A model that is damped too much ends earlier; its last swing stands for those that would follow.
+        like = np.minimum(np.arange(len(measured.size)), len(predicted.size) - 1)
+        sizes += list(np.log(measured.size))
+        lost += list(measured.lost - predicted.lost[like])
+        duration += list(np.log(measured.duration / predicted.duration[like]))
     if not sizes:
         return []
     span = f"from swings of {1e3 * math.exp(max(sizes)):.2g} mm to {1e3 * math.exp(min(sizes)):.2g} mm"
@@ -112,10 +119,14 @@ def _swings(problem: Problem, predictions: Array) -> list[str]:
         )
     change = _change(sizes, duration)
     if change is not None:
-        law = "stiffer" if change < 0.0 else "softer"
+        law = (
+            "stiffer in small bends than in large ones, as dry friction makes it that sticks before it slips"
+            if change < 0.0
+            else "softer in small bends than in large ones"
+        )
         found.append(
-            f"the stiffness depends on the amplitude: {span}, the time of a swing changes by a factor of "
-            f"{math.exp(change):.2g} more than the model says, so the finger is {law} in small bends than in large ones"
+            f"the law of stiffness and damping is wrong: {span}, the time of a swing changes by a factor of "
+            f"{math.exp(change):.2g} more than the model says, so the finger is {law}; no linear law does that"
         )
     return found
 
