@@ -97,18 +97,18 @@ def infer(
     deviations = spread * sizes
     reach = quantile * deviations
     intervals = np.stack([values - reach, values + reach], axis=1)
-    told = unknowns[:shared]
-    warnings = _blindness(unknowns, unseen, jacobian * sizes, len(told))
-    warnings += _weakness(told, values, deviations, correlation, lost)
+    reported = unknowns[:shared]
+    warnings = _blindness(unknowns, unseen, jacobian * sizes, len(reported))
+    warnings += _weakness(reported, values, deviations, correlation, lost)
     warnings += [
         f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
-        for one, value, gone in zip(told, values, lost, strict=False)
+        for one, value, gone in zip(reported, values, lost, strict=False)
         if not gone and (value <= one.lower or value >= one.upper)
     ]
     warnings += [
         f"{one.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
         "than its linear law of stiffness says, so that law is wrong"
-        for one, value, high in zip(told, values, intervals[:, 1], strict=False)
+        for one, value, high in zip(reported, values, intervals[:, 1], strict=False)
         if one.target == "tendon_friction" and high < 0.0
     ]
     if freedom <= 0:

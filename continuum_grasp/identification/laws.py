@@ -139,7 +139,7 @@ def _change(sizes: list[float], excess: list[float]) -> float | None:
 
 
 def _rows(problem: Problem, predictions: Array) -> list[str]:
-    """Readings at rest whose residuals bend with their size, or depend on the way by which they were reached."""
+    """Readings at rest whose residuals bend with their size, or depend on the direction of loading."""
     found: dict[str, list[str]] = {}
     bows: dict[str, list[tuple[Array, Array, Array]]] = {}
     for one in _series(problem, predictions, paths=False):
@@ -153,7 +153,7 @@ def _rows(problem: Problem, predictions: Array) -> list[str]:
         way = np.sign(np.gradient(one.predicted))
         width = _trend([(way, left, np.ones((len(left), 1)))])
         if width is not None and min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
-            text = f"rows depend on the way by which they were reached, by {2.0 * abs(width):.2g} {one.unit}"
+            text = f"rows depend on the direction of loading, by {2.0 * abs(width):.2g} {one.unit}"
             found.setdefault(f"{text}: friction with memory, which the model does not have", []).append(one.name)
     for name, sets in bows.items():
         bow = _trend(sets)

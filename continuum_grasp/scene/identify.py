@@ -164,7 +164,8 @@ class Estimate(Value):
 
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, rest_curvature, tip_mass,
-    mass_0 (of masses[0]), clamp_angle (added to the base angle), tendon_offset, tendon_friction or tension_deadband."""
+    mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added to the base angle),
+    tendon_offset, tendon_friction, tension_deadband, drive_time_constant or drive_delay."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
     """Where the search starts [SI unit of the parameter]; None: the scene's value."""
     min: Annotated[Estimated | None, Field(examples=[0.0])] = None

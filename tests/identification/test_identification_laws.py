@@ -73,7 +73,7 @@ def test_damping_that_depends_on_the_amplitude_is_reported(law, words, seed):
         (lambda m: 8.0 * m, None),
         (lambda m: 8.0 * m + 20.0 * m**2, "softens where"),
         (lambda m: 8.0 * m - 20.0 * m**2, "stiffens where"),
-        (lambda m: 8.0 * m + 0.05 * np.sign(np.gradient(m)), "the way by which they were reached, by 0.1"),
+        (lambda m: 8.0 * m + 0.05 * np.sign(np.gradient(m)), "the direction of loading, by 0.1"),
     ],
 )
 def test_stiffness_and_memory_of_shapes_at_rest(make, words):
