@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.result import Change, GraspResult
+from continuum_grasp.grasp.faces import slide_on
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.values import Change
 from continuum_grasp.grasp.verdict import REFUTED, flawed
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
@@ -100,7 +102,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
     search = Search(scene, budget)
     if not budget.over:
         search.attempt(start_from(result.scene, dict(result.arrays)))
-        search.slide()
+        slide_on(search)
     stable = result.certificate is None or result.certificate.stability.stable
     best = search.best or (None if stable else search.unstable)
     if best is not None and not budget.stopped:

@@ -1,0 +1,67 @@
+"""Contacts that pass on to the next face or corner of the object: each problem retains those of its start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.scene.grasp import GraspScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.grasp.search import Search, Tried
+
+Array = NDArray[Any]
+
+SAME = 1e-6
+"""Relative difference up to which two objectives are the same grasp's: a thousand times what IPOPT leaves."""
+EDGE = 1e-4
+"""Part of a face or corner, from its end, within which a contact counts as at its end: the barrier of IPOPT leaves a
+gap to bounds."""
+SLIDES = 12
+"""How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
+
+
+def slide_on(search: Search) -> None:
+    """From the best grasp of a search, pass contacts on to the next face or corner as long as that helps."""
+    for _ in range(SLIDES):
+        best = search.best
+        if best is None or search.budget.over:
+            return
+        least = best.attempt.objective - SAME * max(1.0, abs(best.attempt.objective))
+        for features, x0 in _neighbors(search.scene, best):
+            found = search.attempt(replace(best.attempt.start, label="next face"), features=features, x0=x0)
+            if found is not None and found in search.good and found.attempt.objective < least:
+                break
+        else:
+            return
+
+
+def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
+    """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
+    attempt, parts = tried.attempt, scene.object.parts
+    for contact in tried.solver.problem.spec.contacts:
+        if contact.surface.is_smooth or contact.finger < 0:
+            continue
+        place = tried.solver.problem.x.at[f"place, {contact.name}"]
+        part = parts[attempt.start.contacts[contact.name].part]
+        ring, now = contact.surface.features(part), attempt.features[contact.name]
+        if len(ring) < 2:
+            continue
+        # A contact's place is its position along a face and the angle of its normal, of which on a face the first is
+        # free, on a corner the second.
+        at, index = attempt.x[place], ring.index(now)
+        face = now.upper[0] > now.lower[0]
+        share = at[0] if face else (at[1] - now.lower[1]) / (now.upper[1] - now.lower[1])
+        for end, step in ((0.0, -1), (1.0, 1)):
+            if abs(share - end) < EDGE:
+                new = ring[(index + step) % len(ring)]
+                x = attempt.x.copy()
+                if face:  # on to a corner
+                    x[place] = 0.0, new.upper[1] if step < 0 else new.lower[1]
+                else:
+                    x[place] = 1.0 - end, new.lower[1]
+                yield {**attempt.features, contact.name: new}, x
