@@ -3,50 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import GraspScene
 
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.search import Search, Tried
-
 Array = NDArray[Any]
 
-SAME = 1e-6
-"""Relative difference up to which two objectives are the same grasp's: a thousand times what IPOPT leaves."""
 EDGE = 1e-4
 """Part of a face or corner, from its end, within which a contact counts as at its end: the barrier of IPOPT leaves a
 gap to bounds."""
-SLIDES = 12
-"""How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
 
 
-def slide_on(search: Search) -> None:
-    """From the best grasp of a search, pass contacts on to the next face or corner as long as that helps."""
-    for _ in range(SLIDES):
-        best = search.best
-        if best is None or search.budget.over:
-            return
-        least = best.attempt.objective - SAME * max(1.0, abs(best.attempt.objective))
-        for features, x0 in _neighbors(search.scene, best):
-            found = search.attempt(replace(best.attempt.start, label="next face"), features=features, x0=x0)
-            if found is not None and found in search.good and found.attempt.objective < least:
-                break
-        else:
-            return
-
-
-def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
+def neighbors(
+    scene: GraspScene, solver: GraspSolverRun, attempt: Attempt
+) -> Iterator[tuple[dict[str, Feature], Array]]:
     """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
-    attempt, parts = tried.attempt, scene.object.parts
-    for contact in tried.solver.problem.spec.contacts:
+    parts = scene.object.parts
+    for contact in solver.problem.spec.contacts:
         if contact.surface.is_smooth or contact.finger < 0:
             continue
-        place = tried.solver.problem.x.at[f"place, {contact.name}"]
+        place = solver.problem.x.at[f"place, {contact.name}"]
         part = parts[attempt.start.contacts[contact.name].part]
         ring, now = contact.surface.features(part), attempt.features[contact.name]
         if len(ring) < 2:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.faces import slide_on
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
@@ -102,7 +101,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
     search = Search(scene, budget)
     if not budget.over:
         search.attempt(start_from(result.scene, dict(result.arrays)))
-        slide_on(search)
+        search.slide()
     stable = result.certificate is None or result.certificate.stability.stable
     best = search.best or (None if stable else search.unstable)
     if best is not None and not budget.stopped:
