@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from continuum_grasp.grasp.result import Reason
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
 
