@@ -201,7 +201,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=ONE, help="most scenes of a kind")
     parser.add_argument("--first", type=int, default=0, help="answers to pass over")
     parser.add_argument("--seeds", type=int, nargs="*", help="these seeds alone")
-    parser.add_argument("--efforts", nargs="*", choices=EFFORTS, default=[], help="other efforts of the search too")
+    parser.add_argument("--efforts", nargs="*", choices=EFFORTS, default=[], help="other efforts too, of one finger")
     parser.add_argument("--jobs", type=int, default=cores(), help="processes")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the reports")
     parser.add_argument("--compare", type=Path, help=f"an older {RECORD}.json")
@@ -227,7 +227,7 @@ def main() -> None:
                 add_none(report, kind, outcomes, words)
             else:
                 add_held(report, kind, outcomes, words)
-                efforts = [e for e in arguments.efforts if e != "normal"]
+                efforts = [e for e in arguments.efforts if e != "normal" and kind == "one"]
                 if efforts:
                     by = {e: judged(pool, kind, rows, e, arguments.verbose) for e in efforts} | {"normal": outcomes}
                     add_efforts(report, {e: by[e] for e in EFFORTS if e in by})

@@ -128,11 +128,11 @@ class GraspResult(Result):
     @cached_property
     def closing(self) -> ClosingPath | None:
         """The way in, where the scene asks for it and there is a grasp; followed when it is first read."""
-        from continuum_grasp.grasp.closing.path import closing_path
-
         asked = self.scene.closing
         if asked is None or not self.solved:
             return None
+        from continuum_grasp.grasp.closing.path import closing_path
+
         return closing_path(self.scene, self.arrays, steps=asked.steps, table_friction=asked.table_friction)
 
     @property
