@@ -238,7 +238,8 @@ def main() -> None:
     finally:
         pool.close(True)
     file = arguments.folder / f"{RECORD}.json"
-    file.write_text(_lines(record), encoding="utf-8")
+    before = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}  # kinds of other runs
+    file.write_text(_lines(before | record), encoding="utf-8")
     print(file)
     for line in compared(old, record) if old is not None else ():
         print(line)
