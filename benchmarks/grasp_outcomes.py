@@ -110,7 +110,7 @@ def _held(kind: str, row: dict[str, Any], scene: GraspScene) -> Outcome:
     unit = LITTLE * sum(f.tendons.max_tension for f in scene.named_fingers.values() if f.tendons is not None)
     share = (result.tension + unit) / (row["tension"] + unit)  # the least may be none at all
     out.close, out.better = share <= 1.0 + CLOSE, share < 1.0 - CLOSE
-    out.good = not out.false and (out.close or kind != "one")
+    out.good = not out.false and out.close
     out.note = f"{result.tension:.5g} N, oracle {row['tension']:.5g} N ({100 * (share - 1):+.2f} %)"
     if out.better and out.worst["penetration"] > THROUGH:
         out.note += f", {out.worst['penetration']:.1e} of the length through the object"
