@@ -59,7 +59,7 @@ def worse_than_known(worst: Sequence[WorstCase], known: Sequence[Signs], best: E
     bad = [one for one in worst if one.signs not in known and np.isfinite(one.cost)]
     if not bad:
         return []
-    dear, broken = max(bad, key=lambda one: one.cost), max(bad, key=lambda one: one.violation)
+    costly, broken = max(bad, key=lambda one: one.cost), max(bad, key=lambda one: one.violation)
     change = max(abs(one.cost - best.cost) for one in bad)
-    add = [dear.signs] if dear.cost > best.cost + max(_FIRST_ORDER * change, same) else []
+    add = [costly.signs] if costly.cost > best.cost + max(_FIRST_ORDER * change, same) else []
     return [*add, broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else add
