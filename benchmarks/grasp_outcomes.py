@@ -69,7 +69,8 @@ class Outcome:
 
 def outcome(kind: str, row: dict[str, Any], effort: str = "") -> Outcome:
     """What becomes of the scene of an answer; ``effort`` is that of the search, where it is not the scene's own."""
-    scene = tightened(row) if kind in ("none", "both") else scene_of(kind, row["seed"])
+    drawn = "one" if kind == "fresh" else kind
+    scene = tightened(row) if kind in ("none", "both") else scene_of(drawn, row["seed"])
     if effort:
         scene = scene.changed({"solver.effort": effort})
     return {"none": _without, "both": _without_two}.get(kind, _held)(kind, row, scene)
@@ -100,7 +101,7 @@ def _held(kind: str, row: dict[str, Any], scene: GraspScene) -> Outcome:
     """A scene that has a grasp."""
     setup = scene.setups[0]
     what = f"{scene.object.shape}, {setup.family}, {scene.gravity.mode}"
-    what += f", {'middle' if setup.middles[0] == 'on' else 'tip'}" if kind == "one" else ""
+    what += f", {'middle' if setup.middles[0] == 'on' else 'tip'}" if kind in ("one", "fresh") else ""
     what += ", palm" if kind == "three" and scene.supports else ""
     result, out = _run(scene, what, row["seed"])
     if result is None or not result.solved:
@@ -109,7 +110,7 @@ def _held(kind: str, row: dict[str, Any], scene: GraspScene) -> Outcome:
     unit = LITTLE * sum(f.tendons.max_tension for f in scene.named_fingers.values() if f.tendons is not None)
     share = (result.tension + unit) / (row["tension"] + unit)  # the least may be none at all
     out.close, out.better = share <= 1.0 + CLOSE, share < 1.0 - CLOSE
-    out.good = not out.false and (out.close or kind != "one")
+    out.good = not out.false and out.close
     out.note = f"{result.tension:.5g} N, oracle {row['tension']:.5g} N ({100 * (share - 1):+.2f} %)"
     if out.better and out.worst["penetration"] > THROUGH:
         out.note += f", {out.worst['penetration']:.1e} of the length through the object"

@@ -16,6 +16,24 @@ CONFIGS = Path(__file__).parents[1] / "configs" / "grasp"
 PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))
 UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
 WEIGHTLESS = NoGravity(mode="none")
+SHAPES = {
+    "circle": {"shape": "circle", "diameter": 0.08},
+    "ellipse": {"shape": "ellipse", "width": 0.09, "height": 0.06},
+    "superellipse": {"shape": "superellipse", "width": 0.08, "height": 0.06, "exponent": 3.5},
+    "box": {"shape": "box", "width": 0.08, "height": 0.06},
+    "rounded box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.012},
+    "polygon": {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.045, -0.02), (0.03, 0.04), (-0.02, 0.045)]},
+    "stadium": {"shape": "stadium", "length": 0.04, "radius": 0.03},
+    "union": {
+        "shape": "union",
+        "center_of_mass": (0.0, 0.0),
+        "members": [
+            {"shape": "circle", "diameter": 0.07},
+            {"shape": "box", "width": 0.02, "height": 0.03, "corner_radius": 0.004, "position": (0.04, 0.0)},
+        ],
+    },
+}
+"""Objects of every kind of outline."""
 PALM = {"palm": Palm(point=(0.0, 0.0), normal_angle=0.0)}
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from continuum_grasp.grasp.result import GraspResult, Reason, Status
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.values import Reason, Status
 from continuum_grasp.scene.load import load
 
 ROOT = Path(__file__).parents[1]

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from continuum_grasp.grasp.result import Reason
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
 
 ROOT = Path(__file__).parents[1]

@@ -11,7 +11,7 @@ from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import SolverError
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import Reason
+    from continuum_grasp.grasp.values import Reason
 
 
 def grasp(

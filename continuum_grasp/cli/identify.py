@@ -11,6 +11,9 @@ from continuum_grasp.cli.options import Config, Json, Out, Pictures, Quiet, Set,
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
 
+_SHOWN = 12
+"""Values of single sets that are printed [1]: the coordinates of many starts say little."""
+
 
 def identify(
     config: Config,
@@ -57,6 +60,11 @@ def identify(
             )
         ),
     )
+    of_sets = zip(fit.set_names, fit.set_values, fit.set_deviations, strict=True)
+    shown = [(name, f"{value:.6g}", f"{deviation:.2g}") for name, value, deviation in of_sets][:_SHOWN]
+    if shown:
+        more = len(fit.set_names) - len(shown)
+        output.table(("of one set" + (f" ({more} more in the result)" if more else ""), "value", "deviation"), *shown)
     for name, errors in (("fitted", fit.errors), ("hold-out", fit.holdout_errors)):
         for one in errors:
             largest = f"{one.largest:.3g} {one.unit} at most"

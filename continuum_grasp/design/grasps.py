@@ -15,9 +15,10 @@ from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.result import GraspResult, Status
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.values import Status
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 

@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,9 @@ from scipy.stats.qmc import Halton
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.design.evaluation import DesignProblem, Evaluation, Signs
+from continuum_grasp.design.evaluation import DesignProblem, Evaluation
 from continuum_grasp.design.grasps import SAME, LostGrasp
+from continuum_grasp.design.manufacture import HOLDS, worse_than_known, worst_cases
 from continuum_grasp.design.result import DesignResult, Status, WorstCase
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp.result import GraspResult
@@ -30,8 +30,6 @@ from continuum_grasp.scene.load import load_placed
 
 Array = NDArray[Any]
 
-HOLDS = 1e-6
-"""Violation up to which a limit holds, as a part of it."""
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
 _SHRINK = 0.25
@@ -40,11 +38,6 @@ _SMALLEST = 0.02
 """Half width of that box, in coordinates, below which the search ends."""
 _MOST_LOST = 5
 """Designs without a grasp after which a run of the optimizer ends: each takes a full search."""
-_VERTICES = 6
-"""Tolerated numbers up to which all combinations of their greatest errors are tried: 64."""
-_FIRST_ORDER = 0.02
-"""Cost by which a combination of errors must exceed those at hand to count, as a part of what errors change."""
-
 _LEFT = 0.02
 """Slope that is left at an optimum over the range of a variable, as a part of the cost."""
 
@@ -342,63 +335,18 @@ class _DesignSearch:
     # -- errors of manufacture
 
     def _worst_cases(self) -> tuple[WorstCase, ...]:
-        """Cost and limits at the worst combination of errors: to first order, and as it is at the corners."""
-        tolerated = self.space.tolerated
-        if not tolerated:
-            return ()
-        best, n = self._best, len(self.space.coordinates)
-        nominal = [row for row in best.costs if not any(row.signs)]
-        worst = max(nominal, key=lambda row: row.value + float(np.abs(row.slope[n:]).sum()))
-        bound = worst.value + float(np.abs(worst.slope[n:]).sum())
-        corners = self._corners(best)
-        scenarios, self.problem.scenarios = self.problem.scenarios, [self.problem.scenarios[0]]
-        found: list[WorstCase] = []
-        for signs in corners:
-            self.problem.scenarios = [signs]
-            try:
-                there = self.problem.evaluate(best.coordinates)
-            except LostGrasp as error:
-                found.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
-                continue
-            found.append(WorstCase(signs, there.cost, there.violation, bound, ""))
-        self.problem.scenarios = scenarios
+        """Cost and limits of the best design at the greatest errors."""
+        found = worst_cases(self.problem, self._best)
         self.problem.restore(self._grasps)
-        return tuple(sorted(found, key=lambda one: (-one.violation if one.violation > HOLDS else 0.0, -one.cost)))
-
-    def _corners(self, best: Evaluation) -> list[Signs]:
-        """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
-        m, n = len(self.space.tolerated), len(self.space.coordinates)
-        if m <= _VERTICES:
-            return [tuple(signs) for signs in product((-1.0, 1.0), repeat=m)]
-        rows = [*(row.slope[n:] for row in best.costs), *(-row.slope[n:] for row in best.limits)]
-        return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
+        return found
 
     def _missed(self, worst: tuple[WorstCase, ...]) -> bool:
         """Take the worst combination of errors into the search, unless it is there; whether there is one to add."""
-        known = self.problem.scenarios
-        bad = [one for one in worst if one.signs not in known and np.isfinite(one.cost)]
-        best = self._best
-        change = max((abs(one.cost - best.cost) for one in bad), default=0.0)
-        add = [
-            max(bad, key=key).signs
-            for key, much in (
-                (
-                    (lambda one: one.cost),
-                    max((one.cost for one in bad), default=-np.inf)
-                    > best.cost + max(_FIRST_ORDER * change, SAME * self._scale),
-                ),
-                (
-                    (lambda one: one.violation),
-                    max((one.violation for one in bad), default=-np.inf) > max(best.violation, 0.0) + HOLDS,
-                ),
-            )
-            if much
-        ]
+        add = worse_than_known(worst, self.problem.scenarios, self._best, SAME * self._scale)
         if not add:
             return False
-        self.problem.scenarios = list(dict.fromkeys([*known, *add]))
-        self.best = self._evaluate(best.coordinates)
-        self._take(self.best)
+        self.problem.scenarios = list(dict.fromkeys([*self.problem.scenarios, *add]))
+        self._take(self._evaluate(self._best.coordinates))
         return True
 
     # -- the result

@@ -13,9 +13,10 @@ _MODULES = {
     "continuum_grasp.grasp.closing.path": ("closing_path",),
     "continuum_grasp.grasp.closing.result": ("ClosingPath", "ClosingStatus"),
     "continuum_grasp.grasp.quality.quality": ("Quality",),
-    "continuum_grasp.grasp.result": ("Contact", "FingerPosture", "GraspResult", "Reason", "Status"),
+    "continuum_grasp.grasp.result": ("GraspResult",),
     "continuum_grasp.grasp.robust.result": ("Robustness", "Trials"),
     "continuum_grasp.grasp.solve": ("optimize_grasp",),
+    "continuum_grasp.grasp.values": ("Contact", "FingerPosture", "Reason", "Status"),
 }
 __all__ = [name for names in _MODULES.values() for name in names]
 
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.closing.result import ClosingPath as ClosingPath
     from continuum_grasp.grasp.closing.result import ClosingStatus as ClosingStatus
     from continuum_grasp.grasp.quality.quality import Quality as Quality
-    from continuum_grasp.grasp.result import Contact as Contact
-    from continuum_grasp.grasp.result import FingerPosture as FingerPosture
     from continuum_grasp.grasp.result import GraspResult as GraspResult
-    from continuum_grasp.grasp.result import Reason as Reason
-    from continuum_grasp.grasp.result import Status as Status
     from continuum_grasp.grasp.robust.result import Robustness as Robustness
     from continuum_grasp.grasp.robust.result import Trials as Trials
     from continuum_grasp.grasp.solve import optimize_grasp as optimize_grasp
+    from continuum_grasp.grasp.values import Contact as Contact
+    from continuum_grasp.grasp.values import FingerPosture as FingerPosture
+    from continuum_grasp.grasp.values import Reason as Reason
+    from continuum_grasp.grasp.values import Status as Status
 
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.result import Change, GraspResult
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.values import Change
 from continuum_grasp.grasp.verdict import REFUTED, flawed
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family

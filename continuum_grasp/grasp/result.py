@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from enum import StrEnum
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -18,6 +16,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
+from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Status, force_text
 from continuum_grasp.model.family import family_class
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
@@ -36,172 +35,6 @@ Array = NDArray[Any]
 SLACK = 1e-3
 """Tension beyond the least one, per greatest normal force, below which tendons count as slack: a tendon's moment arm is
 a hundredth to a tenth of a finger's length, so that pulling fingers have one of about ten."""
-
-
-class Status(StrEnum):
-    """How the search ended."""
-
-    OPTIMAL = "optimal"
-    """A local optimum that the certificate confirms; of all basins that the search found, none that was not solved is
-    estimated to take 2 % less tension."""
-    FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped early, or a basin that may be better is open."""
-    INFEASIBLE = "infeasible"
-    """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
-    NOT_SOLVED = "not_solved"
-    """Neither a grasp nor a proof that there is none."""
-    STOPPED = "stopped"
-    """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
-
-
-@dataclass(frozen=True)
-class FingerPosture:
-    """One finger of a grasp.
-
-    Attributes
-    ----------
-    name : str
-    family : str
-        ``arc``, ``clothoid`` or ``matched_clothoid``.
-    q : ndarray, shape (n,)
-        Bending coordinates above rest: bends of the elements [rad] (arc) or nodal curvatures [1/m].
-    lengths : ndarray, shape (N,)
-        Element lengths [m].
-    tip_curvature : float
-        Above the rest curvature [1/m].
-    tensions : ndarray, shape (2,)
-        Of the tendon on the finger's left (-X side), which bends it positively, and of that on its right [N].
-    base : ndarray, shape (3,)
-        World x, y [m] and angle [rad].
-    backbone : ndarray, shape (K, 4)
-        Position along it [m], world x, y [m], angle of the section's X axis [rad].
-    """
-
-    name: str
-    family: str
-    q: Array
-    lengths: Array
-    tip_curvature: float
-    tensions: Array
-    base: Array
-    backbone: Array = field(repr=False)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A contact of the object.
-
-    Attributes
-    ----------
-    name : str
-        ``<finger>.middle`` (``<finger>.middle_1`` and so on where there are several), ``<finger>.tip``, or the name of
-        a support (``<support>.1`` and ``<support>.2`` where a flat face lies on it).
-    position : ndarray, shape (2,)
-        On the object's surface, world [m].
-    normal : ndarray, shape (2,)
-        Outward normal of the object, world.
-    normal_force : float
-        N >= 0 [N].
-    friction_force : float
-        f along the normal turned by +90 degrees, on what touches the object [N].
-    lift : float
-        Friction force out of the plane, on the object [N].
-    friction_margin : float
-        1 - sqrt(f^2 + lift^2) / (friction coefficient * N).
-    station : float
-        Position along the finger [m]; NaN for supports.
-    part : int
-        Index of the object's convex part.
-    """
-
-    name: str
-    position: Array
-    normal: Array
-    normal_force: float
-    friction_force: float
-    lift: float
-    friction_margin: float
-    station: float
-    part: int
-
-    @property
-    def force(self) -> Array:
-        """Force on what touches the object, in the plane, world (2,) [N]; the object bears the opposite."""
-        across = np.array([-self.normal[1], self.normal[0]])
-        return self.normal_force * self.normal + self.friction_force * across
-
-
-@dataclass(frozen=True)
-class Reason:
-    """Why there is no grasp: one limit, or several at once, and what they would have to be.
-
-    Attributes
-    ----------
-    name : str
-    key : str
-        The YAML key to change.
-    unit : str
-    limit, needed : float
-        The limit as given, and as it would have to be.
-    text : str
-        The same as a sentence.
-    repair : str
-        What to do about it.
-    confirmed : float, optional
-        What it would have to be at the posture found, by linear programming; None where that gives no answer.
-    also : tuple of Reason
-        Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
-    """
-
-    name: str
-    key: str
-    unit: str
-    limit: float
-    needed: float
-    text: str
-    repair: str
-    confirmed: float | None = None
-    also: tuple[Reason, ...] = ()
-
-    @property
-    def title(self) -> str:
-        """Names of all limits that must be changed."""
-        return " and ".join(reason.name for reason in (self, *self.also))
-
-
-@dataclass(frozen=True)
-class Change:
-    """What other elements change about a grasp."""
-
-    elements: dict[str, int]  # of each finger in the model compared with
-    tension: float  # sum of tensions there [N]
-    tension_change: float  # as a part of the sum here
-    displacement: float  # greatest one of a contact point [m]
-    length: float  # of the shortest finger [m]
-
-    @property
-    def size(self) -> float:
-        """The greater of the change of tension and the displacement per length [1]."""
-        return max(abs(self.tension_change), self.displacement / self.length)
-
-    def __str__(self) -> str:
-        count = max(self.elements.values())
-        return (
-            f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
-            f"contacts by {1e3 * self.displacement:.2g} mm at most"
-        )
-
-
-def force_text(arrays: Mapping[str, Array], force: float) -> str:
-    """Write a force [N] of a grasp with so many decimals that its greatest one has four digits, wherever it is written.
-
-    The greatest is that of the sum of tensions and the components of contact forces; two to six decimals.
-    """
-    total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
-    most = max(total, float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0)))
-    decimals = 3 - math.floor(math.log10(most)) if math.isfinite(most) and most > 0.0 else 2
-    text = f"{force:.{min(max(decimals, 2), 6)}f}"
-    return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
 
 
 @dataclass(frozen=True)
@@ -295,11 +128,11 @@ class GraspResult(Result):
     @cached_property
     def closing(self) -> ClosingPath | None:
         """The way in, where the scene asks for it and there is a grasp; followed when it is first read."""
-        from continuum_grasp.grasp.closing.path import closing_path
-
         asked = self.scene.closing
         if asked is None or not self.solved:
             return None
+        from continuum_grasp.grasp.closing.path import closing_path
+
         return closing_path(self.scene, self.arrays, steps=asked.steps, table_friction=asked.table_friction)
 
     @property

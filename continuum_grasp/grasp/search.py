@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,13 +14,13 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify
 from continuum_grasp.grasp.exploration import Basin, Exploration
+from continuum_grasp.grasp.faces import neighbors
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
@@ -36,9 +35,6 @@ sensitivities, and 0.1 % of tension is below the model's error."""
 SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
 contacts face alike to within it end in the same grasp as a rule."""
-EDGE = 1e-4
-"""Part of a face or corner, from its end, within which a contact counts as at its end: the barrier of IPOPT leaves a
-gap to bounds."""
 HELD = 3
 """Grasps with least tension from which other aims start: of nearby branches another may be best for them."""
 ITERATION_CAP = 60
@@ -440,7 +436,7 @@ class Search:
             if best is None or self.budget.over:
                 return
             least = best.attempt.objective - SAME * max(1.0, abs(best.attempt.objective))
-            for features, x0 in _neighbors(self.scene, best):
+            for features, x0 in neighbors(self.scene, best.solver, best.attempt):
                 found = self.attempt(replace(best.attempt.start, label="next face"), features=features, x0=x0)
                 if found is not None and found in self.good and found.attempt.objective < least:
                     break
@@ -467,30 +463,3 @@ def branch_of(start: Start) -> tuple[Any, ...]:
     faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
     places = tuple(contact.part for contact in start.contacts.values())
     return sides, faces, places
-
-
-def _neighbors(scene: GraspScene, tried: Tried) -> Iterator[tuple[dict[str, Feature], Array]]:
-    """Features and unknowns with one contact passed on to the face or corner that it is at the end of."""
-    attempt, parts = tried.attempt, scene.object.parts
-    for contact in tried.solver.problem.spec.contacts:
-        if contact.surface.is_smooth or contact.finger < 0:
-            continue
-        place = tried.solver.problem.x.at[f"place, {contact.name}"]
-        part = parts[attempt.start.contacts[contact.name].part]
-        ring, now = contact.surface.features(part), attempt.features[contact.name]
-        if len(ring) < 2:
-            continue
-        # A contact's place is its position along a face and the angle of its normal, of which on a face the first is
-        # free, on a corner the second.
-        at, index = attempt.x[place], ring.index(now)
-        face = now.upper[0] > now.lower[0]
-        share = at[0] if face else (at[1] - now.lower[1]) / (now.upper[1] - now.lower[1])
-        for end, step in ((0.0, -1), (1.0, 1)):
-            if abs(share - end) < EDGE:
-                new = ring[(index + step) % len(ring)]
-                x = attempt.x.copy()
-                if face:  # on to a corner
-                    x[place] = 0.0, new.upper[1] if step < 0 else new.lower[1]
-                else:
-                    x[place] = 1.0 - end, new.lower[1]
-                yield {**attempt.features, contact.name: new}, x

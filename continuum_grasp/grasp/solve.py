@@ -16,7 +16,7 @@ from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
-from continuum_grasp.grasp.result import GraspResult, Reason, Status, force_text
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.solve import with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
@@ -27,6 +27,7 @@ from continuum_grasp.grasp.stations import (
     without_stations,
 )
 from continuum_grasp.grasp.steady import stabilize
+from continuum_grasp.grasp.values import Reason, Status, force_text
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.fine import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, rank
-from continuum_grasp.grasp.result import GraspResult, Reason
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from continuum_grasp.grasp.result import GraspResult, Status
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.values import Status
 
 UNSTABLE = "unstable"
 REFUTED = "refuted by the fine model"

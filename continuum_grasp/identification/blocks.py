@@ -34,6 +34,8 @@ class Entry:
     """Standard deviation, where known."""
     at: float
     """Row, or instant [s]: where it is drawn."""
+    series: str = ""
+    """Entries of one block and one series follow each other: one reading, row by row or instant by instant."""
 
 
 class Block:
@@ -41,11 +43,13 @@ class Block:
 
     name: str
     entries: list[Entry]
+    own: Sequence[Unknown] = ()
+    """Unknowns of this set alone, behind those that all blocks have."""
     horizons = False
     """Whether a part from the start can be fitted before the whole."""
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        """Predictions (entries,) and their derivatives (entries, unknowns).
+        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
 
         Raises
         ------
@@ -79,7 +83,8 @@ class _RowsBlock(Block):
 
     def _enter(self, row: int, what: str, group: str, unit: str, value: float, sigma: float | None = None) -> None:
         number, fitted = row + 1, bool(self._fitted[row])
-        self.entries.append(Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number)))
+        entry = Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number), what)
+        self.entries.append(entry)
 
 
 class PosesBlock(_RowsBlock):
@@ -87,10 +92,10 @@ class PosesBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        self._observe = observation(self._shapes.model, [(one.quantity, one.at) for one in data.measured])
+        self._observe = observation(self._shapes.model, data.measured)
         for row in range(data.rows):
             for one in data.measured:
-                what, unit = f"{one.quantity} at {'tip' if one.at is None else f'{one.at:g} m'}", UNIT_OF[one.quantity]
+                what, unit = f"{one.quantity} at {one.place}", UNIT_OF[one.quantity]
                 group = "angles of poses" if unit == "rad" else "positions of poses"
                 if one.sigma is not None:  # a reading of known deviation is a group of its own
                     group = f"{data.name}: {what}"

@@ -15,6 +15,11 @@ from continuum_grasp.scene.simulate import Scene
 Array = NDArray[np.float64]
 UNIT_OF = {"x": "m", "y": "m", "angle": "rad", "bend": "rad"}
 """SI units of the quantities that are measured at a section."""
+STARTS = ("scene", "measured", "estimated")
+"""How the motion of a path starts."""
+START_SAMPLES = 7
+"""Samples that a measured start is read from [1]: a parabola through them halves the noise of the position and leaves
+the rate with a third of what two samples would."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +35,21 @@ class Reading:
         Position along the finger [m]; the tip where not given.
     sigma : float, optional
         Standard deviation, where known.
+    since : float, optional
+        Position from which a bend counts [m]; the base where not given.
     """
 
     quantity: str
     values: ArrayLike
     at: float | None = None
     sigma: float | None = None
+    since: float | None = None
+
+    @property
+    def place(self) -> str:
+        """Where it was measured, for labels."""
+        end = "tip" if self.at is None else f"{self.at:g} m"
+        return end if self.since is None else f"{self.since:g} to {end}"
 
 
 @dataclass(frozen=True)
@@ -64,12 +78,7 @@ class Poses:
     def __post_init__(self) -> None:
         if not self.measured:
             raise InputError("measured: expected at least one reading", key=self.name)
-        for k, reading in enumerate(self.measured):
-            if reading.quantity not in UNIT_OF:
-                message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
-                raise InputError(message, key=f"{self.name}.measured[{k}].quantity")
-            column(f"{self.name}.measured[{k}].values", reading.values, self.rows)
-            _check_deviation(f"{self.name}.measured[{k}].sigma", reading.sigma)
+        _check_readings(self.name, self.measured, self.rows)
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
 
     @property
@@ -80,7 +89,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class TipPath:
-    """Path of a point of the finger: T instants.
+    """Path of a point of the finger, and of further ones along the same motion: T instants.
 
     Attributes
     ----------
@@ -92,6 +101,11 @@ class TipPath:
         Position along the finger [m]; the tip where not given.
     sigma : float, optional
         Standard deviation of x and y [m], where known.
+    measured : sequence of Reading
+        What was measured at further sections, T values each.
+    start : {"scene", "measured", "estimated"}
+        How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in the smoothest shape and
+        rates through the first samples, which stay or are estimated with the parameters.
     fitted : bool
         False: predicted and not fitted.
     scene : Scene, optional
@@ -107,17 +121,31 @@ class TipPath:
     fitted: bool = True
     scene: Scene | None = None
     name: str = "path"
+    measured: Sequence[Reading] = ()
+    start: str = "scene"
 
     def __post_init__(self) -> None:
         t = column(f"{self.name}.t", self.t)
         if t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
             raise InputError("expected two or more instants that increase from 0 on", key=f"{self.name}.t")
-        if self.x is None and self.y is None:
-            raise InputError("expected x, y or both", key=self.name)
+        if not self.readings:
+            raise InputError("expected x, y, both, or measured", key=self.name)
         for key, values in (("x", self.x), ("y", self.y)):
             if values is not None:
                 column(f"{self.name}.{key}", values, t.size)
         _check_deviation(f"{self.name}.sigma", self.sigma)
+        _check_readings(self.name, self.measured, t.size)
+        if self.start not in STARTS:
+            raise InputError(f"expected one of {', '.join(STARTS)}, got {self.start!r:.60}", key=f"{self.name}.start")
+        if self.start != "scene" and t.size < START_SAMPLES:
+            raise InputError(f"a measured start takes {START_SAMPLES} samples, got {t.size}", key=f"{self.name}.t")
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """All that was measured, x and y first."""
+        point = (("x", self.x), ("y", self.y))
+        own = (Reading(key, values, self.at, self.sigma) for key, values in point if values is not None)
+        return (*own, *self.measured)
 
 
 @dataclass(frozen=True)
@@ -174,6 +202,17 @@ def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     if broken.size:
         raise InputError(f"expected finite numbers, entry {broken[0]} is {array[broken[0]]}", key=key)
     return array
+
+
+def _check_readings(name: str, readings: Sequence[Reading], count: int) -> None:
+    for k, reading in enumerate(readings):
+        if reading.quantity not in UNIT_OF:
+            message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
+            raise InputError(message, key=f"{name}.measured[{k}].quantity")
+        if reading.since is not None and reading.quantity != "bend":
+            raise InputError(f"since goes with bend, not with {reading.quantity}", key=f"{name}.measured[{k}].since")
+        column(f"{name}.measured[{k}].values", reading.values, count)
+        _check_deviation(f"{name}.measured[{k}].sigma", reading.sigma)
 
 
 def _check_rows(name: str, conditions: Mapping[str, ArrayLike], fitted: ArrayLike | None, rows: int) -> None:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
-from continuum_grasp.identification.unknowns import DEADBAND
+from continuum_grasp.identification.unknowns import LAG, OF_DRIVE
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
-from continuum_grasp.scene.finger import PointMass
+from continuum_grasp.scene.finger import PointMass, TipBody
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 
@@ -58,6 +58,8 @@ class Fit(Result):
     targets : tuple of (str, float, bool)
         Per parameter, what of the model it sets, the factor to that, and whether it is added to the scene's value.
     scene : Scene
+    set_names : tuple of str
+        Name, set and unit of what each set has of its own: parameters that are estimated per set, and estimated starts.
     status : str
         ``converged``; failures raise ``SolverError``.
     warnings : tuple of str
@@ -89,12 +91,15 @@ class Fit(Result):
         ),
         Stored("fitted", "(measurement,)", "1", "whether it was fitted"),
         Stored("labels", "(measurement,)", "text", "name of each measured number"),
+        Stored("set_values", "(set_parameter,)", "", "estimates of what each set has of its own"),
+        Stored("set_deviations", "(set_parameter,)", "", "their standard deviations"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         Dimension("parameter", "estimated parameters", "parameter_names"),
         Dimension("other", "the same", "parameter_names"),
         Dimension("interval", "ends of an interval", ("low", "high")),
         Dimension("measurement", "measured numbers, set by set", "measurement_names"),
+        Dimension("set_parameter", "what each set has of its own", "set_names"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("residuals", "plotting.identification:plot_residuals"),
@@ -115,6 +120,9 @@ class Fit(Result):
     blocks: tuple[tuple[str, int], ...]
     targets: tuple[tuple[str, float, bool], ...]
     scene: Scene
+    set_names: tuple[str, ...] = ()
+    set_values: Array = field(default_factory=lambda: np.zeros(0))
+    set_deviations: Array = field(default_factory=lambda: np.zeros(0))
     status: str = "converged"
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -177,7 +185,7 @@ class Fit(Result):
         return tuple(found)
 
     def apply(self, scene: Scene | None = None) -> Scene:
-        """A scene with the estimates in it; a deadband of the drive is none of a scene's values and left out.
+        """A scene with the estimates in it; deadband and delay of the drive are none of a scene's values and left out.
 
         Parameters
         ----------
@@ -191,7 +199,7 @@ class Fit(Result):
         """
         changed = self.scene if scene is None else scene
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
-            if target != DEADBAND:
+            if target == LAG or target not in OF_DRIVE:
                 base = changed.finger.base.angle if added else 0.0
                 changed = _with_parameter(changed, target, base + factor * float(value))
         return changed
@@ -220,6 +228,10 @@ class Fit(Result):
             "freedom": self.freedom,
             "errors": [dict(vars(one)) for one in self.errors],
             "holdout_errors": [dict(vars(one)) for one in self.holdout_errors],
+            "sets": [
+                {"name": name, "value": value, "deviation": deviation}
+                for name, value, deviation in zip(self.set_names, self.set_values, self.set_deviations, strict=True)
+            ],
             "blocks": [{"name": name, "entries": count} for name, count in self.blocks],
         }
 
@@ -242,17 +254,30 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
         changes = {target: value}
     elif target == "base_angle":
         changes = {"base.angle": value}
-    elif target in ("tendon_offset", "tendon_friction") and finger.tendons is not None:
+    elif target in ("tendon_offset", "tendon_friction", LAG) and finger.tendons is not None:
         each = [f"[{k}]" for k in range(len(finger.tendon_list))] if isinstance(finger.tendons, tuple) else [""]
-        changes = {f"tendons{one}.{target.removeprefix('tendon_')}": value for one in each}
+        changes = {f"tendons{one}.{target.removeprefix('tendon_').removeprefix('drive_')}": value for one in each}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
+    elif target.startswith("tip_body_") and finger.tip_body is not None:
+        changes = {"tip_body": _tip_body(finger.tip_body, target.removeprefix("tip_body_"), value)}
     elif target.startswith("mass_"):
         changes = {f"masses[{target.removeprefix('mass_')}].mass": value}
     else:
         raise InputError(f"no value of a scene is behind {target}")
     return scene.changed({f"finger.{key}": new for key, new in changes.items()})
+
+
+def _tip_body(body: TipBody, key: str, value: float) -> TipBody:
+    across, along = body.center_of_mass
+    changes: dict[str, dict[str, Any]] = {
+        "mass": {"mass": value},
+        "inertia": {"rotary_inertia": value},
+        "across": {"center_of_mass": (value, along)},
+        "along": {"center_of_mass": (across, value)},
+    }
+    return body.replaced(**changes[key])
 
 
 def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:

@@ -107,21 +107,22 @@ def identify(
         "total_s": perf_counter() - started,
         **({"fidelity": note} if note else {}),
     }
-    return _fit(scene, problem, solution, _finer(given, unknowns, solution.values), statistics)
+    return _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), statistics)
 
 
-def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], values: Array) -> Array | None:
+def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     found = []
-    for one, scene in given:
+    for (one, scene), own in zip(given, sets, strict=True):
         model = FingerModel(scene)
-        if len(model.lengths) > _MOST:
+        # the start that was estimated is in coordinates of the coarser one
+        if len(model.lengths) > _MOST or (isinstance(one, TipPath) and one.start == "estimated"):
             return None
         halves = tuple(0.5 * h for h in model.lengths for _ in range(2))
         fidelity = scene.fidelity.model_copy(update={"family": model.family, "elements": halves})
         try:
             fine = _block(scene.model_copy(update={"fidelity": fidelity}), one, unknowns)
-            found.append(fine.predict(values)[0])
+            found.append(fine.predict(own)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
     return np.concatenate(found)
@@ -170,26 +171,31 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, finer: Array | None
     fitted, sigma, unknowns = problem.fitted, solution.sigma, problem.unknowns
     weighted = (solution.predictions - problem.measured) / sigma
     jacobian = (solution.jacobian / sigma[:, None])[fitted]
-    found = infer(unknowns, solution.values, jacobian, weighted[fitted], solution.inflation)
+    shared = problem.shared
+    found = infer(unknowns, solution.values, jacobian, weighted[fitted], solution.inflation, shared)
     doubted: tuple[str, ...] = ()
     if finer is not None:
         coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, found.deviations, jacobian, coarse, fine)
-    shapes = [f"{block.name}: {one}" for block in problem.blocks for one in block.warnings(solution.values)]
+    own = zip(problem.blocks, problem.by_block(solution.values), strict=True)
+    shapes = [f"{block.name}: {one}" for block, values in own for one in block.warnings(values)]
     return Fit(
-        names=tuple(one.name for one in unknowns),
-        units=tuple(one.unit for one in unknowns),
-        values=solution.values,
-        deviations=found.deviations,
-        intervals=found.intervals,
-        correlation=found.correlation,
+        names=tuple(one.name for one in unknowns[:shared]),
+        units=tuple(one.unit for one in unknowns[:shared]),
+        values=solution.values[:shared],
+        deviations=found.deviations[:shared],
+        intervals=found.intervals[:shared],
+        correlation=found.correlation[:shared, :shared],
+        set_names=tuple(f"{one.name} [{one.unit}]" for one in unknowns[shared:]),
+        set_values=solution.values[shared:],
+        set_deviations=found.deviations[shared:],
         singular_values=found.singular_values,
         freedom=found.freedom,
         entries=tuple(problem.entries),
         predictions=solution.predictions,
         sigma=sigma,
         blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
-        targets=tuple((one.target, one.factor, one.added) for one in unknowns),
+        targets=tuple((one.target, one.factor, one.added) for one in unknowns[:shared]),
         scene=scene,
         warnings=(*found.warnings, *shapes, *doubts(problem, solution, found.freedom), *doubted),
         statistics=statistics,

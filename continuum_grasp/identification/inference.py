@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.identification.laws import doubts_of_laws
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
 
@@ -58,11 +59,17 @@ class Inference(NamedTuple):
 
 
 def infer(
-    unknowns: Sequence[Unknown], values: Array, jacobian: Array, residuals: Array, inflation: float = 1.0
+    unknowns: Sequence[Unknown],
+    values: Array,
+    jacobian: Array,
+    residuals: Array,
+    inflation: float = 1.0,
+    shared: int | None = None,
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
-    The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss.
+    The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss. The
+    first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each.
     """
     from scipy.special import stdtrit
 
@@ -90,30 +97,40 @@ def infer(
     deviations = spread * sizes
     reach = quantile * deviations
     intervals = np.stack([values - reach, values + reach], axis=1)
-    warnings = _blindness(unknowns, unseen, jacobian * sizes)
-    warnings += _weakness(unknowns, values, deviations, correlation, lost)
+    reported = unknowns[:shared]
+    warnings = _blindness(unknowns, unseen, jacobian * sizes, len(reported))
+    warnings += _weakness(reported, values, deviations, correlation, lost)
     warnings += [
         f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
-        for one, value, gone in zip(unknowns, values, lost, strict=True)
+        for one, value, gone in zip(reported, values, lost, strict=False)
         if not gone and (value <= one.lower or value >= one.upper)
+    ]
+    warnings += [
+        f"{one.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
+        "than its linear law of stiffness says, so that law is wrong"
+        for one, value, high in zip(reported, values, intervals[:, 1], strict=False)
+        if one.target == "tendon_friction" and high < 0.0
     ]
     if freedom <= 0:
         warnings.append(f"{rows} fitted numbers for {count} parameters: nothing is left to tell their uncertainty")
     return Inference(deviations, intervals, correlation, singular, freedom, tuple(warnings))
 
 
-def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array) -> list[str]:
-    """Parameters that the data do not see, alone or in the combinations (k, n) that no prediction changes with."""
+def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array, shared: int) -> list[str]:
+    """Parameters that the data do not see, alone or in the combinations (k, n) that no prediction changes with.
+
+    What concerns none of the first ``shared`` ones is left out.
+    """
     lengths = np.linalg.norm(scaled, axis=0)
     unseen = lengths <= _BLIND * max(float(lengths.max(initial=0.0)), _TINY)
     found = [
         f"the data cannot see {one.name}: no prediction changes with it; its value is the start value"
-        for one, gone in zip(unknowns, unseen, strict=True)
+        for one, gone in zip(unknowns[:shared], unseen, strict=False)
         if gone
     ]
     for direction in directions:
         parts = [int(k) for k in np.flatnonzero(np.abs(direction) > _PART) if not unseen[k]]
-        if len(parts) > 1:
+        if len(parts) > 1 and parts[0] < shared:
             names = " and ".join(unknowns[k].name for k in parts)
             ratio = ", ".join(f"{unknowns[k].name} by {100 * direction[k] / direction[parts[0]]:+.3g} %" for k in parts)
             found.append(
@@ -172,6 +189,7 @@ def doubts(problem: Problem, solution: Solution, freedom: int) -> list[str]:
         *_series(problem, weighted),
         *_sets(problem, weighted),
         *_misfits(problem, solution.predictions),
+        *doubts_of_laws(problem, solution.predictions),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Prediction of the path of a point of the finger as a function of the unknowns.
+"""Prediction of paths of points of the finger along one motion as a function of the unknowns.
 
 Motions and their derivatives come from the variational equations of the model.
 """
@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from types import SimpleNamespace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,14 +17,12 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.data import TipPath, column
-from continuum_grasp.identification.rows import Rows, Shapes, observation, runtime_names, symbols
-from continuum_grasp.identification.unknowns import DEADBAND, Unknown
-from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.families import default_family
+from continuum_grasp.identification.data import UNIT_OF, Reading, TipPath, column
+from continuum_grasp.identification.driven import Driven
+from continuum_grasp.identification.rows import Rows, Shapes, split_unit
+from continuum_grasp.identification.start import MeasuredStart
+from continuum_grasp.identification.unknowns import DEADBAND, START, Unknown
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.tendons import Tendons
-from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.trajectory import limit_warnings
 
@@ -33,89 +30,111 @@ Array = NDArray[np.float64]
 
 
 class PathBlock(Block):
-    """Path of a point of the finger."""
+    """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated."""
 
     horizons = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
         if any(one.target == DEADBAND for one in unknowns):
             raise InputError(f"{DEADBAND} is for shapes at rest, not for paths", key="estimate")
-        self.name = data.name
-        self._unknowns = unknowns
-        self._model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
-        # a tip that is matched to a lagging moment has its rate as an input, which the variational equations lack
-        if model.nx > 2 * model.n and model.structure.matched:
-            free = default_family(free_tip=True)
-            raise InputError(f"paths of tendons with a time constant need fidelity.family: {free}", key=data.name)
-        family = scene.fidelity.model_copy(update={"family": model.family})
-        self._scene = scene = scene.model_copy(update={"fidelity": family})
-        self._signals = Signals(scene, model)
-        self._rows = Rows(scene, unknowns, data.name)
-        self._start = _start_rows(scene, unknowns, data.name)
+        self.name, readings = data.name, data.readings
+        plain = Driven(scene, unknowns, readings)
         self._t = t = column(f"{data.name}.t", data.t)
-        columns = [(key, np.asarray(v, dtype=float)) for key, v in (("x", data.x), ("y", data.y)) if v is not None]
-        self._observe = observation(model, [(key, data.at) for key, _ in columns]).map(t.size)
-        self._acting = self._signals.u(t), self._signals.w(t)
-        self._motion = _Motion(model, self._signals, self._slope(np.array([one.start for one in unknowns])), t)
-        where = "tip" if data.at is None else f"{data.at:g} m"
-        group = "positions on paths" if data.sigma is None else f"{data.name}: positions"
-        self.entries = [
-            Entry(f"{key} of {where} at {at:g} s", group, "m", float(numbers[k]), data.fitted, data.sigma, float(at))
-            for k, at in enumerate(t)
-            for key, numbers in columns
-        ]
+        self._measured = None if data.start == "scene" else MeasuredStart(plain.model, readings, t, data.name)
+        self._rows = Rows(plain.scene, unknowns, data.name)
+        self._shape = _start_rows(plain.scene, unknowns, data.name) if self._measured is None else None
+        self._count, self._initial = len(unknowns), scene.initial
+        if self._measured is not None and data.start == "estimated":
+            self.own = self._estimated_start(self._measured, plain, np.array([one.start for one in unknowns]))
+        self._all = [*unknowns, *self.own]
+        self._driven = Driven(scene, self._all, readings) if self.own else plain
+        self._driven.check(unknowns, data.name)
+        self._model = self._driven.model
+        self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
+        self._read = self._driven.readings.map(t.size)
+        self.entries = _entries(readings, t, data)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        x, by_values, p = self._moved(values)
-        n, count = self._model.n, len(x)
-        acting = np.hstack([*self._acting, np.tile(p, (count, 1))])
-        y, by_q, by_z = (np.array(v) for v in self._observe(x[:, :n].T, acting.T))
-        size, start = y.shape[0], self._model.nu + self._model.nw
-        # a mapped function puts the matrices of all instants side by side
-        by_q = by_q.reshape(size, count, n).transpose(1, 0, 2)
-        by_p = by_z.reshape(size, count, acting.shape[1]).transpose(1, 0, 2)[:, :, start:]
-        derivative = by_q @ by_values[:, :n] + by_p @ self._slope(values)
-        return y.T.ravel(), derivative.reshape(size * count, len(self._unknowns))
+        states, p, delay = self._moved(values)
+        count, size = len(self._all), self._driven.readings.size1_out(0) // (1 + len(self._all))
+        inputs = self._driven.commands(self._t, delay), self._driven.signals.w(self._t), np.tile(p, (self._t.size, 1))
+        both = np.array(self._read(states.T, *(rows.T for rows in inputs)))
+        slopes = both[size:].reshape(count, size, self._t.size)
+        return both[:size].T.ravel(), slopes.transpose(2, 1, 0).reshape(-1, count)
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        x, _, p = self._moved(values)
-        q = x[:, : self._model.n]
-        use = np.array(self._model.range_use.map(len(q))(q.T, self._acting[0].T, np.tile(p, (len(q), 1)).T)).T
-        return limit_warnings(self._model, use, self._t)
+        states, p, delay = self._moved(values)
+        n, t, size = self._model.n, self._t, self._driven.size
+        p = p[: self._model.np + len(self._driven.constants)]
+        commands = self._driven.commands(t, delay)[:, : self._model.nu]
+        u = np.array(self._driven.inputs.map(t.size)(states[:, :size].T, commands.T, np.tile(p, (t.size, 1)).T))
+        use = self._model.range_use.map(t.size)(states[:, :n].T, u, np.tile(p[: self._model.np], (t.size, 1)).T)
+        return limit_warnings(self._model, np.array(use).T, t)
 
-    def _moved(self, values: Array) -> tuple[Array, Array, Array]:
-        """States (T, nx), their derivatives (T, nx, unknowns) and the parameters p."""
-        p = self._rows.split(self._rows.at(0, values)[0])[2]
-        return *self._motion.at(*self._begin(values), p), p
+    def _moved(self, values: Array) -> tuple[Array, Array, float]:
+        """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
+        driven, shared = self._driven, values[: self._count]
+        z, by_shared = self._rows.at(0, shared)
+        own = np.zeros((self._model.np, len(values)))
+        own[:, : self._count] = by_shared[len(z) - self._model.np :]
+        lag = driven.constants + driven.slope @ (values - np.array([one.start for one in self._all]))
+        p, slope = np.concatenate([z[len(z) - self._model.np :], lag]), np.vstack([own, driven.slope])
+        delay = driven.delay(values)
+        start = self._begin(driven, values, delay)
+        acting = np.concatenate([p, slope.ravel(order="F")])
+        return self._motion.at(*start, p, acting, delay), acting, delay
 
-    def _slope(self, values: Array) -> Array:
-        """Derivative of p with respect to the unknowns."""
-        _, derivative = self._rows.at(0, values)
-        return derivative[len(derivative) - self._model.np :]
-
-    def _begin(self, values: Array) -> tuple[Array, Array]:
-        """State (nx,) at time zero as ``initial`` of the scene says, and its derivative (nx, unknowns)."""
-        model, n, initial = self._model, self._model.n, self._scene.initial
-        x, slope = np.zeros(model.nx), np.zeros((model.nx, len(self._unknowns)))
-        if isinstance(self._start, Shapes):
-            _, by_values, q, by_z = self._start.shape(0, values)
-            x[:n], slope[:n] = q, by_z @ by_values
-        elif initial.coordinates is not None:
-            model.structure.check_initial(initial)
-            x[:n] = initial.coordinates
-        if initial.qd is not None:
-            x[n : 2 * n] = initial.qd
-        if model.nx > 2 * n:
-            # the lagging moment of the tendons begins as their tensions give it
-            lag = model.structure.lag_at(self._signals.u(0.0)[0])
-            lagged = slice(2 * n, 2 * n + len(lag))
-            x[lagged] = lag
-            pair = self._scene.finger.tendons
-            for k in [k for k, one in enumerate(self._unknowns) if one.target == "tendon_offset"]:
-                # proportional to the offset, of which only that of a pair can be estimated
-                slope[lagged, k] = x[lagged] / (pair.offset if isinstance(pair, Tendons) else 1.0)
-                x[lagged] = slope[lagged, k] * values[k]
+    def _begin(self, driven: Driven, values: Array, delay: float) -> tuple[Array, Array]:
+        """State where the motion starts, and its derivative by all values."""
+        model, n, shared = driven.model, driven.model.n, values[: self._count]
+        x, slope = np.zeros(driven.size), np.zeros((driven.size, len(values)))
+        drive, by_values = driven.begin(float(self._t[0]) if self._measured else 0.0, delay)
+        x[2 * n :], slope[2 * n :, : by_values.shape[1]] = drive, by_values
+        if self._measured is not None and len(values) == self._count:
+            x[: 2 * n], slope[: 2 * n] = self._read_start(self._measured, driven, shared)
+        elif self._measured is not None:
+            x[: 2 * n], slope[: 2 * n, self._count :] = values[self._count :], np.eye(2 * n)
+        elif self._shape is not None:
+            _, by_shared, q, by_z = self._shape.shape(0, shared)
+            x[:n], slope[:n, : self._count] = q, by_z @ by_shared
+        elif self._initial.coordinates is not None:
+            model.structure.check_initial(self._initial)
+            x[:n] = self._initial.coordinates
+        if self._measured is None and self._initial.qd is not None:
+            x[n : 2 * n] = self._initial.qd
         return x, slope
+
+    def _read_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> tuple[Array, Array]:
+        """The measured start (2 n,) and its derivative by the unknowns, for inputs as they are there."""
+        z, by_shared = self._rows.at(0, shared)
+        t, count = self._t[:1], measured.inputs
+        acting = np.concatenate([driven.signals.u(t)[0], driven.signals.w(t)[0], z[len(z) - driven.model.np :]])
+        state, by_z = measured.at(acting)
+        return state, by_z[:, count:] @ by_shared[len(z) - driven.model.np :]
+
+    def _estimated_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> list[Unknown]:
+        """Coordinates and rates at the first sample, to be estimated from those that are read there."""
+        model = driven.model
+        state, _ = self._read_start(measured, driven, shared)
+        sizes = [measured.reach] * model.n + [measured.reach / measured.slow] * model.n
+        return [
+            Unknown(*split_unit(label), START, 0.0, False, float(value), -math.inf, math.inf, size, True)
+            for label, value, size in zip(model.x_names, state, sizes, strict=True)
+        ]
+
+
+def _entries(readings: Sequence[Reading], t: Array, data: TipPath) -> list[Entry]:
+    """Instant by instant; readings without a known deviation share that of their quantity on all paths."""
+    found = []
+    for k, at in enumerate(t):
+        for one in readings:
+            unit = UNIT_OF[one.quantity]
+            kind = "positions" if unit == "m" else "angles"
+            group = f"{kind} on paths" if one.sigma is None else f"{data.name}: {kind}"
+            value = float(np.asarray(one.values)[k])
+            what = f"{one.quantity} of {one.place}"
+            found.append(Entry(f"{what} at {at:g} s", group, unit, value, data.fitted, one.sigma, float(at), what))
+    return found
 
 
 def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
@@ -139,20 +158,21 @@ _SHAPES = 6
 
 
 class _Motion:
-    """Integrates x' = f(x, u, w, p) and its derivative X' = f_x X + f_p B by the classical Runge-Kutta method.
+    """Integrates a driven finger and the derivatives of its state by the classical Runge-Kutta method.
 
-    B (np, unknowns) is the derivative of p with respect to the unknowns; instants t (T,) [s] are wanted, from 0 on.
+    Instants t (T,) [s] are wanted; the motion starts at ``start`` [s].
     """
 
-    def __init__(self, model: FingerModel, signals: Signals, slope: Array, t: Array) -> None:
-        self._model, self._signals, self._slope, self._t = model, signals, slope, t
-        self._core = Core(model, compiled=False)
-        functions = SimpleNamespace(forward_dynamics=_variational(model, slope.shape[1]))
-        self._run = Rollouts.of(step_function(functions, "rk4"))
+    def __init__(self, driven: Driven, t: Array, start: float) -> None:
+        self._driven, self._t, self._start = driven, t, start
+        self._core = Core(driven.model, compiled=False)
+        self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
         self._settled: tuple[Array, float] | None = None
 
-    def at(self, start: Array, slope: Array, p: Array) -> tuple[Array, Array]:
-        """States (T, nx) and their derivatives (T, nx, unknowns), from a start (nx,) with its derivative.
+    def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float) -> Array:
+        """States with their derivatives (T, ...), from a start (nx,) with its derivative.
+
+        ``p`` are the parameters, ``acting`` these with their derivatives.
 
         Raises
         ------
@@ -160,17 +180,19 @@ class _Motion:
             If the motion does not stay finite, or is too stiff.
         """
         self._settle(start, p)
-        grid, count, nx = self._grid, self._slope.shape[1], len(start)
+        grid, driven = self._grid, self._driven
         whole = np.concatenate([start, slope.ravel(order="F")])[None]
-        arguments = np.concatenate([p, self._slope.ravel(order="F")])
-        states, finished = self._run(
-            whole, grid.steps, grid.substeps, grid.spacing / grid.substeps, self._u, self._w, arguments
-        )
+        # a Runge-Kutta step takes inputs and forces at its start, middle and end
+        halves: Array = np.linspace(0.0, grid.steps * grid.spacing, 2 * grid.steps * grid.substeps + 1) + self._start
+        at = halves[:1] if driven.signals.constant else halves
+        u, w = driven.commands(at, delay), driven.signals.w(at)
+        u, w = (values[0] if driven.signals.constant else values for values in (u, w))
+        inputs = signal("u", u, u.shape[-1], len(halves), None), signal("w", w, w.shape[-1], len(halves), None)
+        states, finished = self._run(whole, grid.steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
         if finished[0] < grid.steps:
-            time = float(finished[0]) * grid.spacing
+            time = self._start + float(finished[0]) * grid.spacing
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
-        rows = grid.pick(states[0])
-        return rows[:, :nx], rows[:, nx:].reshape(len(rows), count, nx).transpose(0, 2, 1)
+        return grid.pick(states[0])
 
     def _settle(self, start: Array, p: Array) -> None:
         """Steps that are short enough for parameters p; they stay while these change little.
@@ -179,15 +201,17 @@ class _Motion:
         """
         if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
             return
-        signals, model = self._signals, self._model
+        signals, model = self._driven.signals, self._driven.model
         shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
-        rate = _FINER * spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p) / TARGET_RADIUS
+        own, lags = p[: model.np], p[model.np :]
+        radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], own)
+        rate = _FINER * max(radius, float((1.0 / lags).max(initial=0.0))) / TARGET_RADIUS
         if not np.isfinite(rate):
             raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
         if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:
             self._settled = (p, self._settled[1])
             return
-        grid = _Grid(self._t, rate)
+        grid = _Grid(self._t - self._start, rate)
         count = grid.steps * grid.substeps
         if count > _MOST_STEPS:
             raise NumericalError(
@@ -196,12 +220,6 @@ class _Motion:
                 "damping",
                 time=0.0,
             )
-        # a Runge-Kutta step takes inputs and forces at its start, middle and end
-        halves = np.arange(2 * count + 1) * (0.5 * grid.spacing / grid.substeps)
-        at = halves[:1] if signals.constant else halves
-        u, w = (values[0] if signals.constant else values for values in (signals.u(at), signals.w(at)))
-        self._u = signal("u", u, model.nu, len(halves), None)
-        self._w = signal("w", w, model.nw, len(halves), None)
         self._grid, self._settled = grid, (p, rate)
 
 
@@ -239,15 +257,3 @@ class _Grid:
                     weight = weight * (s - j) / (k - j)
             total += weight * rows[self._index + k]
         return total
-
-
-def _variational(model: FingerModel, count: int) -> ca.Function:
-    """Dynamics of [x, X] with the parameters [p, B]."""
-    _, u, w, p = symbols(model)
-    x = ca.SX.sym("x", model.nx)
-    moved, turned = ca.SX.sym("X", model.nx, count), ca.SX.sym("B", model.np, count)
-    rate = model.forward_dynamics(x, u, w, p)
-    slope = ca.jtimes(rate, ca.vertcat(x, p), ca.vertcat(moved, turned))
-    outputs = ca.cse([ca.densify(ca.vertcat(rate, ca.vec(slope)))])
-    inputs = [ca.vertcat(x, ca.vec(moved)), u, w, ca.vertcat(p, ca.vec(turned))]
-    return ca.Function("variational", inputs, outputs, ["x", "u", "w", "p"], ["xd"])

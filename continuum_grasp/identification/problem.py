@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,8 @@ class Solution(NamedTuple):
 class Problem:
     """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
 
+    The first ``shared`` unknowns are those of all sets, the others of one set each.
+
     Raises
     ------
     InputError
@@ -56,21 +59,38 @@ class Problem:
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
-        self.blocks, self.unknowns, self._loss = list(blocks), list(unknowns), loss
+        self.blocks, self._loss = list(blocks), loss
+        shared = [one for one in unknowns if not one.per_set]
+        self.unknowns, self.shared, self._columns = list(shared), len(shared), []
+        for block in blocks:
+            own = iter(range(len(self.unknowns), len(self.unknowns) + len(unknowns) + len(block.own)))
+            columns = [next(own) if one.per_set else shared.index(one) for one in (*unknowns, *block.own)]
+            mine = [one for one in (*unknowns, *block.own) if one.per_set]
+            self.unknowns += [one._replace(name=f"{one.name} of {block.name}") for one in mine]
+            self._columns.append(np.array(columns, dtype=int))
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")
         names = [entry.group for entry in self.entries]
+        ends = np.cumsum([len(block.entries) for block in self.blocks])
+        self._parts = [slice(end - len(block.entries), end) for block, end in zip(self.blocks, ends, strict=True)]
         self.groups = {name: np.array([one == name for one in names]) for name in dict.fromkeys(names)}
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._iterations = self._evaluations = 0
 
-    def predict(self, values: Array) -> tuple[Array, Array]:
-        """Predictions (m,) of all entries, and their Jacobian (m, n)."""
-        parts = [block.predict(values) for block in self.blocks]
-        return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts])
+    def by_block(self, values: Array) -> list[Array]:
+        """Those of the values that each block has."""
+        return [values[columns] for columns in self._columns]
+
+    def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+        """Predictions (m,) of all entries, and their Jacobian (m, n); zeros for sets of which no entry is chosen."""
+        y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
+        for block, part, columns in zip(self.blocks, self._parts, self._columns, strict=True):
+            if chosen is None or chosen[part].any():
+                y[part], jacobian[part, columns] = block.predict(values[columns])
+        return y, jacobian
 
     def solve(self, progress: Progress) -> Solution:
         """Find the parameters; unknown standard deviations and robust weights are found by iteration.
@@ -89,7 +109,7 @@ class Problem:
         scale = np.ones(len(self.measured))
         for round_ in range(_ROUNDS):
             minimum = self._search(values, self.fitted, scale / sigma)
-            predictions, jacobian = self.predict(minimum.values)
+            predictions, jacobian = self.predict(minimum.values, self.fitted)
             # each group by its own residuals (iteratively reweighted): meters and radians weigh as they scatter
             new_sigma = self._new_sigma(predictions, jacobian, sigma)
             new_scale = self._new_scale(predictions, new_sigma)
@@ -100,17 +120,41 @@ class Problem:
             if settled or (len(self.groups) == 1 and self._loss == "squares"):
                 break
         inflation = self._inflation(predictions, sigma)
+        values = self._of_holdouts(values, sigma)
+        predictions, jacobian = self.predict(values)
         return Solution(values, predictions, jacobian, sigma, inflation, self._iterations, self._evaluations)
 
+    def _of_holdouts(self, values: Array, sigma: Array) -> Array:
+        """The values with what sets that are not fitted have of their own, such as their start, sought in these sets.
+
+        What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
+        """
+        values = values.copy()
+        for block, part, columns in zip(self.blocks, self._parts, self._columns, strict=True):
+            own = columns >= self.shared
+            if self.fitted[part].any() or not own.any():
+                continue
+            residuals = partial(_own_residuals, block, values[columns], own, self.measured[part], sigma[part])
+            lower, upper, sizes = self._bounds([self.unknowns[k] for k in columns[own]])
+            found = least_squares(residuals, values[columns[own]], lower, upper, sizes, evaluations=_EVALUATIONS)
+            values[columns[own]] = found.values
+        return values
+
+    @staticmethod
+    def _bounds(unknowns: Sequence[Unknown]) -> tuple[Array, Array, Array]:
+        """Bounds and typical sizes."""
+        rows = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in unknowns]
+        lower, upper, sizes = (np.array(column) for column in zip(*rows, strict=True))
+        return lower, upper, sizes
+
     def _search(self, start: Array, chosen: NDArray[np.bool_], weights: Array, first: bool = False) -> Minimum:
-        bounds = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in self.unknowns]
-        lower, upper, sizes = (np.array(column) for column in zip(*bounds, strict=True))
+        lower, upper, sizes = self._bounds(self.unknowns)
         if first:
             reach = np.maximum(_REACH * np.abs(start), sizes)
             lower, upper = np.maximum(lower, start - reach), np.minimum(upper, start + reach)
 
         def residuals(values: Array) -> tuple[Array, Array]:
-            y, jacobian = self.predict(values)
+            y, jacobian = self.predict(values, chosen)
             scale = weights[chosen]
             return scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen]
 
@@ -132,7 +176,8 @@ class Problem:
         parts = []
         for block in self.blocks:
             at = np.array([entry.at for entry in block.entries])
-            parts.append(at <= share * at.max() if block.horizons else np.ones(at.size, dtype=bool))
+            early = at <= at.min() + share * np.ptp(at)
+            parts.append(early if block.horizons else np.ones(at.size, dtype=bool))
         return np.concatenate(parts)
 
     def _first_sigma(self) -> Array:
@@ -185,3 +230,13 @@ class Problem:
         correction = 1.0 + len(self.unknowns) / len(size) * (1.0 - inside) / max(inside, 1e-3)
         plain = float(size @ size)
         return correction**2 * float(bounded @ bounded) / max(inside, 1e-3) ** 2 / max(plain, 1e-300)
+
+
+def _own_residuals(
+    block: Block, values: Array, own: NDArray[np.bool_], measured: Array, sigma: Array, found: Array
+) -> tuple[Array, Array]:
+    """Residuals of one set and their Jacobian by what it has of its own."""
+    values = values.copy()
+    values[own] = found
+    y, slope = block.predict(values)
+    return (y - measured) / sigma, slope[:, own] / sigma[:, None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from continuum_grasp.scene.identify import (
     DataSet,
     FrequencyTable,
     IdentifyScene,
+    ReadingColumn,
     RingDown,
     StaticPoses,
 )
@@ -112,12 +114,7 @@ def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
 def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data:
     rows, fitted = len(table.rows), one.use == "fit"
     if isinstance(one, StaticPoses):
-        length, readings = scene.finger.rod.length, []
-        for k, m in enumerate(one.measured):
-            if m.at is not None and m.at > length * (1 + 1e-9):
-                message = f"{m.at:g} m is beyond the finger's length of {length:g} m"
-                raise InputError(message, key=f"{key}.measured[{k}].at")
-            readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma))
+        readings = _readings(one.measured, table, scene, key)
         chosen = _chosen(rows, fitted, one.holdout_rows, key)
         return Poses(readings, _conditions(table, one.conditions, scene, key), chosen, scene, name)
     if isinstance(one, FrequencyTable):
@@ -136,10 +133,25 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
         return _ring_downs(one, table, t, inside, scene, name)
     x = None if one.x is None else _column(table, one.x, "m")[inside]
     y = None if one.y is None else _column(table, one.y, "m")[inside]
+    further = [
+        replace(reading, values=np.asarray(reading.values)[inside])
+        for reading in _readings(one.measured, table, scene, key)
+    ]
     try:
-        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name)
+        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start)
     except InputError as error:
         raise InputError(error.message, file=table.file) from None
+
+
+def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key: str) -> list[Reading]:
+    length, readings = scene.finger.rod.length, []
+    for k, m in enumerate(measured):
+        for name, at in (("at", m.at), ("since", m.since)):
+            if at is not None and at > length * (1 + 1e-9):
+                message = f"{at:g} m is beyond the finger's length of {length:g} m"
+                raise InputError(message, key=f"{key}.measured[{k}].{name}")
+        readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma, m.since))
+    return readings
 
 
 def _ring_downs(
@@ -198,7 +210,7 @@ def _unit_of_entry(name: str, scene: Scene, key: str) -> str:
 
 def _column(table: Table, column: ColumnLike, si: str) -> Array:
     one = Column(column=column) if isinstance(column, str) else column
-    values = table.in_si(one.column, si, one.unit)
+    values = table.in_si(one.column, si, one.unit, one.zero)
     if one.minus is not None:
         values = values - table.in_si(one.minus, si, one.unit)
     return one.scale * values

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import column
-from continuum_grasp.identification.unknowns import DEADBAND, Unknown
+from continuum_grasp.identification.data import Reading, column
+from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
@@ -29,7 +29,7 @@ a hundredth of a typical deadband."""
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
     """Parameters that the model keeps as run-time arguments."""
-    own = (one.target for one in unknowns if one.target != DEADBAND)
+    own = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
     return tuple(dict.fromkeys((*scene.parameters, *own, *more)))
 
 
@@ -81,7 +81,7 @@ class Rows:
         # z = own * table + derivative @ values, but for the deadband, which is not linear
         self._derivative, self._own = np.zeros((len(names), len(unknowns))), np.ones(len(names))
         for k, unknown in enumerate(unknowns):
-            if unknown.target != DEADBAND:
+            if unknown.target not in OF_DRIVE:
                 at = names.index(unknown.target)
                 self._derivative[at, k] = unknown.factor
                 self._own[at] = 1.0 if unknown.added else 0.0
@@ -213,8 +213,8 @@ class Shapes:
         return np.array(missing).ravel(), np.array(stiffness), np.array(slope)
 
 
-def observation(model: FingerModel, places: Sequence[tuple[str, float | None]]) -> ca.Function:
-    """What is measured, quantities at positions along the finger [m] or None for the tip, as `with_slopes` of (q, z).
+def observation(model: FingerModel, readings: Sequence[Reading]) -> ca.Function:
+    """What is measured, as `with_slopes` of (q, z).
 
     Raises
     ------
@@ -223,14 +223,14 @@ def observation(model: FingerModel, places: Sequence[tuple[str, float | None]]) 
     """
     q, u, w, p = symbols(model)
     length, values = model.finger.rod.length, []
-    for quantity, at in places:
-        s = length if at is None else at
+    for one in readings:
+        quantity, s = one.quantity, length if one.at is None else one.at
         if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
             raise InputError(f"{quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
         if quantity in ("x", "y"):
             values.append(model.position(q, u, s, p)["xy".index(quantity)])
         else:
-            base = model.orientation(q, u, 0.0, p) if quantity == "bend" else 0.0
+            base = model.orientation(q, u, one.since or 0.0, p) if quantity == "bend" else 0.0
             values.append(model.orientation(q, u, s, p) - base)
     return with_slopes("observation", ca.vertcat(*values), q, ca.vertcat(u, w, p))
 

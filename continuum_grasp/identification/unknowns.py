@@ -15,12 +15,18 @@ from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 
 DEADBAND = "tension_deadband"
-"""Of the drive, not of the model: the difference of tensions that friction takes before the finger feels any."""
+"""The difference of tensions that friction takes before the finger feels any."""
+LAG, DELAY = "drive_time_constant", "drive_delay"
+"""Time constant of the lag of the tendons, and the time before a command reaches their drive."""
+OF_DRIVE = {DEADBAND: "N", LAG: "s", DELAY: "s"}
+"""Unknowns of the drive, not of the model, and their units."""
+START = "start"
+"""Target of coordinates and rates of a start that is estimated with the parameters."""
 _LEAST = 1e-9
 """Lower bound per typical size [1] of what must stay positive."""
-_UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", DEADBAND: "N"}
-_SIGNED = ("rest_curvature", "clamp_angle", "base_angle")
-_POSITIVE = ("youngs_modulus", "bending_stiffness", "linear_density", "tendon_offset")
+_UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", **OF_DRIVE}
+_SIGNED = ("rest_curvature", "clamp_angle", "base_angle", "tip_body_across", "tip_body_along")
+_POSITIVE = ("youngs_modulus", "bending_stiffness", "linear_density", "tendon_offset", LAG)
 """The model divides by these, or means nothing without them; the others may be zero, but not negative."""
 
 
@@ -30,7 +36,7 @@ class Unknown(NamedTuple):
     name: str
     unit: str
     target: str
-    """Run-time parameter of the model that it sets, or ``tension_deadband``."""
+    """Run-time parameter of the model that it sets, or one of ``OF_DRIVE``."""
     factor: float
     """The run-time parameter is factor * value."""
     added: bool
@@ -40,6 +46,8 @@ class Unknown(NamedTuple):
     upper: float
     typical: float
     """A typical size, against which it is judged whether the data see the parameter."""
+    per_set: bool = False
+    """Whether each set of data has a value of its own."""
 
 
 def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unknown]:
@@ -80,9 +88,11 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
             nominal = rod.stiffness / factor
     elif name == "clamp_angle":
         target = "base_angle"
-    elif name == DEADBAND:
+    elif name in OF_DRIVE:
         if finger.tendons is None:
-            raise InputError(f"{DEADBAND} needs finger.tendons", key=f"{key}.name")
+            raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
+        if name == LAG:
+            nominal = max(tendon.time_constant or 0.0 for tendon in finger.tendon_list)
     elif name == "rest_curvature" and rod.own_rest_curvature:
         raise InputError(
             "state the rest_curvature of the finger, not that of its rod, to estimate it", key=f"{key}.name"
@@ -97,10 +107,12 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside
     start = asked.start if asked.start is not None else min(max(nominal, lower), upper)
+    if name == LAG and start <= lower and asked.start is None:
+        raise InputError(f"{LAG} needs a start value, or tendons with a time_constant", key=f"{key}.start")
     if not lower <= start <= upper:
         raise InputError(f"{start:g} is outside {lower:g} to {upper:g}", key=f"{key}.start")
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
-    return Unknown(name, unit, target, factor, name == "clamp_angle", start, lower, upper, typical)
+    return Unknown(name, unit, target, factor, name == "clamp_angle", start, lower, upper, typical, asked.per == "set")
 
 
 def _modulus(rod: Rod, asked: Estimate, key: str) -> float:
@@ -134,12 +146,14 @@ def _second_moment(scene: Scene, asked: Estimate, key: str) -> float:
 def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
     """Nominal value and unit of a run-time parameter of the model."""
     try:
-        # under friction the moment at the tip depends on the shape, which a family that matches it cannot have
-        stated = name != "tendon_friction" or scene.fidelity.family is not None
+        # under friction, and with a body that turns, the moment at the tip depends on the motion, which a family that
+        # matches it cannot have
+        bends_tip = name == "tendon_friction" or name.startswith("tip_body_")
+        stated = not bends_tip or scene.fidelity.family is not None
         family = None if stated else default_family(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
     except InputError as error:
-        near = difflib.get_close_matches(name, ("youngs_modulus", "clamp_angle", DEADBAND), n=1)
+        near = difflib.get_close_matches(name, tuple(_UNITS), n=1)
         hint = f"; did you mean {near[0]}?" if near and "did you mean" not in error.message else ""
         raise InputError(f"{error.message}{hint}", key=f"{key}.name") from None
     if model.np != 1:
@@ -161,6 +175,11 @@ def _typical(scene: Scene, name: str) -> float:
         "per_arc_damping": 0.02 * stiffness / length * slow,
         "rotary_inertia": 1e-4 * mass * length**2,
         "tendon_friction": 0.1,
+        "tip_body_inertia": 0.01 * mass * length**3,
+        "tip_body_across": 0.1 * length,
+        "tip_body_along": 0.1 * length,
         DEADBAND: 1.0,
+        LAG: 0.02,
+        DELAY: 0.02,
     }
     return sizes.get(name, 0.1 * mass * length)  # point masses: a tenth of the finger's

@@ -153,12 +153,11 @@ class Equations:
     @property
     def tip_body(self) -> EndBody | None:
         """The rigid body at the tip."""
-        body = self._structure.finger.tip_body
-        if body is None:
+        if self._structure.finger.tip_body is None:
             return None
-        across, along = body.center_of_mass
+        mass, inertia, across, along = (self._par[f"tip_body_{key}"] for key in ("mass", "inertia", "across", "along"))
         # The chain's axes have X along the finger and -Y across.
-        return EndBody(body.mass, body.rotary_inertia, Vec(along, -across))
+        return EndBody(mass, inertia, Vec(along, -across))
 
     @cached_property
     def turn(self) -> Rotation:

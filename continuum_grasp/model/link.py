@@ -96,8 +96,8 @@ class Link(ABC):
 class EndBody:
     """A rigid body at the end section of a link, in the axes of that."""
 
-    mass: float  # [kg]
-    rotary_inertia: float  # about its center of mass [kg m2]
+    mass: Scalar  # [kg]
+    rotary_inertia: Scalar  # about its center of mass [kg m2]
     center: Vec  # [m]
 
 
@@ -134,8 +134,9 @@ class LoadedLink:
                 swing=tuple(s + r.dot(arm) for s, arm in zip(total.swing, moved, strict=True)),
                 matrix=tuple(tuple(total.matrix[a][b] + arms[a].dot(moved[b]) for b in pairs) for a in pairs),
             )
-        if self.body is not None and self.body.rotary_inertia > 0.0:
-            turned, angles = self.body.rotary_inertia, self.link.end.angles
+        turned: Scalar = 0.0 if self.body is None else self.body.rotary_inertia
+        if not (isinstance(turned, float) and turned == 0.0):
+            angles = self.link.end.angles
             total = replace(
                 total,
                 second=total.second + turned,

@@ -25,6 +25,10 @@ _UNITS = {
     "tendon_offset": "m",
     "tendon_friction": "1",
     "tip_mass": "kg",
+    "tip_body_mass": "kg",
+    "tip_body_inertia": "kg m2",
+    "tip_body_across": "m",
+    "tip_body_along": "m",
 }
 FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
 """Parameters that are factors of the profile [1] where the rod is graded."""
@@ -99,6 +103,10 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
         "per_arc_damping": [finger.damping.per_arc],
         "tip_mass": [sum(m.mass for m in finger.masses if at_tip(m.at, length))],
     }
+    if finger.tip_body is not None:
+        across, along = finger.tip_body.center_of_mass
+        values["tip_body_mass"], values["tip_body_inertia"] = [finger.tip_body.mass], [finger.tip_body.rotary_inertia]
+        values["tip_body_across"], values["tip_body_along"] = [across], [along]
     for k, mass in enumerate(finger.masses):
         if not at_tip(mass.at, length):
             values[f"mass_{k}"] = [mass.mass]

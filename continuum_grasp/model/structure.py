@@ -149,7 +149,8 @@ class Structure:
     @property
     def needs_free_tip(self) -> bool:
         """Whether what the input bends is not known beforehand."""
-        return self.finger.needs_free_tip or self.has_tendon_friction
+        turns = any(self.parameters.is_runtime(f"tip_body_{key}") for key in ("inertia", "across", "along"))
+        return self.finger.needs_free_tip or self.has_tendon_friction or turns
 
     def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
         """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range.

@@ -26,6 +26,9 @@ class Column(Value):
     """Factor [1], -1 for a drop that is counted downwards."""
     minus: str | None = None
     """Heading of a column of the same unit that is subtracted first, such as the base's position."""
+    zero: Annotated[Real, Unit("unit of the column")] = 0.0
+    """What the column shows where the quantity is zero, subtracted first [unit of the column], such as the motor's
+    steps at the straight finger."""
 
 
 ColumnLike = str | Column
@@ -48,8 +51,14 @@ class ReadingColumn(Column):
     """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad]."""
     at: Annotated[float, Field(ge=0.0, le=1e4), Unit("m")] | None = None
     """Position along the finger [m]; None: the tip."""
+    since: Length | None = None
+    """Position from which a bend counts [m], such as the near side of a joint; None: the base."""
     sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("m or rad")] | None = None
     """Standard deviation [m or rad], where known: weights of unlike quantities; None: from the residuals."""
+
+    def _check(self) -> None:
+        if self.since is not None and self.quantity != "bend":
+            raise ValueError(f"since goes with bend, not with {self.quantity}")
 
 
 class RowsEqual(Value):
@@ -88,7 +97,7 @@ class StaticPoses(_Data):
 
 
 class TipTrajectory(_Data):
-    """Path of a point of the finger in time; the motion starts as ``initial`` of the scene says."""
+    """Path of a point of the finger in time, and of further ones along the same motion."""
 
     kind: Literal["trajectory"]
     """Path of a point in time."""
@@ -100,14 +109,19 @@ class TipTrajectory(_Data):
     """Column of the world position y [m]; None: not measured."""
     at: Length | None = None
     """Position along the finger [m]; None: the tip."""
+    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False)] = ()
+    """Columns with what was measured at further sections at the same instants."""
+    start: Literal["scene", "measured", "estimated"] = "scene"
+    """How the motion starts. scene: at time zero as ``initial`` says; measured: at the first sample, in the smoothest
+    shape and rates through what is measured there; estimated: so, but both are estimated with the parameters."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
     sigma: Annotated[Positive, Unit("m")] | None = None
     """Standard deviation of x and y [m], where known."""
 
     def _check(self) -> None:
-        if self.x is None and self.y is None:
-            raise ValueError("x and y are both null: give one of them at least")
+        if self.x is None and self.y is None and not self.measured:
+            raise ValueError("x and y are both null: give one of them at least, or measured")
 
 
 class RingDown(_Data):
@@ -150,13 +164,17 @@ class Estimate(Value):
 
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, rest_curvature, tip_mass,
-    mass_0 (of masses[0]), clamp_angle (added to the base angle), tendon_offset, tendon_friction or tension_deadband."""
+    mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added to the base angle),
+    tendon_offset, tendon_friction, tension_deadband, drive_time_constant or drive_delay."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
     """Where the search starts [SI unit of the parameter]; None: the scene's value."""
     min: Annotated[Estimated | None, Field(examples=[0.0])] = None
     """Least value [SI unit of the parameter]; None: 0, or none for angles and curvatures."""
     max: Annotated[Estimated | None, Field(examples=[2.0])] = None
     """Greatest value [SI unit of the parameter]; None: none."""
+    per: Literal["all", "set"] = "all"
+    """all: one value; set: each set of data has its own, such as a clamp that is turned anew. The estimates of sets are
+    reported beside the parameters, and no scene takes them."""
     second_moment: Annotated[float, Field(ge=1e-24, le=1e6), Unit("m4")] | None = None
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 

@@ -95,6 +95,9 @@ def test_errors_of_manufacture(moment):
     assert worst.bound == pytest.approx(nominal + moment / e**2 * d, rel=1e-6)
     assert worst.cost == pytest.approx(moment / (e - d) + 2.0 * LEAST + 1e4 * e, rel=1e-8)
     assert found.best.cost == pytest.approx(worst.cost, rel=1e-9)
+    (other,) = found.worst_cases[1:]
+    assert other.signs == (1.0,)
+    assert other.cost == pytest.approx(moment / (e + d) + 2.0 * LEAST + 1e4 * e, rel=1e-8)
 
 
 def test_grasps_may_be_lost_on_the_way(moment):

@@ -13,7 +13,7 @@ from continuum_grasp.grasp import Status, certify, optimize_grasp
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
-from continuum_grasp.grasp.result import Reason
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.load import load
 
 G = 9.81

@@ -5,17 +5,34 @@ from __future__ import annotations
 import math
 
 import pytest
-from grasp_scenes import UPRIGHT, make_scene
+from grasp_scenes import UPRIGHT, WEIGHTLESS, make_scene
 
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
 
 
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
     contacts = GraspContacts(friction=friction, normal_force_max=30.0, tip="off")
     return make_scene(family, gravity, contacts=contacts, **changes)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.5, 3.0])
+def test_what_can_be_turned_towards_the_base_is_not_out_of_reach(angle):
+    """A bar whose frame is at one end: whether it reaches the base's surroundings depends on its angle alone."""
+    corners = [(0.0, -0.01), (0.1, -0.01), (0.1, 0.01), (0.0, 0.01)]
+
+    def reason(x):
+        bar = {"shape": "polygon", "vertices": corners, "mass": 0.1, "position": (x, 0.0), "angle": angle}
+        free = {"free": {"angle": (-3.2, 3.2)}}
+        return out_of_reach(make_scene(gravity=WEIGHTLESS, base_y=0.0, supports={}, object=bar | free))
+
+    reach = 0.95 * 0.18 + 0.006  # a middle contact is on, which touches up to there
+    assert reason(reach + 0.099) is None  # turned by half a turn from the x axis, it is 1 mm within
+    assert reason(reach + 0.115) is not None
+    assert reason(reach + 0.115).needed == pytest.approx(reach)
 
 
 @pytest.mark.slow

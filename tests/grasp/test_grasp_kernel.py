@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from grasp_scenes import UPRIGHT, make_scene
+from grasp_scenes import SHAPES, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp.modes import contact_modes
@@ -16,22 +16,6 @@ from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import make_task
 from continuum_grasp.grasp.starts.starts import basin_starts
-
-PENTAGON = {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.03, -0.04), (0.05, 0.0), (0.02, 0.04), (-0.03, 0.03)]}
-SHAPES = {
-    "disc": {"shape": "circle", "diameter": 0.07},
-    "stadium": {"shape": "stadium", "length": 0.04, "radius": 0.03},
-    "polygon": PENTAGON,
-    "superellipse": {"shape": "superellipse", "width": 0.08, "height": 0.06, "exponent": 3.5},
-    "union": {
-        "shape": "union",
-        "center_of_mass": (0.0, 0.0),
-        "members": [
-            {"shape": "circle", "diameter": 0.07},
-            {"shape": "box", "width": 0.02, "height": 0.03, "corner_radius": 0.004, "position": (0.04, 0.0)},
-        ],
-    },
-}
 
 
 def without(monkeypatch):
@@ -78,14 +62,14 @@ def test_points_of_arcs_are_those_of_circles(way):
         assert_allclose(found[k], first + second, atol=1e-8)
 
 
-@pytest.mark.parametrize("shape", ["disc", "polygon"])
+@pytest.mark.parametrize("shape", ["circle", "polygon"])
 def test_distances_are_those_of_sampled_outlines(way, shape):
     task = task_of(scene_with(shape))
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (60, 2)) @ [1.0, 1j]
-    if shape == "disc":
-        outline = 0.035 * np.exp(1j * np.linspace(0.0, math.tau, 20001))
+    if shape == "circle":
+        outline = 0.04 * np.exp(1j * np.linspace(0.0, math.tau, 20001))
     else:
-        corners = np.array([complex(*v) for v in PENTAGON["vertices"]])
+        corners = np.array([complex(*v) for v in SHAPES["polygon"]["vertices"]])
         edges = pairwise([*corners, corners[0]])
         outline = np.concatenate([a + (b - a) * np.linspace(0.0, 1.0, 4001) for a, b in edges])
     placed = task.frame.point(outline)

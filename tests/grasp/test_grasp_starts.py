@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from grasp_scenes import SHAPES
 from scipy.optimize import lsq_linear
 
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
@@ -21,23 +22,6 @@ from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
-SHAPES = {
-    "circle": {"shape": "circle", "diameter": 0.08},
-    "ellipse": {"shape": "ellipse", "width": 0.09, "height": 0.06},
-    "superellipse": {"shape": "superellipse", "width": 0.08, "height": 0.06, "exponent": 3.5},
-    "box": {"shape": "box", "width": 0.08, "height": 0.06},
-    "rounded box": {"shape": "box", "width": 0.08, "height": 0.06, "corner_radius": 0.012},
-    "polygon": {"shape": "polygon", "vertices": [(-0.04, -0.03), (0.045, -0.02), (0.03, 0.04), (-0.02, 0.045)]},
-    "stadium": {"shape": "stadium", "length": 0.04, "radius": 0.03},
-    "union": {
-        "shape": "union",
-        "center_of_mass": (0.0, 0.0),
-        "members": [
-            {"shape": "circle", "diameter": 0.07},
-            {"shape": "box", "width": 0.02, "height": 0.03, "corner_radius": 0.004, "position": (0.04, 0.0)},
-        ],
-    },
-}
 TOUCHES = {"both": ("on", "on"), "middle": ("on", "off"), "tip": ("off", "on")}
 
 

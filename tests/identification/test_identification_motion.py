@@ -164,7 +164,7 @@ def test_a_motion_that_is_too_stiff_is_refused():
     [
         (lambda: TipPath([0.1, 0.1], [0.0, 0.0]), "increase"),
         (lambda: TipPath([-0.1, 0.1], [0.0, 0.0]), "increase from 0"),
-        (lambda: TipPath([0.1, 0.2]), "expected x, y or both"),
+        (lambda: TipPath([0.1, 0.2]), "expected x, y, both, or measured"),
         (lambda: TipPath([0.1, 0.2], [0.0, math.inf]), "finite"),
         (lambda: TipPath([0.1, 0.2], [0.0]), "2 numbers"),
     ],

@@ -424,7 +424,7 @@ def test_what_makes_no_mission_is_named(change, said):
 
 
 def test_without_a_grasp_there_is_no_mission(grasp, assignment):
-    from continuum_grasp.grasp.result import Status
+    from continuum_grasp.grasp.values import Status
 
     with pytest.raises(SolverError, match="no grasp to carry out"):
         assign(assignment.mission, replace(grasp, status=Status.INFEASIBLE))

@@ -19,9 +19,9 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.confirm import least_amount
-from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import BENT, Search, branch_of
 from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import GraspScene
 

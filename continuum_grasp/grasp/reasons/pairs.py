@@ -27,9 +27,9 @@ from continuum_grasp.grasp.reasons.diagnosis import (
     rank,
     spread,
 )
-from continuum_grasp.grasp.result import Reason
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
 
 TOGETHER, SEEDS = 6, 2

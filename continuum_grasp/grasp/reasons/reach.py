@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from continuum_grasp.grasp.result import Reason
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
 
@@ -38,11 +38,6 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     if body.free is None or body.free.angle is None:
         away = body.distance((x, y))
     else:
-        # However it is turned, the object lies within its size of its center of mass, which turns about the origin.
-        c, s = math.cos(body.angle), math.sin(body.angle)
-        com = (
-            body.position[0] + c * body.com[0] - s * body.com[1],
-            body.position[1] + s * body.com[0] + c * body.com[1],
-        )
-        away = math.dist((x, y), com) - body.size - math.dist(com, body.position)
+        # However it is turned about its position, the object lies within its size of its center of mass.
+        away = math.dist((x, y), body.position) - math.hypot(*body.com) - body.size
     return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))

@@ -16,7 +16,8 @@ from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.certificate.check import Check
-    from continuum_grasp.grasp.result import Contact, FingerPosture, GraspResult
+    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.values import Contact, FingerPosture
     from continuum_grasp.scene.grasp import FingerSetup
 
 _HEAD = """\

@@ -27,6 +27,8 @@ _STEPS = 12
 """Steps after which a start was not close: 2 to 5 are enough for errors of millimeters (mug, pinch)."""
 _SETTLED = 1e-3
 """Step from which on the next would be 1e-7 and less, since steps fall by squares [units of the problem]."""
+_STATIONARY = 1e-5
+"""Gradient of the Lagrangian up to which a point is a solution [units of the problem]."""
 _FAR = 30.0
 """Most that a step goes along each direction of the null space, forces included [units of the problem]."""
 _EXACT, _SLACK = 1e-8, 1e-6
@@ -47,7 +49,7 @@ class _Direct:
         self._buffer, self._run = cast("Any", self._function).buffer()
         self._given = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
         shapes = [function.size_out(k) for k in range(function.n_out())]
-        self._found = [np.zeros(shape if 1 not in shape else max(shape), order="F") for shape in shapes]
+        self._found = [np.zeros(shape if shape[1] != 1 else shape[0], order="F") for shape in shapes]
         for k, array in enumerate(self._given):
             self._buffer.set_arg(k, array.data)
         for k, array in enumerate(self._found):
@@ -103,7 +105,10 @@ class NearSolver:
         while True:
             f, slope, g, jacobian = self._first(x, start.p)
             over = np.maximum(start.lower - g, g - start.upper)
-            if last < _SETTLED and over[equal].max(initial=0.0) < _EXACT and over.max(initial=0.0) < _SLACK:
+            bounds = np.where(free, bounds, -(slope + jacobian.T @ forces))
+            error = float(np.abs(slope + jacobian.T @ forces + bounds).max(initial=0.0))
+            holds = over[equal].max(initial=0.0) < _EXACT and over.max(initial=0.0) < _SLACK
+            if last < _SETTLED and holds and error < _STATIONARY:
                 status = Status.SOLVED
                 break
             step = None
@@ -114,10 +119,8 @@ class NearSolver:
                 break
             along, forces, bounds = step
             x = np.clip(x + along, start.low, start.high)
-            bounds = np.where(free, bounds, -(slope + jacobian.T @ forces))
             last, count = float(np.abs(along).max(initial=0.0)), count + 1
             until.left -= 1
-        error = float(np.abs(slope + jacobian.T @ forces + bounds)[free].max(initial=0.0))
         return Attempt(
             status,
             "Solved_Near" if status is Status.SOLVED else "Not_Near",

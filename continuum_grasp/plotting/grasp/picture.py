@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from continuum_grasp.grasp.result import Contact, GraspResult
+    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.values import Contact
     from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[Any]

@@ -16,7 +16,8 @@ from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE, SLATE
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity, PlanarGravity
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import Contact, GraspResult
+    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.values import Contact
 
 Array = NDArray[Any]
 
