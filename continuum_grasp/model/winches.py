@@ -155,11 +155,13 @@ class Winch:
             if drive.rate_max is not None:
                 wanted = drive.rate_max * ca.tanh((1.0 / drive.rate_max) * wanted)
             return [speed, (2.0 * pole) * (wanted - speed)]
-        torque = self.torque(command, position, speed) - drive.viscous_friction * speed
+        torque = self.torque(command, position, speed)
+        slowed: Scalar = drive.viscous_friction
         if drive.presliding_angle is not None:
             torque -= drive.coulomb_friction * direction(rest[0])
         elif drive.coulomb_friction > 0.0:
-            torque -= drive.coulomb_friction * speed / ca.sqrt(speed * speed + SLOW**2)
+            slowed += drive.coulomb_friction / ca.sqrt(speed * speed + SLOW**2)
+        torque -= slowed * speed
         against = self._of_gear(states) if self.has_backlash else self._pull(tensions)
         found = [speed, (1.0 / drive.inertia) * (torque - against)]
         if drive.presliding_angle is not None:
@@ -206,11 +208,11 @@ class Winch:
 
 def soft(length: Scalar) -> Scalar:
     """Elongation of a tendon [m] of what is wound up beyond taut [m]: nothing below zero, and smooth."""
-    v = clipped((1.0 / SOFT) * length)
-    square = v * v
-    unit = SOFT / 16.0
-    inside = 3.0 * unit + (8.0 * unit) * v + square * (6.0 * unit - unit * square)
-    return inside + ca.fmax(length - SOFT, 0.0)
+    # Half beyond the range of the softness, and within it w (v + 1)^3 (3 - v) / 16 of v = length / w.
+    above = ca.fmax(length + SOFT, 0.0)
+    within = ca.fmin(above, 2.0 * SOFT)
+    unit = 1.0 / (16.0 * SOFT**3)
+    return above - within + (within * within) * (within * (4.0 * SOFT * unit - unit * within))
 
 
 def soft_integral(length: Scalar) -> Scalar:
