@@ -120,7 +120,7 @@ class TendonForces:
     def _sliding(
         self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
     ) -> list[Scalar]:
-        """Per state the sliding per presliding that a curvature of ``values`` brings, of the set's first tendon.
+        """Per state the sliding per presliding that a curvature of ``values`` brings, of a tendon on the -X side.
 
         It is that of the middle of the cell: the integral of the tendon's shape times the curvature from there on, and
         what is ``grown`` in the half cells there.

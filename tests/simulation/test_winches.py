@@ -137,7 +137,20 @@ def test_slack_forgets_and_comes_taut_again():
     first = motion.tensions[:, 0]
     assert np.ptp(first[(motion.t > 0.405) & (motion.t < 0.43)]) < 1e-9
     assert first[-1] > 1.0
-    assert any("goes slack" in text for text in motion.warnings)
+    # Slack as events: from when what is wound up is let out beyond the path that the bend leaves, until it is taut.
+    events = [each for each in motion.slack if each.tendon == 1 and each.begins > 0.0]
+    assert len(events) == 1
+    assert np.all(first[(motion.t >= events[0].begins) & (motion.t < events[0].ends)] < 1e-6)
+    assert 0.3 < events[0].begins < 0.4 < events[0].ends < 0.7
+    assert f"tendon 1 goes slack at t = {events[0].begins:g} s" in " ".join(motion.warnings)
+    assert motion.slack[-1].tendon == 2
+    assert motion.slack[-1].ends == np.inf
+
+
+def test_a_winch_that_pulls_too_hard_is_reported():
+    motion = cg.simulate(scene(SERVO, {"lengths": [PULL, -0.01]}, 0.3, tendons={"max_tension": 5.0}))
+    first = motion.t[np.argmax(motion.tensions[:, 0] > 5.0)]
+    assert f"tendon 1 exceeds max_tension = 5 N at t = {first:g} s" in " ".join(motion.warnings)
 
 
 def test_mirrored_windings_move_mirrored():
