@@ -22,7 +22,7 @@ from continuum_grasp.model.tendon_friction import (
     shares,
     state_rate,
 )
-from continuum_grasp.model.winches import compliance, soft, soft_integral
+from continuum_grasp.model.winches import compliance, soft, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -103,6 +103,9 @@ class TendonForces:
     def _arm_size(self, cells: CellSet) -> Scalar:
         return cells.sides[0] * self.arm(cells.tendons[0])
 
+    def _presliding(self, cells: CellSet) -> Scalar:
+        return self._par["tendon_presliding"] if self._par.is_runtime("tendon_presliding") else cells.presliding
+
     @cached_property
     def _friction(self) -> list[Scalar]:
         """Coefficient of each set."""
@@ -125,7 +128,7 @@ class TendonForces:
         It is that of the middle of the cell: the integral of the tendon's shape times the curvature from there on, and
         what is ``grown`` in the half cells there.
         """
-        per_path = self._arm_size(cells) / cells.presliding
+        per_path = self._arm_size(cells) / self._presliding(cells)
         halves: list[tuple[Cell, Array, Scalar]] = []  # from base to tip
         for cell in cells.cells:
             late = self._rest(cell, cell.rest_late, 0.5) if rest else 0.0
@@ -233,13 +236,14 @@ class TendonForces:
         """Elongation of each tendon per tension at its drive [m/N]."""
         tendons, length = self._made.finger.tendon_list, self._made.length
         found: list[Scalar] = [
-            0.0 if k in self._frictional else compliance(tendon, length) for k, tendon in enumerate(tendons)
+            0.0 if k in self._frictional else compliance(tendon, length, self._par) for k, tendon in enumerate(tendons)
         ]
         for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
             unit, lengths = self._lengths_of(cells)
             for tendon, means in zip(cells.tendons, passed.mean, strict=True):
-                own, passing = tendons[tendon], sum(a * b for a, b in zip(lengths, means, strict=True))
-                found[tendon] = (unit / (own.axial_stiffness or 1.0)) * passing + 1.0 / (own.series_stiffness or 1.0)
+                axial, series = stiffnesses(tendons[tendon], self._par)
+                passing = sum(a * b for a, b in zip(lengths, means, strict=True))
+                found[tendon] = (unit / axial) * passing + 1.0 / series
         return found
 
     @cached_property
@@ -285,13 +289,15 @@ class TendonForces:
         """Per cell the sliding by elongation of half of it per presliding [1/s]: on average, by tensions."""
         unit, lengths = self._lengths_of(cells)
         # Nothing elongates where a tendon is slack: there its tension, and with it the weight, is none.
-        weight = (0.5 * unit / cells.presliding) / (sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE)
+        weight = (0.5 * unit / self._presliding(cells)) / (
+            sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE
+        )
         found: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):
-            stiffness = self._made.finger.tendon_list[tendon].axial_stiffness or 1.0
+            axial, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
             moving = self._pulls.rates[tendon] - self._path(tendon, self._rates, rest=False)
             # Of the tension at the base, per itself and second.
-            rate = ((1.0 / stiffness) * weight) * (moving / self.compliances[tendon])
+            rate = ((1.0 / axial) * weight) * (moving / self.compliances[tendon])
             for k, tension in enumerate(tensions):
                 found[k] = found[k] + rate * tension if side > 0.0 else found[k] - rate * tension
         return [grown * length for grown, length in zip(found, lengths, strict=True)]
