@@ -47,7 +47,9 @@ class Block:
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
     horizons = False
-    """Whether a part from the start can be fitted before the whole."""
+    """Whether the entries go along a motion."""
+    free = False
+    """Whether that motion is free, so that a part from its start is fitted before the whole."""
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.

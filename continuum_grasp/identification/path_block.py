@@ -51,6 +51,7 @@ class PathBlock(Block):
         check_tensions(plain.model, readings, data.name)
         self._driven = Driven(scene, self._all, readings) if self.own else plain
         self._driven.check(unknowns, data.name)
+        self.free = self._driven.signals.constant
         self._model = self._driven.model
         self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
         self._read = self._driven.readings.map(t.size)

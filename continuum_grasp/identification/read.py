@@ -102,11 +102,17 @@ def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
             raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
 
 
+def plain_scene(scene: IdentifyScene) -> Scene:
+    """The scene without what is said of the data."""
+    return Scene(
+        **scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "excitation", "loss"})
+    )
+
+
 def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
     """The scene without what is said of the data, changed."""
-    plain = scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "loss"})
     try:
-        return Scene(**plain).changed(changes)
+        return plain_scene(scene).changed(changes)
     except InputError as error:
         where = ".".join(part for part in (key, error.key) if part)
         raise InputError(error.message, key=where) from None
@@ -159,7 +165,7 @@ def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key
 
 
 def _commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
-    """The scene under commands that were logged, linear between their instants."""
+    """The scene under commands that were logged, smooth between their instants."""
     names = InputNames.of(scene)
     unknown = [name for name in commands if name not in names.entries]
     if unknown:
@@ -170,9 +176,7 @@ def _commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str,
         raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
     if np.any(np.diff(t) <= 0.0):
         raise InputError("instants must increase", file=file)
-    given = [
-        {"times": t.tolist(), "values": commands[name].tolist(), "interpolation": "linear"} for name in names.entries
-    ]
+    given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names.entries]
     try:
         return scene.changed({"actuation": {names.key: given if names.several else given[0]}})
     except InputError as error:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Interval, Length, Positive, Real, Value
+from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"]
 _OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
@@ -116,7 +116,7 @@ class TipTrajectory(_Data):
     t: ColumnLike = "t"
     """Column of the instants [s]."""
     conditions: _Conditions = ()
-    """Columns with the commands of the drives at these instants, linear between them, by their names in the model
+    """Columns with the commands of the drives at these instants, smooth between them, by their names in the model
     (tension_1, length_1, angle_1, ...); they replace ``actuation``."""
     x: ColumnLike | None = "x"
     """Column of the world position x [m]; None: not measured."""
@@ -202,6 +202,21 @@ class Estimate(Value):
             raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
 
 
+class Excitation(Value):
+    """Commands over time from which a finger with its drives is to be identified."""
+
+    duration: Duration = 20.0
+    """How long they last [s]."""
+    sample: Annotated[Duration, Field(examples=[0.01, "10 ms"])] = 0.01
+    """Time between two samples of what is measured [s]."""
+    reach: Annotated[float, Field(ge=0.01, le=1.0), Unit("1")] = 0.8
+    """Greatest share of bending range, tensions and torques that is used [1]."""
+
+    def _check(self) -> None:
+        if self.duration < 200 * self.sample:
+            raise ValueError(f"duration = {self.duration} s is shorter than 200 samples of {self.sample} s")
+
+
 class IdentifyScene(Scene):
     """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
 
@@ -209,6 +224,8 @@ class IdentifyScene(Scene):
     """Parameters that are to be found."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
     """How to read the files that are given beside this one."""
+    excitation: Excitation = Excitation()
+    """Commands that ``identify --excitation`` designs."""
     loss: Literal["squares", "huber"] = "squares"
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
