@@ -157,9 +157,15 @@ class GraspResult(Result):
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
 
     def words(self) -> dict[str, list[str]]:
-        """Names of the fingers, and of the trials with errors where there are some."""
+        """Names of the fingers, of the trials with errors, and of postures with other friction where there are some."""
         trials = [] if self.robustness is None or self.robustness.robust is None else ["robust"]
-        return {"finger": list(self.scene.named_fingers), "trials": trials}
+        held = ["held"] if "held.object.pose" in self.arrays else []
+        return {
+            "finger": list(self.scene.named_fingers),
+            "trials": trials,
+            "held": held,
+            "held trials": trials if self.scene.state_columns else [],
+        }
 
     @property
     def contact_names(self) -> list[str]:

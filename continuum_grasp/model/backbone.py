@@ -130,19 +130,18 @@ class Backbone:
         return point, angle
 
     def missing(self, masses: int = 0) -> ca.Function:
-        """``(q, u, w, m, p)``: generalized force (n,) that is missing for rest.
+        """``(q, u, w, m, p)``, or ``(q, u, w, m, history, p)`` of tendons with friction: generalized force (n,) that is
+        missing for rest.
 
-        ``m`` (2, masses) are masses and where they are, beside those of the finger. Tendons with friction slid all the
-        way from the straight finger on.
+        ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
+        `FingerModel`.
         """
         eq = self._eq
         m = ca.SX.sym("m", 2, masses)
         elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.actuation_at_rest))
-        if eq.history.numel():  # tendons with friction were pulled from straight
-            pulled = ca.vertcat(ca.SX.zeros(eq.z.numel()), 1.0)
-            driven = ca.substitute(driven, eq.history, pulled)
         force = elastic - driven - ca.gradient(self._work(m), eq.q)
-        return self._function("missing", [eq.w, m], [force])
+        history = [eq.history] if eq.history.numel() else []
+        return self._function("missing", [eq.w, m, *history], [force])
 
     def _work(self, masses: ca.SX) -> ca.SX:
         """Work of loads and weight, whose gradient are their generalized forces."""

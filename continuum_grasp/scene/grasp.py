@@ -83,6 +83,11 @@ class FingerSetup:
         return is_graded(self.finger)
 
     @property
+    def friction_states(self) -> int:
+        """Number of friction states of its tendons, which run alike."""
+        return self.elements * self.tendons.friction_cells if self.tendons.friction > 0.0 else 0
+
+    @property
     def stiffness(self) -> float:
         """A bending stiffness of the finger as a scale of moments [N m2]."""
         return self.finger.profile.mean_stiffness
@@ -146,6 +151,9 @@ class GraspScene(Value):
     stability: Literal["require", "ignore"] = "require"
     """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""
+    friction_states: Literal["any", "pulled"] = "any"
+    """Of tendons with friction. any: the grasp, reached by pulling, holds with these tensions whatever the friction
+    states become; pulled: it need only hold as it is reached."""
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
     robust: Robust | None = None
@@ -189,6 +197,16 @@ class GraspScene(Value):
     def places(self) -> tuple[Place, ...]:
         """All walls and pegs."""
         return (*self.walls, *self.pegs)
+
+    @property
+    def state_columns(self) -> dict[str, slice]:
+        """Where the friction states of each finger are among all those that must not matter; empty where none do."""
+        found, start = dict[str, slice](), 0
+        for setup in self.setups if self.friction_states == "any" else ():
+            if setup.friction_states:
+                found[setup.name] = slice(start, start + setup.friction_states)
+                start += setup.friction_states
+        return found
 
     @property
     def weights(self) -> ObjectiveWeights:

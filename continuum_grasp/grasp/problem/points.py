@@ -141,6 +141,8 @@ def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values
             f"{name}.base": base.ravel() * [m, m, 1.0],
             f"{name}.backbone": line.T * [length, m, m, 1.0],
         }
+        if name in start.friction_states:
+            out[f"{name}.friction_states"] = np.array(start.friction_states[name])
     # Supports have no station.
     lengths = [scene.setups[c.finger].finger.rod.length if c.finger >= 0 else np.nan for c in spec.contacts]
     return out | {

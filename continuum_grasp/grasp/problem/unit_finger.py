@@ -192,7 +192,9 @@ class UnitFinger:
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
         """Generalized force that is missing for rest under inputs and loads, in E I / L."""
         masses = [ca.vertcat(self.number(f"mass_{k}"), self.number(f"mass_{k}.at")) for k in range(self.spec.masses)]
-        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.p)
+        states = self.model.structure.friction_states
+        history = [self.number("friction_history", states + 1)] if states else []
+        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), *history, self.p)
         return missing
 
     @cached_property

@@ -195,6 +195,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
         "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
         "tendon_friction": tendons.friction,
+        "friction_history": _history(setup, whole),
         "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / own,
         "bending_range": setup.bending_range,
         "pull_max": most * offset / moment,
@@ -220,6 +221,12 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
     )
     return {f"{setup.name}.{key}": value for key, value in values.items()}
+
+
+def _history(setup: FingerSetup, start: Start) -> Array:
+    """Friction states of the tendons and whether they slid from the straight finger on, as `FingerModel` takes them."""
+    given = start.friction_states.get(setup.name)
+    return np.append(np.zeros(setup.friction_states), 1.0) if given is None else np.append(given, 0.0)
 
 
 def tolerance_of(setup: FingerSetup, scene: GraspScene) -> float:

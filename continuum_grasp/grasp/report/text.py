@@ -141,9 +141,10 @@ def _robust_lines(result: GraspResult) -> list[str]:
     rows = robust_rows(result)
     if not rows:
         return []
-    rows = [ROBUST_HEAD, *rows]
+    title, head = robust_head(result)
+    rows = [head, *rows]
     first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
-    return ["", "Errors of the object", *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
+    return ["", title, *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -160,7 +161,9 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        what = "The closest attempt, which is no grasp:" if result.robustness is None else "The grasp without errors:"
+        what = "The closest attempt, which is no grasp:"
+        if result.robustness is not None:
+            what = f"The grasp {result.robustness.names[1]}:"
         lines += ["", what, *_finger_lines(result), "", *_contact_lines(result)]
     return lines
 
@@ -188,7 +191,10 @@ def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
     return rows
 
 
-ROBUST_HEAD = ("", "best without errors", "for all errors")
+def robust_head(result: GraspResult) -> tuple[str, tuple[str, str, str]]:
+    """Title and head of the table of trials."""
+    title, nominal, robust = ("", "", "") if result.robustness is None else result.robustness.names
+    return title, ("", f"best {nominal}", robust)
 
 
 def robust_rows(result: GraspResult) -> list[tuple[str, str, str]]:

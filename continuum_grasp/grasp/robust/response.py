@@ -44,8 +44,8 @@ class Response:
 
     Attributes
     ----------
-    error : ndarray, shape (6,)
-        See `continuum_grasp.grasp.robust.errors`.
+    error : ndarray, shape (6 + K,)
+        See `continuum_grasp.grasp.robust.errors`; K friction states.
     scene : GraspScene
         With that error.
     reserve : float
@@ -110,11 +110,11 @@ class Responder:
         self.anew = 0
 
     def to(self, error: Array, *, retensioned: Response | None = None) -> Response:
-        """The response to an error (6,), with the tensions of the grasp, or with such that hold if there are any: then
-        ``retensioned`` is that with the tensions of the grasp, from which they are sought.
+        """The response to an error (6 + K,), with the tensions of the grasp, or with such that hold if there are any:
+        then ``retensioned`` is that with the tensions of the grasp, from which they are sought.
         """
         scene = self.in_error.scene_with(error, yields=self.yields)
-        start = self._start(scene, 1.0 + float(error[3]))
+        start = self._start(scene, error)
         pinned = self._pinned(scene, start, error, tensions=retensioned is None)
         # More than what holds is not asked for: the tensions change as little as they can.
         most = {} if retensioned is None else {"reserve": 0.0}
@@ -221,15 +221,17 @@ class Responder:
                 found.append((margin, contact.name))
         return min(found, default=(1.0, ""))
 
-    def _start(self, scene: GraspScene, size: float) -> Start:
-        """The grasp as a start for an object of another size that lies elsewhere."""
+    def _start(self, scene: GraspScene, error: Array) -> Start:
+        """The grasp as a start for an object of another size that lies elsewhere, with the friction states given."""
+        size = 1.0 + float(error[3])
         contacts = {
             name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
             for name, contact in self.start.contacts.items()
         }
         contacts |= support_contacts(scene, scene.object.pose, self.in_error.on)
         contacts = {name: contacts[name] for name in self.start.contacts}
-        return replace(self.start, object_pose=scene.object.pose, contacts=contacts)
+        states = {name: tuple(error[6:][columns].tolist()) for name, columns in self.scene.state_columns.items()}
+        return replace(self.start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
 
     def landings(self, error: Array) -> dict[str, Array]:
         """Where tips land on an object that yields (2,), in its frame and in units of the problem."""
