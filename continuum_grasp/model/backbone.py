@@ -143,6 +143,19 @@ class Backbone:
         history = [eq.history] if eq.history.numel() else []
         return self._function("missing", [eq.w, m, *history], [force])
 
+    @cached_property
+    def mean_shares(self) -> ca.Function:
+        """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
+        eq, lengths = self._eq, column(self._eq.lengths)
+        found: list[Scalar] = []
+        for cells, passed in zip(eq.structure.cell_sets, eq.tendons_at_rest.shares, strict=True):
+            # Of all tendons of the set; cells are equal parts of their elements.
+            spans = [eq.lengths[cell.element] * (len(eq.lengths) / len(cells.cells)) for cell in cells.cells]
+            for middle in passed.middle:
+                parts = (h * (swell * share) for h, swell, share in zip(spans, passed.swell, middle, strict=True))
+                found.append(sum(parts, 0.0) / ca.sum1(lengths))
+        return self._function("mean_shares", [eq.history], [ca.vertcat(*found)])
+
     def _work(self, masses: ca.SX) -> ca.SX:
         """Work of loads and weight, whose gradient are their generalized forces."""
         eq, made, work = self._eq, self._eq.structure, ca.SX(0.0)

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
+from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -76,6 +77,17 @@ class FingerSetup:
             offset=self.finger.channels[0].arms[0],
             **{name: getattr(one, name) for name in Tendons.model_fields if name != "offset"},
         )
+
+    @property
+    def drive(self) -> DriveLaw | None:
+        """What winds up its tendons; None where tensions are commanded."""
+        return DriveLaw.of(self.finger)
+
+    @property
+    def max_tension(self) -> float:
+        """Greatest tension that a tendon bears and that its own motor pulls up [N]."""
+        law, most = self.drive, self.tendons.max_tension
+        return most if law is None or law.pulley else min(most, law.greatest)
 
     @property
     def graded(self) -> bool:
@@ -326,7 +338,7 @@ class GraspScene(Value):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
-        finger.check_commands_tensions(where, "grasps")
+        self._check_drive(setup, where)
         if isinstance(finger.tendons, tuple) and not _are_pair(finger):
             raise ValueError(
                 f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
@@ -392,6 +404,23 @@ class GraspScene(Value):
         if gap < 0 and self.object.free is None and finger.base_free is None:
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
+            )
+
+    def _check_drive(self, setup: FingerSetup, where: str) -> None:
+        law, key = setup.drive, f"{where}.tendons"
+        if law is None:
+            return
+        if not law.greatest > 0.0:
+            raise ValueError(f"{key}.drive.torque_max is no more than coulomb_friction: the motor pulls nothing")
+        if law.pulley and setup.finger.tendons_used != "both":
+            raise ValueError(
+                f"{key}.drive.arrangement: one_pulley moves both tendons, with tendons_used: "
+                f"{setup.finger.tendons_used} there is one: use per_tendon"
+            )
+        if law.locks and setup.finger.channels[0].shape.constant is None:
+            raise ValueError(
+                f"{key}.offset must be the same all along to the tip where a drive locks lengths: how far tendons at "
+                "changing distances are drawn in is not modeled in grasps"
             )
 
     def _check_bases(self) -> None:

@@ -49,8 +49,11 @@ def _worst(grasp: RecomputedGrasp, arrays: Mapping[str, Any], own: Mapping[str, 
     fixed = any(contact.finger is None for contact in grasp.contacts) and grasp.scene.object.free is None
     parts.append(float(moved.max()) / (LIMIT if fixed else YIELDS))
     for finger, other in zip(grasp.fingers, posture.fingers, strict=True):
-        # Tensions and bases are those of the grasp.
-        parts.append(float(np.abs(other.tensions - finger.tensions).max() / finger.setup.tendons.max_tension) / LIMIT)
+        # Bases are those of the grasp, and tensions, or what drives hold in their place.
+        off = float(np.abs(other.tensions - finger.tensions).max())
+        if finger.wound is not None and other.wound is not None:
+            off = other.wound.misfit(finger.wound.held)
+        parts.append(off / finger.setup.tendons.max_tension / LIMIT)
         parts.append(float(np.abs(other.base - finger.base).max() / finger.length) / LIMIT)
     return worst(*parts)
 

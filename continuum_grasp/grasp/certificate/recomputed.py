@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape, slope
@@ -57,6 +58,8 @@ class RecomputedFinger:
         self.friction = TendonFriction(setup, self.shape, states) if setup.friction_states else None
         self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
         self.tensions, self.base = stored("tensions"), stored("base")
+        law = setup.drive
+        self.wound = None if law is None else WoundTendons(setup, law, self.shape, self.tensions, self.friction)
         self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
         self.profile, self.length, self.stiffness = self.finger.profile, self.finger.profile.length, setup.stiffness
         self.gravity = gravity_vector(gravity)

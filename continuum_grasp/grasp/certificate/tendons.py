@@ -73,6 +73,10 @@ class TendonFriction:
         passed = np.append(0.0, np.cumsum(math.copysign(1.0, arm) * self.losses))
         return np.asarray(np.exp(-np.interp(s, self.edges, passed)))
 
+    def mean(self, arm: float) -> float:
+        """Mean along the finger of the tension of the tendon with this arm, per that at the base."""
+        return float(self._shares(arm)[2] @ self._widths / self.edges[-1])
+
     def moment(self, s: Array, tensions: Array) -> Array:
         """Bending moment (G,) of the tendons at positions [m], with tensions (2,) at the base [N]."""
         channel = self._shape.channels[0]

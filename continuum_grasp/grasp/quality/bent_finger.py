@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
 from continuum_grasp.grasp.shape import FingerShape, slope
@@ -83,9 +84,13 @@ class BentFinger:
         (channel,) = self.finger.channels
         left, right = np.asarray(arrays[f"{setup.name}.tensions"], dtype=float)
         shares = np.ones(mesh.panels)
-        if setup.friction_states:
+        friction = TendonFriction(setup, self._shape) if setup.friction_states else None
+        if friction is not None:
             arm, middles = channel.arms[0 if left >= right else 1], 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
-            shares = TendonFriction(setup, self._shape).shares(arm, middles)
+            shares = friction.shares(arm, middles)
+        law, pair = setup.drive, np.array([left, right])
+        self.arm = abs(channel.arms[0])
+        self.wound = None if law is None else WoundTendons(setup, law, self._shape, pair, friction)
         paths = mesh.to_edges(channel.shape(mesh.nodes) * hats.T).T
         self.tendon_path = paths[-1]
         self.tendon_work = channel.arms[0] * (shares @ np.diff(paths, axis=0))

@@ -19,9 +19,16 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.solver_run import DEEP, ROUNDS, STEADY, Attempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
+from continuum_grasp.grasp.problem.values import (
+    Units,
+    contact_features,
+    held_values,
+    problem_bounds,
+    problem_values,
+    tolerance_of,
+)
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.near import NearSolver
 from continuum_grasp.grasp.starts.supports import support_contacts
@@ -147,8 +154,8 @@ class Responder:
             pinned["object pose"] = np.where(np.isin(range(3), self.in_error.left), pose, np.nan)
         for setup in scene.setups:
             if tensions:
-                scale = setup.tendons.offset * setup.finger.rod.length / setup.stiffness
-                pinned[f"{setup.name}.pulls"] = scale * np.asarray(start.tensions[setup.name])
+                key = "pulls" if DriveSpec.of(setup) is None else "command"
+                pinned[f"{setup.name}.{key}"] = held_values(setup, self.arrays)
             if setup.finger.base_free is not None:
                 pinned[f"{setup.name}.base"] = np.array(units.pose(start.fingers[setup.name].base))
         return pinned
