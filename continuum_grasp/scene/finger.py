@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
@@ -323,7 +323,7 @@ class Finger(Value):
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
             raise ValueError(f"{key}: {family} cannot carry {self.why_free_tip}; use {free}")
 
-    def with_tendons(self, **changes: float | None) -> Self:
+    def with_tendons(self, **changes: Any) -> Self:
         """The same with changes of every tendon; of a finger without tendons, itself."""
         tendons = self.tendons
         if isinstance(tendons, tuple):
