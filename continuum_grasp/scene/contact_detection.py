@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
@@ -32,8 +32,8 @@ class ContactDetection(Value):
     """Greatest unknown mass at the tip [kg]."""
     tension: Share = 0.03
     """Greatest relative error of a tension by all else: the model of the tendons, cables, arms [1]."""
-    history: Literal["pulling", "releasing", "unknown"] | None = None
-    """How the finger came to where it starts, for tendons with friction. None: they never slid; unknown: the threshold
+    history_known: bool = True
+    """Whether the finger came to where it starts as ``initial`` states, for tendons with friction. False: the threshold
     contains the whole loop until motions have passed through it."""
     time_constant: TimeConstant = 0.02
     """Time constant of the residual's low-pass filter [s]."""

@@ -15,9 +15,11 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, Field, detector_source
 from continuum_grasp.control.estimation.contact_model import contact_fields, contact_model_of
 from continuum_grasp.core.precision import precision_of
+from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.simulation.statics import Friction
 from continuum_grasp.summary import Summarized, quoted
 
 Array = NDArray[np.float64]
@@ -184,29 +186,29 @@ class ContactDetector(Remade, Summarized):
         """What it measures."""
         return {"measures": ", ".join(self.measurement_names), "members": str(len(self.model.groups))}
 
-    def reset(self, lengths: ArrayLike | None = None, history: str | None = None) -> None:
+    def reset(self, lengths: ArrayLike | None = None, reached_by: str | None = None) -> None:
         """Start again from a finger at rest that touches nothing.
 
         Parameters
         ----------
         lengths : (D,) array_like, optional
-            What the winches have wound up [m], from where the drives are at zero; by default nothing.
-        history : {"pulling", "releasing", "unknown"}, optional
-            How the finger came there; by default as the scene states.
+            What the winches have wound up [m], from where the drives are at zero; by default as in the initial pose.
+        reached_by : {"pulling", "releasing"}, optional
+            How the finger came to these lengths, for tendons with friction; by default that is not known.
 
         Raises
         ------
         InputError
-            If lengths have another size, or the history has another name.
+            If lengths have another size, or are missing where ``reached_by`` is given.
         SolverError
             If no equilibrium is found there.
         """
-        if lengths is None and history is None:
-            states = np.asarray(self.settings["first"])
-        else:
-            wound = vector("lengths", np.zeros(self._drives) if lengths is None else lengths, self._drives)
-            asked = self.scene.estimator.contact_detection if self.scene.estimator is not None else None
-            states = self.model.first(wound, history or (asked.history if asked is not None else None))
+        states = np.asarray(self.settings["first"])
+        if lengths is not None:
+            friction: Friction | None = None if reached_by is None else {"reached_by": reached_by}
+            states = self.model.first(vector("lengths", lengths, self._drives), friction)
+        elif reached_by is not None:
+            raise InputError("reached_by says how the finger came to lengths: give these too", key="reached_by")
         self._c.start(states.ravel())
 
     def step(self, measurement: ArrayLike, u: ArrayLike | None = None) -> DetectedContact:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.compiled import Field
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
+from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
@@ -18,6 +19,7 @@ from continuum_grasp.model.winches import SLOW, Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Measured
 from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.simulation.statics import Friction, friction_of
 
 Array = NDArray[np.float64]
 
@@ -73,20 +75,16 @@ class ContactModel:
             "NL": len(finger.places),
         }
 
-    def first(self, lengths: Array, history: str | None) -> Array:
-        """States (M, size) of all members at rest where the winches have wound up lengths [m]."""
+    def first(self, lengths: Array, friction: Friction | None) -> Array:
+        """States (M, size) of all members at rest where the winches have wound up lengths [m].
+
+        ``friction`` says how the finger came there, as ``equilibrium_under`` takes it; None: that is not known.
+        """
         finger, count = self.finger, len(self.groups)
-        if not finger.friction_states:
-            return np.tile(finger.start(lengths, "pulling"), (count, 1))
-        if history is None:
-            straight = finger.start(lengths, "pulling")
-            # What never slid has states of zero: the shape at rest without friction.
-            straight[2 * finger.n :] = 0.0
-            return np.tile(straight, (count, 1))
-        found = {which: finger.start(lengths, which) for which in ("pulling", "releasing")}
-        states = np.tile(found["pulling" if history == "unknown" else history], (count, 1))
-        if history == "unknown":
-            states[-1] = found["releasing"]
+        if friction is not None or not finger.friction_states:
+            return np.tile(finger.start(lengths, friction or {}), (count, 1))
+        states = np.tile(finger.start(lengths, {"reached_by": "pulling"}), (count, 1))
+        states[-1] = finger.start(lengths, {"reached_by": "releasing"})
         return states
 
 
@@ -131,7 +129,7 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
     sizes = {"y": len(names), "u": count, "before": count, "h": 1}
     given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     y, u = given["y"], given["u"]
-    lengths, pulls = [], []
+    lengths, pulls = [], list[Scalar]()
     for k, winch in enumerate(winches):
         lengths.append(winch.radius * y[k])
         drive = winch.drive
@@ -156,12 +154,14 @@ def contact_fields(scene: ControlScene, model: ContactModel) -> list[Field]:
         raise InputError("this needs `estimator.contact_detection`", key="estimator.contact_detection")
     asked, period = scene.estimator.contact_detection, scene.controller.step
     finger = model.finger
-    lengths = np.zeros(len(finger.winches))
     blend = -math.expm1(-period / asked.time_constant)
     motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
+    prediction = Prediction(scene)
+    start = first_state(scene, prediction)
+    lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=True)])
     own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
     return [
-        Field("first", model.first(lengths, asked.history)),
+        Field("first", model.first(lengths, friction_of(scene.initial, finger.model) if asked.history_known else None)),
         Field("p", model.members),
         Field("group", model.groups, whole=True),
         Field("period", period),

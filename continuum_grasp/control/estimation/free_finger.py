@@ -19,7 +19,7 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.simulation.spectrum import sample_shapes
-from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.simulation.statics import Friction, equilibrium_under
 
 Array = NDArray[np.float64]
 
@@ -146,9 +146,9 @@ class FreeFinger:
         (reached,) = differentiated_step("rk4", "free", slope, start, (y, parameters), h, instants=0)
         return ca.Function("free_step", [s, y, parameters, h], call(end, reached), names, ["end"])
 
-    def start(self, lengths: Array, reached_by: str) -> Array:
-        """State at rest where the winches have wound up lengths [m]; ``pulling`` or ``releasing``."""
-        found = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), reached_by=reached_by)
+    def start(self, lengths: Array, friction: Friction) -> Array:
+        """State at rest where the winches have wound up lengths [m]; ``friction`` says how it came there."""
+        found = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), **friction)
         return np.concatenate([found.q, np.zeros(self.n), found.friction_states])
 
     @property
