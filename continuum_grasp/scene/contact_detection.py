@@ -30,7 +30,7 @@ class ContactDetection(Value):
     """Greatest relative error of the motors' dry friction [1]; at rest its direction is not known either."""
     payload: Mass = 0.0
     """Greatest unknown mass at the tip [kg]."""
-    tension: Share = 0.03
+    tension: Share = 0.05
     """Greatest relative error of a tension by all else: the model of the tendons, cables, arms [1]."""
     history_known: bool = True
     """Whether the finger came to where it starts as ``initial`` states, for tendons with friction. False: the threshold

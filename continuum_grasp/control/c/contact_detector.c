@@ -78,6 +78,37 @@ static int contact_beyond(const contact_state *state, const contact_settings *se
   return found;
 }
 
+/* Greatest and least of a range of tensions over one of gains, which have the same sign. */
+static void contact_divide(real low, real high, real gain, real greatest, real *least, real *most)
+{
+  const real found[] = {low / gain, low / greatest, high / gain, high / greatest};
+  *least = *most = found[0];
+  for (int k = 1; k < 4; ++k) {
+    if (found[k] < *least) *least = found[k];
+    if (found[k] > *most) *most = found[k];
+  }
+}
+
+/* What one drive says of the force at a place. */
+static void contact_explain_by(const contact_state *state, const contact_settings *settings, int d, int place,
+                               contact_report *report)
+{
+  const real gain = report->gain[d + CONTACT_ND * place];
+  real greatest = report->gain_most[d + CONTACT_ND * place], least, most;
+  const real high = report->high[d], low = report->low[d], bound = high > -low ? high : -low;
+  if (!(contact_size(gain) * (real)CONTACT_MOST > bound)) return;       /* a slack tendon feels nothing */
+  if (!(greatest / gain > 1)) greatest = gain;
+  if (bound / contact_size(gain) < report->threshold[place]) report->threshold[place] = bound / contact_size(gain);
+  contact_divide(state->residual[d] - high, state->residual[d] - low, gain, greatest, &least, &most);
+  if (settings->single[d] && state->size[d] + state->residual[d] < high) {
+    /* It may be slack, and a greater force would not slacken it further. */
+    if (gain > 0) least = -(real)CONTACT_MOST;
+    else most = (real)CONTACT_MOST;
+  }
+  if (least > report->force_low[place]) report->force_low[place] = least;
+  if (most < report->force_high[place]) report->force_high[place] = most;
+}
+
 /* What a contact may be: where it is, and how strong it is there. */
 static void contact_explain(const contact_state *state, const contact_settings *settings, contact_report *report)
 {
@@ -89,21 +120,12 @@ static void contact_explain(const contact_state *state, const contact_settings *
     contact_bounds(state, settings, CONTACT_NG, d, &report->low[d], &report->high[d]);
   }
   const real *arg[] = {state->s[0], wound, settings->p[0]};
-  real *res[] = {report->gain};
+  real *res[] = {report->gain, report->gain_most};
   free_gain(arg, res);
   for (int i = 0; i < CONTACT_NL; ++i) {
     report->threshold[i] = report->force_high[i] = (real)CONTACT_MOST;
     report->force_low[i] = -(real)CONTACT_MOST;
-    for (int d = 0; d < CONTACT_ND; ++d) {
-      const real gain = report->gain[d + CONTACT_ND * i], size = contact_size(gain);
-      if (!(size * (real)CONTACT_MOST > report->high[d] - report->low[d])) continue;   /* a slack tendon feels nothing */
-      const real needed = (report->high[d] > -report->low[d] ? report->high[d] : -report->low[d]) / size;
-      real least = (report->residual[d] - report->high[d]) / gain, most = (report->residual[d] - report->low[d]) / gain;
-      if (least > most) { const real other = least; least = most; most = other; }
-      if (needed < report->threshold[i]) report->threshold[i] = needed;
-      if (least > report->force_low[i]) report->force_low[i] = least;
-      if (most < report->force_high[i]) report->force_high[i] = most;
-    }
+    for (int d = 0; d < CONTACT_ND; ++d) contact_explain_by(state, settings, d, i, report);
   }
 }
 

@@ -44,6 +44,7 @@ typedef struct {
   real slow[CONTACT_ND];      /* speed below which its direction is not known [m/s] */
   real model_error;           /* greatest relative error of the tension by what members leave out */
   real noise[CONTACT_ND];     /* of the residual, as much as it reaches [N] */
+  int single[CONTACT_ND];     /* whether a drive pulls one tendon */
 } contact_settings;
 
 typedef struct {
@@ -60,6 +61,7 @@ typedef struct {
   real residual[CONTACT_ND];  /* excess tension [N], on a pulley of the difference */
   real low[CONTACT_ND], high[CONTACT_ND];     /* residuals of a finger that touches nothing [N] */
   real gain[CONTACT_ND * CONTACT_NL];       /* tension per force across the finger at each place, by columns */
+  real gain_most[CONTACT_ND * CONTACT_NL];  /* greatest if tendons stick */
   real threshold[CONTACT_NL]; /* least force at each place that is detected [N] */
   real force_low[CONTACT_NL], force_high[CONTACT_NL];     /* forces at each place that explain the residual [N]; low above
                                                             high: none does */

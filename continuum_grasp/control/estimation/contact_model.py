@@ -19,6 +19,7 @@ from continuum_grasp.model.winches import SLOW, Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Measured
 from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.simulate import Initial
 from continuum_grasp.simulation.statics import Friction, friction_of
 
 Array = NDArray[np.float64]
@@ -161,16 +162,25 @@ def contact_fields(scene: ControlScene, model: ContactModel) -> list[Field]:
     lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=True)])
     own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
     return [
-        Field("first", model.first(lengths, friction_of(scene.initial, finger.model) if asked.history_known else None)),
+        Field(
+            "first", model.first(lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None)
+        ),
         Field("p", model.members),
         Field("group", model.groups, whole=True),
         Field("period", period),
         Field("substeps", steps_per_period(finger, period), whole=True),
         Field("blend", blend),
         *[Field(name, [each[name] for each in own]) for name in ("inertia", "viscous", "dry", "slow", "noise")],
+        Field("single", [int(len(winch.tendons) == 1) for winch in motors], whole=True),
         Field("dry_error", asked.coulomb_friction),
         Field("model_error", asked.tension),
     ]
+
+
+def _friction_at_start(initial: Initial, finger: FreeFinger) -> Friction:
+    if initial.reached_by is not None:
+        return friction_of(initial, finger.model)
+    return {"reached_by": "state", "friction_states": [0.0] * finger.friction_states}  # it never slid
 
 
 def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> dict[str, float]:

@@ -104,23 +104,30 @@ class FreeFinger:
 
     @cached_property
     def gain(self) -> ca.Function:
-        """``(s, wound, p) -> gain (winches, places)``: tension per force across the finger at rest [1].
+        """``(s, wound, p) -> sliding, most``: tension per force across the finger at rest (winches, places) [1].
 
-        The force is positive to the left of the finger, seen from the base to the tip. Tendons that slide go on
-        sliding: one that sticks has a greater gain.
+        The force is positive to the left of the finger, seen from the base to the tip. ``sliding`` is that of tendons
+        that go on sliding. Those that stick stiffen the finger and feel more of the force, but no more than ``most``,
+        which balances it at the base.
         """
         s, _, p = self._arguments
-        q = s[: self.n]
-        history = [ca.vertcat(s[2 * self.n :], 0.0)] if self.friction_states else []
-        stiffness = self.model.statics(q, self._lengths, ca.DM.zeros(self.model.nw), p, *history)[1]
-        across = []
+        q, lengths, base = s[: self.n], self._lengths, self.model.position(s[: self.n], self._lengths, 0.0, p)
+        across, levers = [], []
         for at in self.places:
-            angle = self.model.orientation(q, self._lengths, at, p)
+            angle = self.model.orientation(q, lengths, at, p)
             normal = ca.vertcat(-ca.cos(angle), -ca.sin(angle))
-            across.append(ca.mtimes(self.model.jacobian(q, self._lengths, at, p).T, normal))
-        yields = solve(ca.densify(stiffness), ca.horzcat(*across))
+            across.append(ca.mtimes(self.model.jacobian(q, lengths, at, p).T, normal))
+            reach = self.model.position(q, lengths, at, p) - base
+            levers.append(reach[0] * normal[1] - reach[1] * normal[0])
+        history = [ca.vertcat(s[2 * self.n :], 0.0)] if self.friction_states else []
+        stiffness = self.model.statics(q, lengths, ca.DM.zeros(self.model.nw), p, *history)[1]
         slope = ca.jacobian(self._pulls(), s)[:, : self.n]
-        return straight_function("free_gain", self._given(), {"gain": ca.densify(ca.mtimes(slope, yields))})
+        sliding = ca.mtimes(slope, solve(ca.densify(stiffness), ca.horzcat(*across)))
+        own = self.model.structure.own_tendons
+        arms = [own[winch.tendons[0]].arms[winch.tendons[0]] for winch in self.winches]
+        most = ca.DM([-1.0 / arm for arm in arms]) @ ca.horzcat(*levers)
+        found = {"sliding": ca.densify(sliding), "most": ca.densify(most)}
+        return straight_function("free_gain", self._given(), found)
 
     @cached_property
     def step(self) -> ca.Function:
