@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.chain_integration import ChainIntegration
+from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
@@ -71,7 +73,7 @@ class Plant:
         self.period = scene.controller.step if period is None else period
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
-        self._integration = Integration(self.model, self.method.name)
+        self._integration = integration_of(self.model, self.method.name)
         self.compiled = self._integration.compiled
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
@@ -121,12 +123,17 @@ _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
 _CONTACT_STEP = 1e-4
 """Step of ros2, which must resolve contacts [s]."""
+_GUIDED_STEP = 1e-3
+"""Step of a chain of guides, which is implicit [s]."""
 _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
 class Method(NamedTuple):
-    """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s]."""
+    """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
+
+    ``guides``: the steps of a chain of guides, whatever its rates (0).
+    """
 
     name: str
     substeps: int
@@ -137,6 +144,8 @@ def choose_method(model: PlantModel, period: float) -> Method:
     """Choose the cheaper of explicit and implicit steps, from the largest eigenvalue over some shapes."""
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
+    if isinstance(system, ChainSystem):
+        return Method("guides", math.ceil(period / _GUIDED_STEP - 1e-9), radius)
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
@@ -150,6 +159,11 @@ def choose_method(model: PlantModel, period: float) -> Method:
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
     return Method("rodas", max(least, 1), radius)
+
+
+def integration_of(model: PlantModel, method: str) -> Integration | ChainIntegration:
+    """Return what integrates a plant."""
+    return ChainIntegration(model) if isinstance(model.system, ChainSystem) else Integration(model, method)
 
 
 class Integration(Remade):
