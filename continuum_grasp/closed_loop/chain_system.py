@@ -31,6 +31,10 @@ from continuum_grasp.scene.tendons import Tendon
 Array = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NO_TENSION = 1e-9
+"""Tension below which a tendon has no friction that could be read off [N]."""
+_NO_BEND = 1e-9
+"""The same of its greatest loss, in logarithms [1]."""
 _OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """What of the finger may be changed without compiling anew."""
 
@@ -426,6 +430,20 @@ class ChainSystem:
             away = drum - ca.dot(ca.DM(tendon.arms), x[:n]) - stretched
             found.append(ca.fmax(away, 0.0) / float(tendon.gives[0]))
         return self._function("tensions", [ca.vertcat(*found)], ["tensions"])
+
+    def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
+        """Which way friction acts on a tendon between two positions [m]: its loss there per the greatest one."""
+        own, n = self.tendons[tendon], self.hinges
+        first = int(own.conduit > 0.0)
+        base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
+        at = 2 * n + tendon * (n + 1)
+        along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
+        inside = [k for k in range(own.guides - first) if start <= self._hinge_at[k] <= end]
+        if not inside or own.friction == 0.0:
+            return ca.SX(0.0)
+        loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])
+        most = own.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + _NO_BEND
+        return ca.fmin(ca.fmax(loss / most, -1.0), 1.0)
 
     @cached_property
     def touch(self) -> ca.Function:

@@ -14,6 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.tendon_friction import direction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
@@ -45,9 +46,7 @@ def plant_scene(scene: ControlScene) -> Scene:
     rest, initial = None, scene.initial
     if finger.tendons is not None:
         finger = finger.with_tendons(**plant.tendon_changes(finger))
-        rest = Actuation(tensions=scene.input_limits[0])
-        if finger.winches:
-            rest = Actuation.model_validate({finger.winches[0].key: (0.0,) * len(finger.winches)})
+        rest = Actuation.of(finger.input_key, scene.rest_input)
         if not finger.has_tendon_friction:
             initial = initial.replaced(reached_by=None, friction_states=None)
     elif (given := plant.of_tendons) is not None:
@@ -210,6 +209,32 @@ class PlantModel(Remade):
             found[f"{name} [N m]"] = ca.mtimes(ca.DM(of).T, self.drive)
             found[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self.nu])
         return found
+
+    @cached_property
+    def tensions(self) -> ca.SX:
+        """Tension of each tendon at its drive [N]."""
+        x, u, p = self._of_system
+        if isinstance(self.system, ChainSystem):
+            return self.system.tensions(x, u, p)
+        finger = self.system.finger_model
+        if not finger.structure.own_tendons:
+            return self.drive
+        return finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
+
+    def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
+        """Which way friction acts on a tendon between two positions [m], on average: 1 where it slides to the base."""
+        if isinstance(self.system, ChainSystem):
+            return self.system.friction_along(self._x, self._u, tendon, start, end)
+        made, names = self.system.finger_model.structure, self.named_states
+        for number, cells in enumerate(made.cell_sets):
+            if tendon not in cells.tendons:
+                continue
+            side = cells.sides[cells.tendons.index(tendon)]
+            edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
+            shares = np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0.0, None)
+            states = [names[name] for name in cells.names(number + 1)[-len(cells.cells) :]]
+            return side / max(shares.sum(), 1e-9) * ca.dot(ca.DM(shares), ca.vertcat(*map(direction, states)))
+        return ca.SX(0.0)
 
     # -- a chain of guides --------------------------------------------------------------------------------------------
 
