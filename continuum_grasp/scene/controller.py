@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.contact_detection import ContactDetection
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
@@ -326,8 +327,19 @@ class Plant(Value):
     """Damping per that of the controller's finger [1]."""
     tip_mass: Mass = 0.0
     """Mass at the tip that the controller does not know [kg]."""
+    guides: Annotated[int, Field(ge=8, le=200)] | None = None
+    """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or
+    slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
     tendon_friction: Friction | None = None
     """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
+    presliding: Annotated[float, Field(ge=1e-7, le=1e-3), Unit("m")] | None = None
+    """Sliding of the tendons within which friction turns from one direction to the other, halved [m]; None: as the
+    controller knows it."""
+    axial_stiffness: Annotated[Positive, Unit("N")] | None = None
+    """Stiffness EA of the tendons [N]; None: as the controller knows it. Needed for ``guides`` where the tension is
+    commanded."""
+    series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
+    """Stiffness between drive and finger [N/m]; None: as the controller knows it."""
     time_constant: TimeConstant | None = None
     """Time constant of the drive [s]; None: as the controller knows it."""
     drive_order: Literal[1, 2] = 2
@@ -339,3 +351,27 @@ class Plant(Value):
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
+
+    def _check(self) -> None:
+        if self.guides is not None and "fidelity" in self.model_fields_set:
+            raise ValueError("guides and fidelity exclude each other: a chain of guides has no elements")
+        if self.guides is not None and self.presliding is not None:
+            raise ValueError("presliding has no effect under guides, at which tendons stick without any")
+
+    @property
+    def of_tendons(self) -> str | None:
+        """First of the given keys that are of tendons."""
+        keys = ("guides", "tendon_friction", "presliding", "axial_stiffness", "series_stiffness")
+        return next((key for key in keys if getattr(self, key) is not None), None)
+
+    def tendon_changes(self, finger: Finger) -> dict[str, float]:
+        """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""
+        own = {"friction": self.tendon_friction, "presliding": self.presliding, "time_constant": self.time_constant}
+        if finger.winches:
+            if self.time_constant is not None:
+                raise InputError("is that of commanded tensions", key="plant.time_constant")
+            own |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}
+        elif self.series_stiffness is not None or (self.axial_stiffness is not None and self.guides is None):
+            key = "series_stiffness" if self.series_stiffness is not None else "axial_stiffness"
+            raise InputError("has no effect where the tension is commanded", key=f"plant.{key}")
+        return {key: value for key, value in own.items() if value is not None}
