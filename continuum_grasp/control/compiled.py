@@ -9,6 +9,7 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,9 @@ from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.source import plain_source
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.control.estimation.contact_model import ContactModel
 
 Array = NDArray[np.float64]
 
@@ -205,6 +209,21 @@ def controller_source(
         _templates("doubles.h", "controller_python.c"),
     ]
     return "\n".join(parts)
+
+
+def detector_source(model: ContactModel, fields: Sequence[Field], real: str) -> str:
+    """Write the C of a contact detector for Python: the functions of ``c/detector_python.c``."""
+    return "\n".join(
+        [
+            f"#include <stddef.h>\ntypedef {real} real;",
+            "#define CG_SINGLE" if real == "float" else "",
+            *[f"#define CONTACT_{name} {size}" for name, size in model.sizes(len(model.finger.winches)).items()],
+            plain_source("contact", model.functions, real),
+            _templates("checks.h", "contact_detector.h", "contact_detector.c"),
+            _setter("contact_settings", fields),
+            _templates("doubles.h", "detector_python.c"),
+        ]
+    )
 
 
 def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:

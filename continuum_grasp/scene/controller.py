@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.contact_detection import ContactDetection
 from continuum_grasp.scene.cost import Cost
-from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
@@ -240,12 +241,36 @@ class Measured(Value):
     one it is the input itself."""
     bending: BendingSensors | None = None
     """Angles of sections; None: not measured."""
+    length: Annotated[Positive, Field(examples=[2e-5, "20 um"]), Unit("m")] | None = None
+    """Of the cable that each winch has wound up, with ``drive.kind: length`` [m]; of an encoder, a step over the root
+    of 12."""
+    angle: Annotated[Positive, Field(examples=[4e-4, "0.4 mrad"]), Unit("rad")] | None = None
+    """Of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
+    torque: Annotated[Positive, Field(examples=[1e-4]), Unit("N m")] | None = None
+    """Of the torque of each motor at its drum [N m]."""
+    current: Annotated[Positive, Field(examples=[5e-3]), Unit("A")] | None = None
+    """Of the current of each motor with a ``torque_constant`` [A]."""
 
     def _check(self) -> None:
-        if self.tip is None and self.bending is None:
+        shows = ("tip", "bending", "length", "angle")
+        if all(getattr(self, name) is None for name in shows):
             raise ValueError(
-                "measure the tip, the bending, or both: the shape cannot be estimated from a tension alone"
+                "measure the tip, the bending, or what winches have wound up (length, angle): the shape cannot be "
+                "estimated from a tension alone"
             )
+        if self.torque is not None and self.current is not None:
+            raise ValueError("torque and current exclude each other: the current times torque_constant is the torque")
+
+    def check(self, finger: Finger, key: str) -> None:
+        """Refuse sensors of drives that the finger lacks; ``key`` is where they are in the scene."""
+        drive = finger.winches[0] if finger.winches else None
+        kind = None if drive is None else drive.kind
+        for name, needed in (("length", "length"), ("angle", "motor"), ("torque", "motor"), ("current", "motor")):
+            if getattr(self, name) is not None and kind != needed:
+                got = "commanded tensions" if kind is None else f"drive.kind: {kind}"
+                raise ValueError(f"{key}.{name} is that of drive.kind: {needed}, got {got}")
+        if self.current is not None and isinstance(drive, MotorDrive) and drive.torque_constant is None:
+            raise ValueError(f"{key}.current needs drive.torque_constant; without one measure the torque")
 
 
 class Disturbed(Value):
@@ -275,6 +300,8 @@ class Estimator(Value):
     """What is measured, and how noisy it is."""
     disturbances: Disturbed = Disturbed()
     """Unknowns that are estimated with the state."""
+    contact_detection: ContactDetection | None = None
+    """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
     """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
     initial_std: Annotated[Positive, Unit("rad")] = 0.05

@@ -185,7 +185,17 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         names = ("tip_x [m]", "tip_y [m]")
         values = ca.vertsplit(model.tip(model.x, model.u, p))
         found += [_Compared("tip", name, value, {name: 1.0}) for name, value in zip(names, values, strict=True)]
-    if asked.tension is not None:
+    wound = scene.finger.winches
+    if wound and asked.tension is not None:
+        for k, value in enumerate(ca.vertsplit(model.tensions(model.x, model.u, p))):
+            name = f"tension_{k + 1} [N]"
+            found.append(_Compared("tension", name, value, {name: 1.0}))
+    for sensor in ("length", "angle"):
+        if wound and getattr(asked, sensor) is not None:
+            for driven in model.driven:
+                name = model.x_names[driven.state]
+                found.append(_Compared(sensor, name, model.x[driven.state], {name: 1.0}))
+    if asked.tension is not None and not wound:
         unit = model.u_names[0].split("[")[1][:-1]
         for k, moment in enumerate(model.driven):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.

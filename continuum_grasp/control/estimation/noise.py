@@ -111,6 +111,8 @@ def measurement_std(scene: ControlScene, name: str) -> float:
     asked = scene.estimator.measured
     if name.startswith("angle_"):
         return asked.bending.std if asked.bending is not None else math.inf
+    if name.startswith(("length_", "motor_angle_")):
+        return (asked.length if name.startswith("length_") else asked.angle) or math.inf
     return (asked.tip if name in ("tip_x [m]", "tip_y [m]") else asked.tension) or math.inf
 
 
@@ -145,6 +147,9 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     if name.startswith("tension_"):
         most = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
+    if name.startswith(("length_", "motor_angle_")) and name in model.x_names:
+        most = 2.0 * next(one.most for one in model.driven if model.x_names[one.state] == name)
+        return (-most, most)
     if finger.winches and name in model.u_names:
         low, high = (limit[model.u_names.index(name)] for limit in scene.input_limits)
         return (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
