@@ -242,6 +242,10 @@ def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:
         wound = plant.scene.finger.winches
         names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names
         found |= zip(names, ca.vertsplit(plant.tensions if wound else plant.drive), strict=True)
+    states = plant.named_states
+    for sensor, word in (("length", "length_"), ("angle", "motor_angle_")):
+        if getattr(measured, sensor) is not None:
+            found |= {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
     if measured.bending is not None:
         angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
         found |= {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}

@@ -214,17 +214,19 @@ class PlantModel(Remade):
     def tensions(self) -> ca.SX:
         """Tension of each tendon at its drive [N]."""
         x, u, p = self._of_system
-        if isinstance(self.system, ChainSystem):
-            return self.system.tensions(x, u, p)
         finger = self.system.finger_model
-        if not finger.structure.own_tendons:
-            return self.drive
-        return finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
+        found = self.drive
+        if isinstance(self.system, ChainSystem):
+            found = self.system.tensions(x, u, p)
+        elif finger.structure.own_tendons:
+            found = finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
+        return ca.SX(found)
 
     def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
         """Which way friction acts on a tendon between two positions [m], on average: 1 where it slides to the base."""
         if isinstance(self.system, ChainSystem):
-            return self.system.friction_along(self._x, self._u, tendon, start, end)
+            along: ca.SX = self.system.friction_along(self._x, self._u, tendon, start, end)
+            return along
         made, names = self.system.finger_model.structure, self.named_states
         for number, cells in enumerate(made.cell_sets):
             if tendon not in cells.tendons:
@@ -233,7 +235,8 @@ class PlantModel(Remade):
             edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
             shares = np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0.0, None)
             states = [names[name] for name in cells.names(number + 1)[-len(cells.cells) :]]
-            return side / max(shares.sum(), 1e-9) * ca.dot(ca.DM(shares), ca.vertcat(*map(direction, states)))
+            mean: ca.SX = ca.dot(ca.DM(shares), ca.vertcat(*map(direction, states))) / max(shares.sum(), 1e-9)
+            return side * mean
         return ca.SX(0.0)
 
     # -- a chain of guides --------------------------------------------------------------------------------------------
