@@ -211,18 +211,25 @@ class FingerModel(Functions):
         return self._function("drives_at_rest", names, lag=eq.drives_at_rest, drawn=eq.drives_drawn)
 
     def drives_at(
-        self, q: ArrayLike, u: ArrayLike, friction_states: ArrayLike = (), *, pulled: float | None = None
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        friction_states: ArrayLike = (),
+        *,
+        pulled: float | None = None,
+        p: ArrayLike | None = None,
     ) -> list[float]:
         """States of lags, winches and motors of a finger at rest in a shape q (n,) under an input u (nu,).
 
         ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
+        Parameters p are nominal where not given.
         """
         if not self.structure.winches:
             return self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
-        given = [np.asarray(v, dtype=float) for v in (q, u, self.p_nominal)]
+        given = [np.asarray(v, dtype=float) for v in (q, u, self.p_nominal if p is None else p)]
         history = [np.append(states, 0.0)] if states.size else []
         lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
         return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]

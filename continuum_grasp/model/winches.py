@@ -153,7 +153,7 @@ class Winch:
             pole = 1.0 / drive.time_constant
             wanted = (0.5 * pole) * (command - position)
             if drive.rate_max is not None:
-                wanted = drive.rate_max * ca.tanh((1.0 / drive.rate_max) * wanted)
+                wanted = drive.rate_max * tanh((1.0 / drive.rate_max) * wanted)
             return [speed, (2.0 * pole) * (wanted - speed)]
         torque = self.torque(command, position, speed) - drive.viscous_friction * speed
         if drive.presliding_angle is not None:
@@ -202,6 +202,11 @@ class Winch:
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
         """Kinetic energy [J]."""
         return 0.5 * self.drive.inertia * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
+
+
+def tanh(x: Scalar) -> Scalar:
+    """Hyperbolic tangent, of functions that strict C has; beyond 20 it is one to the last bit."""
+    return 1.0 - 2.0 / (1.0 + ca.exp(2.0 * ca.fmin(ca.fmax(x, -20.0), 20.0)))
 
 
 def soft(length: Scalar) -> Scalar:
