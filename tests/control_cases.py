@@ -115,3 +115,46 @@ class Reality:
 
 def _buffered(function: ca.Function):
     return lambda *given: np.array(function(*given)).ravel()
+
+
+CABLE = {"offset": 0.005, "max_tension": 60.0, "friction": 0.15, "axial_stiffness": 1e4, "series_stiffness": 3.3e4}
+_WINCH = {"kind": "length", "time_constant": 0.02, "rate_max": 0.1, "pretension": 2.0}
+_MOTOR = {
+    "kind": "motor",
+    "winch_radius": 0.008,
+    "inertia": 2e-6,
+    "viscous_friction": 2e-4,
+    "coulomb_friction": 2e-3,
+    "presliding_angle": 0.01,
+    "torque_max": 0.25,
+    "pretension": 2.0,
+}
+_SERVO = {"position_gain": 2.0, "rate_gain": 0.01}
+DRIVES = {
+    "winches": (_WINCH, {"lengths": (-0.012, 0.012)}),
+    "pulley": ({**_WINCH, "arrangement": "one_pulley"}, {"lengths": (-0.012, 0.012)}),
+    "torques": (_MOTOR, {}),
+    "currents": ({**_MOTOR, "torque_constant": 0.02}, {}),
+    "servos": ({**_MOTOR, **_SERVO}, {"angles": (-1.0, 1.5)}),
+    "servo": ({**_MOTOR, **_SERVO, "arrangement": "one_pulley"}, {"angles": (-1.5, 1.5)}),
+    "geared": ({**_MOTOR, "arrangement": "one_pulley", "backlash": 0.02, "gear_stiffness": 20.0}, {}),
+}
+"""Drive of both tendons, and the limits of the input that a controller needs for it."""
+
+
+def driven_scene(name, *, tendons=None, controller=None, **changes) -> ControlScene:
+    """The hand finger with tendons that rub and have a drive; changes override."""
+    drive, limits = DRIVES[name]
+    asked = {
+        "horizon": {"stages": 20, "stage": 0.01},
+        "cost": {"tip": 2e4, "speed": 0.02, "input_rate": 1.0},
+        "input": limits,
+    }
+    given = {
+        "finger": HAND.replaced(tendons=Tendons(**{**CABLE, "drive": drive, **(tendons or {})})),
+        "gravity": (0.0, 0.0),
+        "fidelity": Fidelity(family="clothoid", elements=2),
+        "controller": {**asked, **(controller or {})},
+        "reference": {"tip": (-0.06, 0.16)},
+    }
+    return ControlScene(**{**given, **changes})

@@ -190,8 +190,7 @@ class ControlRun(MotionResult):
         error, u = self.tracked - self.r, self.u
         names = [name.split(" ")[0] for name in self.r_names]
         inputs = [names.index(name.split(" ")[0]) for name in self.u_names if name.split(" ")[0] in names]
-        # Least tensions cost no effort; the least tip moment is negative, and no moment costs none.
-        away = error[:-1, inputs] if inputs else u - np.maximum(self.u_min, 0.0)
+        away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
         return Metrics(
             tracking=tuple(tracking_of(group, error) for group in self.tracked_groups),

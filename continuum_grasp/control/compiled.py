@@ -99,7 +99,7 @@ def controller_fields(
         *_nested("rti", _iteration_fields(scene, stages, precision)),
         Field("period", asked.step),
         Field("u_rate", np.full(stages.nu, asked.input.rate_max or ABSENT)),
-        Field("u_safe", np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max)),
+        Field("u_safe", scene.rest_input),
         # The C refuses a rate of zero, which an input that cannot move would have.
         Field("safe_rate", np.maximum((stages.u_max - stages.u_min) / _RAMP, 1e-9)),
         Field("applied_min", ranges.applied[:, 0]),

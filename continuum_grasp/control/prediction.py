@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -14,14 +16,17 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import ForceLoad, MomentLoad
-from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.graded import ends
+from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
+from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.simulation.spectrum import sample_shapes
-from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.spectrum import SLIDING, sample_shapes
 
 Array = NDArray[np.float64]
 
@@ -35,8 +40,9 @@ class ModelScene(Protocol):
     """The part of a scene that a model is built from: that of a controller or of a plan.
 
     ``surroundings`` has object and supports, if there is an object; ``input_limits`` are the least and the greatest
-    inputs; ``lag`` is the shortest time constant of the drive [s], None where an input acts at once; ``disturbances``
-    names those that are parameters: ``tip_force``, ``tip_moment``, ``object_position``.
+    inputs, ``rest_input`` is that which leaves the finger alone; ``lag`` is the shortest time constant of the drive
+    [s], None where an input acts at once or by a motor; ``disturbances`` names those that are parameters:
+    ``tip_force``, ``tip_moment``, ``object_position``.
     """
 
     @property
@@ -54,17 +60,22 @@ class ModelScene(Protocol):
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]: ...
     @property
+    def rest_input(self) -> tuple[float, ...]: ...
+    @property
     def lag(self) -> float | None: ...
     @property
     def disturbances(self) -> frozenset[str]: ...
 
 
-class LaggingMoment(NamedTuple):
-    """A bending moment that follows the inputs late: a state of the model, whose rate is the next one."""
+class DriveState(NamedTuple):
+    """What a drive has reached: a state of the model, whose rate is the next one.
+
+    A bending moment or a tension that follows the inputs late, a length, or the angle of a motor.
+    """
 
     state: int  # index in x
-    arms: tuple[float, ...]  # moment per input (nu) [m], or [1] of a tip moment
-    most: float  # greatest magnitude that can be commanded [N m]
+    arms: tuple[float, ...]  # of what follows the inputs: amount per input (nu); else zero
+    most: float  # greatest magnitude that can be reached
     lag: float  # time constant [s]
 
 
@@ -83,7 +94,8 @@ class Prediction(Remade):
     Notes
     -----
     x is that of the system; for a finger without tendons whose input lags, tip moment and its rate follow its q and qd.
-    u is the tip moment or the tensions that are commanded. All functions take (x, u, p).
+    u is what is commanded: the tip moment, tensions, or what winches and motors take, one entry per drive. All
+    functions take (x, u, p).
 
     Raises
     ------
@@ -136,20 +148,46 @@ class Prediction(Remade):
 
     @property
     def greatest_moment(self) -> float:
-        """Greatest bending moment that can be commanded [N m], at the base."""
-        arms = [c.arms for c in self.scene.finger.channels if any(c.arms)] or [(1.0,)]
-        return sum(_greatest(of, self.scene) for of in arms)
+        """Greatest bending moment that inputs, or tensions within their limits, exert at the base [N m]."""
+        finger = self.scene.finger
+        arms = [c.arms for c in finger.channels if any(c.arms)] or [(1.0,)]
+        limits = self.scene.input_limits if finger.tendons is None else finger.tension_limits
+        return sum(_greatest(of, limits) for of in arms)
 
     @property
-    def lagging(self) -> tuple[LaggingMoment, ...]:
-        """The moments that are states of the model, or the tensions of tendons with friction."""
-        lagging = r"(tip_)?moment(_\d+)? \[N m\]|tension_\d+ \[N\]"
-        names = [k for k, name in enumerate(self.x_names) if re.fullmatch(lagging, name)]
+    def driven(self) -> tuple[DriveState, ...]:
+        """States of the drives: moments, tensions where tendons have friction, and positions of winches and motors."""
+        driven = r"(tip_)?moment(_\d+)? \[N m\]|tension_\d+ \[N\]|length_\d+ \[m\]|motor_angle_\d+ \[rad\]"
+        states = [k for k, name in enumerate(self.x_names) if re.fullmatch(driven, name)]
+        winches = self.system.finger_model.structure.winches
+        if winches:
+            return tuple(
+                self._wound(k, winch, state) for k, (winch, state) in enumerate(zip(winches, states, strict=True))
+            )
         drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
+        limits = self.scene.input_limits
         return tuple(
-            LaggingMoment(state, arms, _greatest(arms, self.scene), lag)
-            for state, (arms, lag) in zip(names, drives, strict=True)
+            DriveState(state, arms, _greatest(arms, limits), lag)
+            for state, (arms, lag) in zip(states, drives, strict=True)
         )
+
+    def _wound(self, number: int, winch: Winch, state: int) -> DriveState:
+        """Position of a winch: commanded, or as far as a motor turns when it bends the finger over its range."""
+        drive, (least, most) = winch.drive, self.scene.input_limits
+        follows = tuple(float(k == number) for k in range(self.nu)) if drive.key in ("lengths", "angles") else ()
+        reach = max(-least[number], most[number])
+        if isinstance(drive, LengthDrive):
+            return DriveState(state, follows, reach, drive.time_constant)
+        # The frequency of the drum on its servo and on cables that are held.
+        gain = (drive.position_gain or 0.0) + len(winch.tendons) * winch.radius**2 * winch.stiffness
+        lag = math.sqrt(drive.inertia / gain)
+        if not follows:
+            finger = self.scene.finger
+            bend = sum(self.system.finger_model.ranges)
+            paths = [max(map(abs, ends(finger.tendon_list[k].offset))) * bend for k in winch.tendons]
+            stretch = drive.torque_max / (winch.radius * winch.stiffness)
+            reach = (max(paths) + stretch + abs(winch.start)) / winch.radius
+        return DriveState(state, follows or (0.0,) * self.nu, reach, lag)
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 
@@ -232,16 +270,31 @@ class Prediction(Remade):
             forces = [f + ca.dot(touch[6][:, k], known[2 * k : 2 * k + 2]) for k, f in enumerate(forces)]
         return self._function("contact_force", f=ca.vertcat(*forces))
 
+    @cached_property
+    def tensions(self) -> ca.Function:
+        """Tension of each tendon at its drive [N], of fingers with tendon friction or winches."""
+        x, _, p = self._of_system
+        finger = self.system.finger_model
+        found = finger.tensions()(x[: finger.nx], ca.SX.zeros(finger.nu), p[: finger.np])[0]
+        return self._function("tensions", tensions=found)
+
     # -- states -------------------------------------------------------------------------------------------------------
 
-    def at_rest(self, q: ArrayLike, u: ArrayLike) -> Array:
-        """Build the state at rest with coordinates q (n) and a drive settled at the input u (nu)."""
+    def at_rest(
+        self, q: ArrayLike, u: ArrayLike, friction: ArrayLike | None = None, *, pulled: float | None = None
+    ) -> Array:
+        """Build the state at rest with coordinates q (n) and drives settled at the input u (nu).
+
+        ``friction`` has the state of each friction cell of the tendons; zero where not given, as of one that never
+        slid. ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
+        """
         shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
         own = [] if self._own_lag is None else [inputs[0], 0.0]
         # The system's inputs may go on with their rates and a missing moment, both zero.
         given = np.zeros(self.system.nu)
         given[: inputs.size] = inputs
-        return np.array([*self.system.state(q=shape.tolist(), u=given.tolist()), *own])
+        state = self.system.state(q=shape.tolist(), u=given.tolist(), friction=friction, pulled=pulled)
+        return np.array([*state, *own])
 
     def shapes(self, count: int | None = None) -> Array:
         """Sample coordinates (count, n) of the straight finger and of shapes within half the bending range; all by
@@ -252,8 +305,8 @@ class Prediction(Remade):
     def fastest_rate(self, u_min: Array, u_max: Array) -> float:
         """Find the largest absolute eigenvalue of the linearized motion [1/s], over inputs (nu) within their limits.
 
-        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object;
-        ``NumericalError`` where the model's numbers are not finite.
+        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object, and
+        with tendons that stick and that slide; ``NumericalError`` where the model's numbers are not finite.
         """
         given = [self.x, self.u, self.p]
         law = None if self.system.surroundings is None else self.system.surroundings.contact_law
@@ -268,12 +321,18 @@ class Prediction(Remade):
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
         largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
+        finger, most = self.system.finger_model, max(self.scene.finger.tension_limits[1], default=0.0)
+        cells = len(finger.friction_names)
         for shape in self.shapes():
             u = rng.uniform(u_min, u_max)
-            a = np.array(linearized(self.at_rest(shape, u), u, self.p_nominal))
-            if not np.all(np.isfinite(a)):
-                raise NumericalError("the linearized motion is not finite", state=shape)
-            largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
+            pull = rng.uniform(0.0, most) if finger.structure.winches else None
+            for friction in (0.0, SLIDING) if cells else (0.0,):
+                # Winches are not where u leaves them, by which tendons would be far too tight in most of the shapes.
+                x = self.at_rest(shape, u, np.full(cells, friction), pulled=pull)
+                a = np.array(linearized(x, u, self.p_nominal))
+                if not np.all(np.isfinite(a)):
+                    raise NumericalError("the linearized motion is not finite", state=shape)
+                largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
         return largest
 
 
@@ -287,52 +346,55 @@ def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
     return [(channel.arms, channel.time_constant) for channel in scene.finger.channels if any(channel.arms)]
 
 
-def _greatest(arms: tuple[float, ...], scene: ModelScene) -> float:
-    ends = np.array(scene.input_limits) * np.array(arms)
-    return float(max(ends.max(axis=0).sum(), -ends.min(axis=0).sum()))
+def _greatest(arms: tuple[float, ...], limits: tuple[tuple[float, ...], tuple[float, ...]]) -> float:
+    found = np.array(limits) * np.array(arms)
+    return float(max(found.max(axis=0).sum(), -found.min(axis=0).sum()))
 
 
 def rest_input(scene: ControlScene) -> Array:
-    """Return the least tensions, or no moment (nu)."""
-    return np.zeros(1) if scene.finger.tendons is None else np.array(scene.input_limits[0])
+    """Return the input (nu) that leaves the finger alone: no moment, least tensions, or drives at their pretension."""
+    return np.array(scene.rest_input)
 
 
 def first_state(scene: ControlScene, model: Prediction) -> Array:
     """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
 
-    Coordinates of ``initial`` belong to the plant's model. They are used where the controller's model has as many;
-    otherwise the state is that of the unloaded shape. ``SolverError`` where an initial equilibrium is not found.
+    Coordinates and friction states of ``initial`` belong to the plant's model. They are used where the controller's
+    model has as many; otherwise the state is that of the unloaded shape, and tendons have not slid.
+    ``SolverError`` where an initial equilibrium is not found.
     """
-    n, initial = model.system.finger_model.n, scene.initial
-    given = initial.coordinates
-    fits = given is not None and len(given) == n
-    x = model.at_rest(given if given is not None and fits else _shape(scene, model), rest_input(scene))
-    if fits and initial.qd is not None and len(initial.qd) == n:
-        x[n : 2 * n] = initial.qd
-    return x
+    initial, finger = scene.initial, model.system.finger_model
+    given, cells = initial.coordinates, initial.friction_states
+    if given is not None and len(given) != finger.n:
+        initial = initial.replaced(pose="rest", q=None, q_above_rest=None, qd=None)
+    if cells is not None and len(cells) != len(finger.friction_names):
+        initial = initial.replaced(reached_by=None, friction_states=None)
+    return start_state(scene, model, initial, scene.rest_input)
 
 
-def _shape(scene: ControlScene, model: Prediction) -> Array:
-    """Coordinates of the initial pose by the controller's own elements."""
-    finger, initial = model.system.finger_model, scene.initial
-    if initial.pose == "straight":
-        return finger.structure.straight()
-    if initial.pose != "equilibrium":
-        return np.zeros(finger.n)
-    alone = FingerModel(
-        scene.finger,
+def start_state(
+    scene: ModelScene, model: Prediction, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()
+) -> Array:
+    """Compute the state (nx) of an initial pose under an input (nu) and loads; raises what ``initial_state`` does."""
+    finger = model.system.finger_model
+    # Equilibria are those of simulated scenes: of the finger alone.
+    alone = Scene(
+        finger=scene.finger,
+        gravity=scene.gravity,
+        contacts=scene.contacts,
+        fidelity=scene.fidelity,
+        actuation=Actuation.of(scene.finger.input_key, u),
+        initial=initial,
+        loads=tuple(loads),
+    )
+    own = FingerModel(
+        alone,
         family=finger.family,
         elements=finger.lengths,
         accuracy=finger.structure.accuracy,
-        bending_range=scene.fidelity.bending_range,
-        contacts=scene.contacts,
-        gravity=scene.gravity,
-        loads=initial.held_by,
-        tip_force=bool(scene.contacts),
         input_rates=False,  # nothing moves
     )
-    given = {"u": np.zeros(alone.nu), "w": np.zeros(alone.nw)}
-    for load, (vector, start) in zip(initial.held_by, alone.load_entries, strict=True):
-        value = np.atleast_1d(np.asarray(load.force if isinstance(load, ForceLoad) else load.moment, dtype=float))
-        given[vector][start : start + value.size] = value
-    return np.array(equilibrium_under(alone, given["u"], given["w"]).q)
+    start = initial_state(alone, own)
+    x = model.at_rest(start[: finger.n], u, start[own.nx - len(own.friction_names) :])
+    x[finger.n : 2 * finger.n] = start[finger.n : 2 * finger.n]
+    return x

@@ -18,6 +18,7 @@ from continuum_grasp.model.layout import element_lengths, element_ranges, place_
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.model.winches import winches_of
+from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
@@ -259,9 +260,7 @@ class Structure:
         drives = self.finger.winches
         if not drives:
             return InputLayout(len(self.finger.tendon_list), tuple(names), input_rates)
-        taken = {"lengths": ("length", "m"), "torques": ("torque", "N m"), "currents": ("current", "A")}
-        taken["angles"] = ("angle", "rad")
-        return InputLayout(len(drives), tuple(names), False, taken[drives[0].key])
+        return InputLayout(len(drives), tuple(names), False, COMMANDS[drives[0].key])
 
     def _is_input(self, load: Load) -> bool:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""

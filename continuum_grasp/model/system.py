@@ -172,17 +172,23 @@ class System(Functions):
         qd: ArrayLike | None = None,
         u: ArrayLike | None = None,
         pose: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        pulled: float | None = None,
     ) -> list[float]:
-        """A state whose tendon lag and object are at rest and whose contacts have no friction yet.
+        """A state whose drives and object are at rest and whose contacts have no friction yet.
 
         Parameters
         ----------
         q, qd : (n,) array_like, optional
             Bending coordinates and their rates; zero where not given.
         u : (nu,) array_like, optional
-            Input that the lag has reached; zero where not given.
+            Input that the drives have reached; zero where not given.
         pose : array_like, optional
             Pose of a moving object: x, y [m], angle [rad] (and z [m]); where it is in its surroundings if not given.
+        friction : array_like, optional
+            Friction states of the tendons, one per cell; zero where not given.
+        pulled : float, optional
+            Winches are not where u leaves them, but where (the first of) their tendons have this tension [N].
 
         Returns
         -------
@@ -195,8 +201,8 @@ class System(Functions):
             If something has the wrong size.
         """
         bends, rates, inputs = (_vector(*v) for v in (("q", q, self.n), ("qd", qd, self.n), ("u", u, self.nu)))
-        made = self.finger_model.structure
-        x = [*bends, *rates, *self.finger_model.drives_at(bends, inputs), *[0.0] * made.friction_states]
+        cells = _vector("friction", friction, self.finger_model.structure.friction_states)
+        x = [*bends, *rates, *self.finger_model.drives_at(bends, inputs, cells, pulled=pulled), *cells]
         start = self._equations.body.start if self._equations.body else []
         if pose is not None:
             given = np.asarray(pose, dtype=float).ravel()

@@ -12,16 +12,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.planning.goal import GoalPart
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.plan import PlanScene, RowAim
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.initial import initial_state
 
 Array = NDArray[np.float64]
 
@@ -175,23 +172,9 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
     """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
-    u, finger = scene.initial_input, model.system.finger_model
-    held = Actuation(tip_moment=u[0]) if scene.finger.tendons is None else Actuation(tensions=u)
-    # Equilibria are those of simulated scenes: the finger alone, under the input before the motion.
-    alone = Scene(
-        finger=scene.finger,
-        gravity=scene.gravity,
-        contacts=scene.contacts,
-        fidelity=scene.fidelity,
-        actuation=held,
-        initial=scene.initial,
-        loads=scene.loads,
-    )
-    start = initial_state(alone, finger)
-    q, qd = start[: finger.n], start[finger.n : 2 * finger.n]
-    x = model.at_rest(q, u)
-    x[finger.n : 2 * finger.n] = qd
-    return x, Posture(q, np.array(u))
+    u, n = scene.initial_input, model.system.finger_model.n
+    x = start_state(scene, model, scene.initial, u, scene.loads)
+    return x, Posture(x[:n], np.array(u))
 
 
 def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None]:

@@ -81,7 +81,7 @@ class Motion:
             "tracking": 1.0,
         }[scene.objective]
         x = np.array([self._unit(k, time) for k in range(self.nx)])
-        for at, _, moment, lag in self.prediction.lagging:
+        for at, _, moment, lag in self.prediction.driven:
             x[at], x[at + 1] = moment, moment / lag
         return _Scales(x, u, u / time, time, objective)
 

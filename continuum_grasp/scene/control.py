@@ -10,6 +10,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.controller import Controller, Estimator, Plant
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
+from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
@@ -48,7 +49,7 @@ class ControlScene(FingerScene):
     """How long the closed loop runs [s]."""
 
     def _check(self) -> None:
-        self.finger.check_commands_tensions("finger", "controllers")
+        self.initial.check_history(self.finger)
         self.controller.input.check(self.finger, "controller.input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for controllers: give family and elements")
@@ -74,8 +75,7 @@ class ControlScene(FingerScene):
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
             expected = len(self.input_limits[0])
             if width != expected:
-                what = "the tip moment" if self.finger.tendons is None else f"{expected} tensions"
-                raise ValueError(f"reference.input: expected {what}, got {width} numbers")
+                raise ValueError(f"reference.input: expected {self.finger.input_words}, got {width} numbers")
 
     def _doubt_reach(self) -> None:
         """Warn of setpoints of the tip that are farther from the base than the finger is long."""
@@ -102,7 +102,7 @@ class ControlScene(FingerScene):
         instead of 5 % of the force).
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
-        unit = "N/s" if self.finger.tendons is not None else "N m/s"
+        unit = f"{COMMANDS[self.finger.input_key][1]}/s"
         # The rate at which the weighted square is one, as that of an error of its own unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None
@@ -126,7 +126,7 @@ class ControlScene(FingerScene):
             raise ValueError("estimator.disturbances.contact_force needs contacts")
         if estimator.disturbances.object_position is not None and (self.object is None or self.object_moves):
             raise ValueError("estimator.disturbances.object_position needs an object that does not move")
-        if estimator.measured.tension is not None and self.lag is None:
+        if estimator.measured.tension is not None and self.lag is None and not self.finger.winches:
             raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
         periods = estimator.delay / self.controller.step
@@ -138,8 +138,13 @@ class ControlScene(FingerScene):
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest tip moment [N m], or tensions [N]."""
+        """Least and greatest input, each in its unit."""
         return self.controller.input.limits(self.finger)
+
+    @property
+    def rest_input(self) -> tuple[float, ...]:
+        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
+        return self.controller.input.rest(self.finger)
 
     @property
     def lag(self) -> float | None:

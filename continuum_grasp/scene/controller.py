@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.cost import Cost
+from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
@@ -24,6 +25,7 @@ from continuum_grasp.scene.value import (
     Position,
     Positive,
     Ratio,
+    Real,
     TimeConstant,
     Value,
 )
@@ -99,13 +101,20 @@ class Bounds(Value):
         return float(finger.curvature_limit_at(s)) if self.curvature == "finger" else self.curvature
 
 
+Range = Annotated[tuple[Real, Real], Field(strict=False)]
+
+
 class InputLimits(Value):
-    """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
+    """Limits of the input; tensions, torques and currents are limited by ``finger.tendons`` alone."""
 
     moment_max: Annotated[Positive, Field(examples=[0.3, "0.3 N m"]), Unit("N m")] | None = None
     """Greatest magnitude of the tip moment of a finger without tendons [N m]."""
-    rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("N/s or N m/s")] | None = None
-    """Greatest change of the input per time [N/s or N m/s]."""
+    lengths: Annotated[Range, Field(examples=[[-0.012, 0.012]]), Unit("m")] | None = None
+    """Least and greatest commanded length of every winch [m]; needed for tendons with drive.kind: length."""
+    angles: Annotated[Range, Field(examples=[[-1.5, 1.5], ["-90 deg", "90 deg"]]), Unit("rad")] | None = None
+    """Least and greatest commanded angle of every drum [rad]; needed for motors with a position_gain."""
+    rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
+    """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
@@ -116,20 +125,46 @@ class InputLimits(Value):
         for name in ("moment_max", "time_constant"):
             if finger.tendons is not None and getattr(self, name) is not None:
                 raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
+        self._check_ranges(finger.input_key, key)
         lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
         if any(lagging) and not all(lagging):
             raise ValueError(
                 f"finger.tendons[{lagging.index(False)}].time_constant is needed: under control all tendons lag or none"
             )
 
+    def _check_ranges(self, taken: str, key: str) -> None:
+        for name in ("lengths", "angles"):
+            given = getattr(self, name)
+            if name == taken and given is None:
+                raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
+            if given is None:
+                continue
+            if name != taken:
+                raise ValueError(f"{key}.{name} is not what this finger takes, which is {taken.replace('_', ' ')}")
+            if given[0] >= given[1]:
+                raise ValueError(f"{key}.{name}: the least, {given[0]}, must be below the greatest, {given[1]}")
+
     def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest value of each input: tensions [N], or the tip moment [N m]."""
-        most = self.moment_max or 0.0
-        return ((-most,), (most,)) if finger.tendons is None else finger.tension_limits
+        """Least and greatest value of each input, in its unit."""
+        if finger.tendons is None:
+            most = self.moment_max or 0.0
+            return (-most,), (most,)
+        if not finger.winches:
+            return finger.tension_limits
+        given = self.lengths or self.angles
+        ranges = [given or (-(drive.limit or 0.0), drive.limit or 0.0) for drive in finger.winches]
+        return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
+
+    def rest(self, finger: Finger) -> tuple[float, ...]:
+        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
+        least, most = self.limits(finger)
+        wanted = [drive.at_pretension for drive in finger.winches] or [0.0] * len(least)
+        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
 
     def lag(self, finger: Finger) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once."""
-        lags = [t.time_constant for t in finger.tendon_list] or [self.time_constant]
+        """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
+        drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in finger.winches]
+        lags = drives or [t.time_constant for t in finger.tendon_list] or [self.time_constant]
         known = [lag for lag in lags if lag is not None]
         return min(known) if len(known) == len(lags) else None
 
@@ -170,7 +205,8 @@ class Controller(Value):
     """Cap of the interior-point iterations per QP."""
     supervisor: bool = True
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
-    that does not help, or readings freeze, the command ramps to the least tensions (no moment) until it is re-armed."""
+    that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
+    pretension of drives) until it is re-armed."""
     deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
 

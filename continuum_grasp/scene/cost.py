@@ -63,10 +63,10 @@ class Cost(Value):
     """Bending rate of each element, towards zero [s2/rad2]."""
     contact_force: Annotated[ForcesWeighted, Field(examples=[1.0]), Unit("1/N2")] | None = None
     """Normal force at each place where the finger may touch the object [1/N2]."""
-    effort: Annotated[NonNegative, Field(examples=[1e-3]), Unit("1/N2 or 1/(N m)2")] | None = None
-    """Input away from ``reference.input`` [1/N2 or 1/(N m)2]."""
-    input_rate: Annotated[NonNegative, Field(examples=[5e-4]), Unit("s2/N2 or s2/(N m)2")] | None = None
-    """Change of the input per time, towards zero [s2/N2 or s2/(N m)2]."""
+    effort: Annotated[NonNegative, Field(examples=[1e-3]), Unit("per square of the input's unit")] | None = None
+    """Input away from ``reference.input`` [per square of the input's unit], such as 1/N2 of tensions."""
+    input_rate: Annotated[NonNegative, Field(examples=[5e-4]), Unit("s2 per square of the input's unit")] | None = None
+    """Change of the input per time, towards zero [s2 per square of the input's unit]."""
 
     def _check(self) -> None:
         *others, last = [name for name in Cost.model_fields if name in Reference.model_fields]
@@ -152,8 +152,9 @@ class Reference(Value):
     """World angle of the tip's section, whose tangent is (-sin, cos) of it [rad]; samples have rows of one entry."""
     contact_force: Annotated[Rows, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
-    input: Annotated[Rows, Unit("N or N m")] | None = None
-    """Input that costs no effort: tip moment [N m] or tensions [N]; tensions: least tension where not given."""
+    input: Annotated[Rows, Unit("unit of the input")] | None = None
+    """Input that costs no effort: tip moment [N m], tensions [N], or what drives take [unit of the input]; where not
+    given, none, the least tensions, or the pretension of drives."""
 
     def _check(self) -> None:
         if isinstance(self.tip, RowSamples) and self.tip.width != 2:

@@ -9,6 +9,16 @@ from pydantic import Field
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
+COMMANDS = {
+    "tip_moment": ("tip_moment", "N m"),
+    "tensions": ("tension", "N"),
+    "lengths": ("length", "m"),
+    "torques": ("torque", "N m"),
+    "currents": ("current", "A"),
+    "angles": ("angle", "rad"),
+}
+"""Name and unit of what a finger takes, by its key in ``actuation``."""
+
 
 class _Winch(Value):
     """What winches have in common."""
@@ -40,6 +50,11 @@ class LengthDrive(_Winch):
     def key(self) -> str:
         """Key of its commands in ``actuation``."""
         return "lengths"
+
+    @property
+    def at_pretension(self) -> float:
+        """Command under which the straight finger has its pretension [m]."""
+        return 0.0
 
     @property
     def limit(self) -> float | None:
@@ -102,6 +117,12 @@ class MotorDrive(_Winch):
         if self.position_gain is not None:
             return "angles"
         return "torques" if self.torque_constant is None else "currents"
+
+    @property
+    def at_pretension(self) -> float:
+        """Command under which the straight finger has its pretension; on one pulley no torque holds it."""
+        torque = 0.0 if self.arrangement == "one_pulley" else self.winch_radius * self.pretension
+        return torque / (self.position_gain or self.torque_constant or 1.0)
 
     @property
     def limit(self) -> float | None:

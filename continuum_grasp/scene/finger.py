@@ -274,6 +274,19 @@ class Finger(Value):
         found = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
         return found[:1] if found and found[0].arrangement == "one_pulley" else found
 
+    @property
+    def input_key(self) -> str:
+        """Key in ``actuation`` of what the finger takes: tip_moment, tensions, or that of its drives."""
+        if self.tendons is None:
+            return "tip_moment"
+        return self.winches[0].key if self.winches else "tensions"
+
+    @property
+    def input_words(self) -> str:
+        """Number and names of its inputs, for messages."""
+        count = len(self.winches) or len(self.tendon_list)
+        return f"{count} {self.input_key}" if count else "the tip moment"
+
     def check_commands_tensions(self, key: str, what: str) -> None:
         """Refuse winches and motors for ``what``, of a finger at ``key``."""
         if self.winches:

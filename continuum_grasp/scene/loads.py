@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
@@ -91,6 +92,12 @@ class Actuation(Value):
 
     def _check(self) -> None:
         check_one_given(self, "tip_moment", *_OF_TENDONS)
+
+    @classmethod
+    def of(cls, key: str, values: Sequence[float]) -> Self:
+        """Constant commands by their key."""
+        given: Any = values[0] if key == "tip_moment" else tuple(values)
+        return cls(**{key: given})
 
     @property
     def given(self) -> tuple[str, tuple[float | Samples, ...]]:

@@ -72,8 +72,8 @@ class Goal(Value):
     """World positions of points along the finger."""
     contact_force: Annotated[Aim, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
-    input: Annotated[Aim, Unit("N or N m")] | None = None
-    """Last input: tip moment [N m] or tensions [N]."""
+    input: Annotated[Aim, Unit("unit of the input")] | None = None
+    """Last input: tip moment [N m], tensions [N], or what drives take [unit of the input]."""
     grasp_weight: Annotated[Positive, Unit("1/N2")] = 1e4
     """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 
@@ -96,8 +96,9 @@ class PlanInput(InputLimits):
 
     form: Literal["hold", "linear"] = "hold"
     """hold: constant over an interval; linear: a straight line, without jumps from ``initial`` on."""
-    initial: Annotated[Row, Unit("N or N m")] | None = None
-    """Input before the motion begins: tip moment [N m] or tensions [N]; None: no tip moment, or the least tensions."""
+    initial: Annotated[Row, Unit("unit of the input")] | None = None
+    """Input before the motion begins [unit of the input]; None: no tip moment, the least tensions, or the pretension of
+    drives."""
 
 
 class PlanHalfPlaneZone(HalfPlaneZone):
@@ -208,7 +209,7 @@ class PlanScene(FingerScene):
     """How the plan is tried on a finer model."""
 
     def _check(self) -> None:
-        self.finger.check_commands_tensions("finger", "plans")
+        self.initial.check_history(self.finger)
         self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")
@@ -261,19 +262,18 @@ class PlanScene(FingerScene):
     def _check_inputs(self) -> None:
         aim = self.goal.input
         limits = list(zip(*self.input_limits, strict=True))
-        what = "the tip moment" if self.finger.tendons is None else f"{len(limits)} tensions"
         for key, row in (("input.initial", self.input.initial), ("goal.input", aim.value if aim else None)):
             if row is None:
                 continue
             if len(row) != len(limits):
-                raise ValueError(f"{key}: expected {what}, got {len(row)} numbers")
+                raise ValueError(f"{key}: expected {self.finger.input_words}, got {len(row)} numbers")
             for value, (least, most) in zip(row, limits, strict=True):
                 if not least <= value <= most:
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest tip moment [N m], or tensions [N]."""
+        """Least and greatest input, each in its unit."""
         return self.input.limits(self.finger)
 
     @property
@@ -287,11 +287,14 @@ class PlanScene(FingerScene):
         return frozenset({"tip_force"} if self.loads and not self.contacts else ())
 
     @property
+    def rest_input(self) -> tuple[float, ...]:
+        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
+        return self.input.rest(self.finger)
+
+    @property
     def initial_input(self) -> tuple[float, ...]:
         """Input before the motion begins."""
-        if self.input.initial is not None:
-            return self.input.initial
-        return (0.0,) if self.finger.tendons is None else self.input_limits[0]
+        return self.rest_input if self.input.initial is None else self.input.initial
 
     @property
     def duration_range(self) -> tuple[float, float]:

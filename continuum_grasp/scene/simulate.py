@@ -93,6 +93,11 @@ class Initial(Value):
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
 
+    def check_history(self, finger: Finger) -> None:
+        """Refuse a history of a finger that has none."""
+        if self.reached_by is not None and not finger.has_tendon_friction:
+            raise ValueError("initial.reached_by has no effect: the tendons have no friction")
+
     @property
     def coordinates(self) -> tuple[float, ...] | None:
         """Bending coordinates above rest, where they are given."""
@@ -182,8 +187,7 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
             self._check_actuation(self.actuation)
-        if self.initial.reached_by is not None and not self.finger.has_tendon_friction:
-            raise ValueError("initial.reached_by has no effect: the tendons have no friction")
+        self.initial.check_history(self.finger)
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
@@ -197,7 +201,7 @@ class Scene(FingerScene):
 
     def _check_actuation(self, actuation: Actuation) -> None:
         tendons, drives, (key, values) = self.finger.tendon_list, self.finger.winches, actuation.given
-        wanted = drives[0].key if drives else "tensions" if tendons else "tip_moment"
+        wanted = self.finger.input_key
         if key != wanted:
             kind = f"tendons with drive.kind: {drives[0].kind}" if drives else "tendons" if tendons else "no tendons"
             raise ValueError(f"actuation.{key} is not what this finger takes, which has {kind}: give {wanted}")

@@ -99,7 +99,7 @@ def _at_rest(system: System, x: Array) -> Array:
 
 TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
-_SLIDING = 1.5
+SLIDING = 1.5
 """A friction state beyond its range [1], as of a tendon that slides."""
 _TAUT = 1.0
 """Tension of tendons that are taut [N]: what is stiff about them does not depend on it."""
@@ -138,7 +138,7 @@ def _radius_of_tendons(core: Core, q: Array, u: Array, w: Array, p: Array) -> fl
         drives = [model.drives_at(shape, u)]
         if model.structure.winches:
             drives.append(model.drives_at(shape, u, pulled=_TAUT))
-        for lag, sliding in product(drives, (0.0, _SLIDING) if states else (0.0,)):
+        for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,)):
             x = np.concatenate([shape, np.zeros(model.n), lag, np.full(states, sliding)])
             slope = core.linearization(x, u, w, p)[0]
             if not np.all(np.isfinite(slope)):

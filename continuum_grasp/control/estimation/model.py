@@ -187,7 +187,7 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         found += [_Compared("tip", name, value, {name: 1.0}) for name, value in zip(names, values, strict=True)]
     if asked.tension is not None:
         unit = model.u_names[0].split("[")[1][:-1]
-        for k, moment in enumerate(model.lagging):
+        for k, moment in enumerate(model.driven):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names

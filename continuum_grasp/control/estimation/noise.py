@@ -74,7 +74,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     initial[:n] = (asked.initial_std * per_angle) ** 2
     # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
     initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
-    for at, _, most, lag in model.lagging:
+    for at, _, most, lag in model.driven:
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
         process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / lag**3
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / lag) ** 2
@@ -121,7 +121,7 @@ def _state_range(model: Prediction, stages: Stages) -> Array:
     most = np.full(model.nx, UNLIMITED)
     most[:n] = _MARGIN * bend
     most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
-    for at, _, moment, lag in model.lagging:
+    for at, _, moment, lag in model.driven:
         most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / lag  # a step of the command: 0.37 moment / lag
     return np.stack([-most, most], axis=1)
 
@@ -143,8 +143,11 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
         base = finger.base.position["xy".index(name[4])]
         return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
     if name.startswith("tension_"):
-        most = scene.input_limits[1][model.u_names.index(name)]
+        most = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
+    if finger.winches and name in model.u_names:
+        low, high = (limit[model.u_names.index(name)] for limit in scene.input_limits)
+        return (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
     if name.startswith("angle_"):
         most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
         return (finger.base.angle - most, finger.base.angle + most)

@@ -45,7 +45,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     outputs : Outputs
         What is tracked.
     reference : Reference
-        Setpoints; what it does not have is zero, tensions are the least.
+        Setpoints; what it does not have is zero, and for inputs ``rest_input`` of the scene.
     functions : mapping of str to callable, optional
         Functions of time [s] that replace members of ``reference``, each returning all entries of one row.
 
@@ -60,9 +60,9 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     """
     given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
     scene = outputs.model.scene
-    # Tensions cannot be zero, so that effort is what exceeds the least ones.
-    if given["input"] is None and scene.finger.tendons is not None:
-        given["input"] = scene.input_limits[0]
+    # Tensions cannot be zero: effort is what exceeds the least ones.
+    if given["input"] is None:
+        given["input"] = scene.rest_input
     for name, function in (functions or {}).items():
         if name not in SETPOINTS:
             raise InputError(f"expected one of {', '.join(SETPOINTS)}, got {name!r}", key="functions")
