@@ -234,6 +234,25 @@ class FingerModel(Functions):
         lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
         return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]
 
+    def stiffness_of_drives(self) -> ca.Function:
+        """``(x, u, w, p) -> K, D, inertia, passive``: small motions of a finger with winches, at rest.
+
+        K (n + m, n + m) is that of the bending coordinates and the angles of motors (and drums, without inertia, behind
+        a play), with friction that acts as it does; D (m, m) and inertia (m) [kg m2] are those of these angles, without
+        dry friction. ``passive`` (n, n) is K of the bending coordinates without tendons.
+        """
+        eq = self._equations
+        angles, rates, torques, inertias = eq.motors
+        places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force, *torques])
+        return self._function(
+            "stiffness_of_drives",
+            "x u w p",
+            K=-_slope(force, places),
+            D=-_slope(column(torques), ca.vertcat(*rates)),
+            inertia=list(inertias),
+            passive=-_slope(column(eq.force_but_tendons), eq.q),
+        )
+
     @cached_property
     def _tensions(self) -> ca.Function:
         own = self._equations.tendons
@@ -284,6 +303,11 @@ class FingerModel(Functions):
         eq = self._equations
         at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
         return self._function("curvatures", "q u p", kappa=eq.curvature, at=at, bend=bends)
+
+
+def _slope(values: ca.SX, symbols: ca.SX) -> ca.SX:
+    """Jacobian with respect to symbols."""
+    return ca.SX(values.numel(), 0) if symbols.numel() == 0 else ca.jacobian(values, symbols)
 
 
 FUNCTIONS = function_names(FingerModel)

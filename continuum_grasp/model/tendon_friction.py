@@ -32,8 +32,6 @@ RETURN_TIME = 1e-3
 _BEND_ROUNDING = 1e-3
 """Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
 the tension is off by a share of 5e-4 at most."""
-_LEAST_GAIN = -30.0
-"""Logarithm of the least share of a tension across half a cell [1]: 60 rad of bend at a coefficient of 1."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -180,8 +178,7 @@ def shares(halves: Sequence[Scalar], conduit: Scalar | None, sides: Sequence[flo
 
     All are those of a tendon on the -X side; on the other one friction acts the other way.
     """
-    # Never zero, which the other side divides by; a trial step may throw a bend far out of its range.
-    passed = [ca.exp(ca.fmax(half, _LEAST_GAIN)) for half in halves]
+    passed = [ca.exp(half) for half in halves]
     before = 1.0 if conduit is None else ca.exp(conduit)
     middle: list[list[Scalar]] = []
     for side in sides:
