@@ -446,6 +446,18 @@ class Equations:
             found += winch.rates(states, self.u[k], [self.tendons.tensions[j] for j in winch.tendons])
         return found
 
+    @property
+    def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[float]]:
+        """Angles of motors and of drums behind a play, their rates, torques without dry friction [N m], inertias."""
+        angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[float]()
+        for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
+            own = winch.inertias
+            angles += winch.turning(states)
+            rates += [states[1], *[ca.SX.sym("none")] * (len(own) - 1)][: len(own)]
+            torques += winch.balance(states, self.u[k], [self.tendons.tensions[j] for j in winch.tendons])
+            inertias += own
+        return angles, rates, torques, inertias
+
     def _actuation(self, tendons: TendonForces) -> list[Scalar]:
         total: list[Scalar] = [0.0] * self._family.size
         if self._structure.own_tendons:
@@ -519,6 +531,11 @@ class Equations:
     def net_force(self) -> list[Scalar]:
         """M qdd."""
         return self._net_force(self.actuation)
+
+    @property
+    def force_but_tendons(self) -> list[Scalar]:
+        """M qdd without what tendons and couples exert."""
+        return self._net_force([0.0] * self._family.size)
 
     @property
     def net_force_by_history(self) -> list[Scalar]:

@@ -211,18 +211,25 @@ class FingerModel(Functions):
         return self._function("drives_at_rest", names, lag=eq.drives_at_rest, drawn=eq.drives_drawn)
 
     def drives_at(
-        self, q: ArrayLike, u: ArrayLike, friction_states: ArrayLike = (), *, pulled: float | None = None
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        friction_states: ArrayLike = (),
+        *,
+        pulled: float | None = None,
+        p: ArrayLike | None = None,
     ) -> list[float]:
         """States of lags, winches and motors of a finger at rest in a shape q (n,) under an input u (nu,).
 
         ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
+        Parameters p are nominal where not given.
         """
         if not self.structure.winches:
             return self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
-        given = [np.asarray(v, dtype=float) for v in (q, u, self.p_nominal)]
+        given = [np.asarray(v, dtype=float) for v in (q, u, self.p_nominal if p is None else p)]
         history = [np.append(states, 0.0)] if states.size else []
         lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
         return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]
@@ -230,6 +237,25 @@ class FingerModel(Functions):
     def drives_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> lag, drawn``: states of lags, winches and motors, as `drives_at` gives them."""
         return self._drives_at_rest
+
+    def stiffness_of_drives(self) -> ca.Function:
+        """``(x, u, w, p) -> K, D, inertia, passive``: small motions of a finger with winches, at rest.
+
+        K (n + m, n + m) is that of the bending coordinates and the angles of motors (and drums, without inertia, behind
+        a play), with friction that acts as it does; D (m, m) and inertia (m) [kg m2] are those of these angles, without
+        dry friction. ``passive`` (n, n) is K of the bending coordinates without tendons.
+        """
+        eq = self._equations
+        angles, rates, torques, inertias = eq.motors
+        places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force, *torques])
+        return self._function(
+            "stiffness_of_drives",
+            "x u w p",
+            K=-_slope(force, places),
+            D=-_slope(column(torques), ca.vertcat(*rates)),
+            inertia=list(inertias),
+            passive=-_slope(column(eq.force_but_tendons), eq.q),
+        )
 
     @cached_property
     def _tensions(self) -> ca.Function:
@@ -291,6 +317,11 @@ class FingerModel(Functions):
         eq = self._equations
         at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
         return self._function("curvatures", "q u p", kappa=eq.curvature, at=at, bend=bends)
+
+
+def _slope(values: ca.SX, symbols: ca.SX) -> ca.SX:
+    """Jacobian with respect to symbols."""
+    return ca.SX(values.numel(), 0) if symbols.numel() == 0 else ca.jacobian(values, symbols)
 
 
 FUNCTIONS = function_names(FingerModel)

@@ -151,25 +151,39 @@ class Winch:
         stiff = (self.drive.gear_stiffness or 0.0) + 2.0 * self.radius**2 * self.stiffness
         return (1.0 / (RETURN_TIME * stiff)) * (self._of_gear(states) - self._pull(tensions))
 
+    @property
+    def inertias(self) -> list[Scalar]:
+        """Inertia of a motor, and none of a drum behind the play of its gear [kg m2]; a winch that follows has none."""
+        return [self._own("inertia"), *[0.0] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
+
+    def turning(self, states: Sequence[Scalar]) -> list[Scalar]:
+        """Angles that have these inertias."""
+        return [states[0], *[states[-1]] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
+
+    def balance(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
+        """Torques that turn them [N m], without dry friction."""
+        if not isinstance(self.drive, MotorDrive):
+            return []
+        position, speed, pull = states[0], states[1], self._pull(tensions)
+        driven = self.torque(command, position, speed) - self._own("viscous_friction") * speed
+        gear = self._of_gear(states) if self.has_backlash else pull
+        return [driven - gear, *[gear - pull] * self.has_backlash]
+
     def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
         """Rates of the states under a command and the tensions of its tendons [N]."""
-        position, speed, *rest = states
-        drive = self.drive
+        drive, (position, speed, *rest) = self.drive, states
         if isinstance(drive, LengthDrive):
             pole = 1.0 / self._own("time_constant")
             wanted = (0.5 * pole) * (command - position)
             if drive.rate_max is not None:
-                wanted = drive.rate_max * ca.tanh((1.0 / drive.rate_max) * wanted)
+                wanted = drive.rate_max * tanh((1.0 / drive.rate_max) * wanted)
             return [speed, (2.0 * pole) * (wanted - speed)]
-        torque = self.torque(command, position, speed)
-        slowed, dry = self._own("viscous_friction"), self._own("coulomb_friction")
+        torque, dry = self.balance(states, command, tensions)[0], self._own("coulomb_friction")
         if drive.presliding_angle is not None:
             torque -= dry * direction(rest[0])
         elif not isinstance(dry, float) or dry > 0.0:
-            slowed += dry / ca.sqrt(speed * speed + SLOW**2)
-        torque -= slowed * speed
-        against = self._of_gear(states) if self.has_backlash else self._pull(tensions)
-        found = [speed, (1.0 / self._own("inertia")) * (torque - against)]
+            torque -= dry * speed / ca.sqrt(speed * speed + SLOW**2)
+        found = [speed, (1.0 / self._own("inertia")) * torque]
         if drive.presliding_angle is not None:
             found.append(state_rate(rest[0], (1.0 / drive.presliding_angle) * speed))
         return found + [self.drum_rate(states, tensions)] * self.has_backlash
@@ -210,6 +224,11 @@ class Winch:
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
         """Kinetic energy [J]."""
         return 0.5 * self._own("inertia") * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
+
+
+def tanh(x: Scalar) -> Scalar:
+    """Hyperbolic tangent, of functions that strict C has; beyond 20 it is one to the last bit."""
+    return 1.0 - 2.0 / (1.0 + ca.exp(2.0 * ca.fmin(ca.fmax(x, -20.0), 20.0)))
 
 
 def soft(length: Scalar) -> Scalar:
