@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
-from continuum_grasp.identification.unknowns import LAG, OF_DRIVE
+from continuum_grasp.identification.unknowns import OF_DRIVE
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.finger import PointMass, TipBody
@@ -199,7 +199,7 @@ class Fit(Result):
         """
         changed = self.scene if scene is None else scene
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
-            if target == LAG or target not in OF_DRIVE:
+            if target not in OF_DRIVE:
                 base = changed.finger.base.angle if added else 0.0
                 changed = _with_parameter(changed, target, base + factor * float(value))
         return changed
@@ -254,9 +254,11 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
         changes = {target: value}
     elif target == "base_angle":
         changes = {"base.angle": value}
-    elif target in ("tendon_offset", "tendon_friction", LAG) and finger.tendons is not None:
+    elif target.startswith(("tendon_", "drive_")) and finger.tendons is not None:
         each = [f"[{k}]" for k in range(len(finger.tendon_list))] if isinstance(finger.tendons, tuple) else [""]
-        changes = {f"tendons{one}.{target.removeprefix('tendon_').removeprefix('drive_')}": value for one in each}
+        owner, _, key = target.partition("_")
+        key = f"drive.{key}" if owner == "drive" and finger.winches else key
+        changes = {f"tendons{one}.{key}": value for one in each}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}

@@ -90,7 +90,8 @@ class Equations:
                 found.append(0.0)
                 continue
             # Second order, because a known moment needs its rate and acceleration; critically damped: no overshoot.
-            pole = 1.0 / source.time_constant
+            runtime = self._par.is_runtime("drive_time_constant")
+            pole = 1.0 / (self._par["drive_time_constant"] if runtime else source.time_constant)
             moment, rate = self.lag[entry], self.lag[entry + 1]
             found.append(pole**2 * (commanded.moment - moment) - 2.0 * pole * rate)
             entry += 2

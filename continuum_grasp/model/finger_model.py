@@ -228,6 +228,10 @@ class FingerModel(Functions):
         lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
         return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]
 
+    def drives_at_rest(self) -> ca.Function:
+        """``(q, u, p (, history)) -> lag, drawn``: states of lags, winches and motors, as `drives_at` gives them."""
+        return self._drives_at_rest
+
     @cached_property
     def _tensions(self) -> ca.Function:
         own = self._equations.tendons
@@ -240,6 +244,16 @@ class FingerModel(Functions):
         Of fingers with tendon friction or winches.
         """
         return self._tensions
+
+    @cached_property
+    def _tensions_at_rest(self) -> ca.Function:
+        eq = self._equations
+        names = "q u p history" if eq.history.numel() else "q u p"
+        return self._function("tensions_at_rest", names, tensions=list(eq.tendons_at_rest.tensions))
+
+    def tensions_at_rest(self) -> ca.Function:
+        """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
+        return self._tensions_at_rest
 
     def tension_places(self) -> list[NDArray[np.float64]]:
         """Where tensions along the finger are, per tendon [m]: in the middle of friction cells, or where it ends."""

@@ -79,7 +79,7 @@ class Structure:
         self.sources = self._sources()
         self.mesh = self._mesh()
         self.family = self._make_family()
-        self.winches = winches_of(self.finger.tendon_list, self.length)
+        self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
         self.bending_cells = self._bending_cells()

@@ -22,7 +22,7 @@ from continuum_grasp.model.tendon_friction import (
     shares,
     state_rate,
 )
-from continuum_grasp.model.winches import compliance, soft, soft_integral
+from continuum_grasp.model.winches import compliance, soft, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -103,6 +103,9 @@ class TendonForces:
     def _arm_size(self, cells: CellSet) -> Scalar:
         return cells.sides[0] * self.arm(cells.tendons[0])
 
+    def _presliding(self, cells: CellSet) -> Scalar:
+        return self._par["tendon_presliding"] if self._par.is_runtime("tendon_presliding") else cells.presliding
+
     @cached_property
     def _friction(self) -> list[Scalar]:
         """Coefficient of each set."""
@@ -138,7 +141,7 @@ class TendonForces:
         """Sliding of the tendons per presliding since the finger was straight, per friction state."""
         found: list[Scalar] = []
         for cells in self._made.cell_sets:
-            per_path = self._arm_size(cells) / cells.presliding
+            per_path = self._arm_size(cells) / self._presliding(cells)
             found += [per_path * u for u in self._beyond(cells, self._full, rest=True)]
         return found
 
@@ -198,12 +201,13 @@ class TendonForces:
         """Cable wound up beyond taut, per tendon [m]."""
         return [y - self._path(k, self._full, rest=True) for k, y in enumerate(self._pulls.wound)]
 
-    def _elongations(self, tendon: int) -> tuple[float, list[Scalar]]:
+    def _elongations(self, tendon: int) -> tuple[Scalar, list[Scalar]]:
         """Elongation of the tendon along each of its cells per tension at the base, as a factor [m/N] and shares."""
         own, passed = next(
             each for each in zip(self._made.cell_sets, self.shares, strict=True) if tendon in each[0].tendons
         )
         unit, found = own.cells[0].length, list[Scalar]()
+        stiffness, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
         for cell, swell, middle in zip(own.cells, passed.swell, passed.middle[own.tendons.index(tendon)], strict=True):
             share = swell * middle
             if abs(cell.length - unit) > 1e-12 * unit:
@@ -211,7 +215,7 @@ class TendonForces:
             if self._par.is_runtime("element_lengths"):
                 share *= self._lengths[cell.element] / self._made.lengths[cell.element]
             found.append(share)
-        return unit / (self._made.finger.tendon_list[tendon].axial_stiffness or 1.0), found
+        return unit / stiffness, found
 
     @cached_property
     def compliances(self) -> list[Scalar]:
@@ -220,9 +224,9 @@ class TendonForces:
         for k, tendon in enumerate(self._made.finger.tendon_list):
             if k in self._frictional:
                 unit, shares = self._elongations(k)
-                found.append(unit * sum(shares) + 1.0 / (tendon.series_stiffness or 1.0))
+                found.append(unit * sum(shares) + 1.0 / stiffnesses(tendon, self._par)[1])
             else:
-                found.append(compliance(tendon, self._made.length))
+                found.append(compliance(tendon, self._made.length, self._par))
         return found
 
     @cached_property
@@ -265,7 +269,7 @@ class TendonForces:
         for tendon, side in zip(cells.tendons, cells.sides, strict=True):
             moving = self._pulls.rates[tendon] - self._path(tendon, self._rates, rest=False)
             unit, shares = self._elongations(tendon)
-            weight = (side * unit / cells.presliding) * (least * self.tensions[tendon])
+            weight = (side * unit / self._presliding(cells)) * (least * self.tensions[tendon])
             rate = weight * (self._stiffnesses[tendon] * moving)
             each.append([rate * share for share in shares])
         found: list[Scalar] = []
@@ -281,7 +285,7 @@ class TendonForces:
         rates, entry = list[Scalar](), 0
         for cells in self._made.cell_sets:
             # Per presliding, which saves products.
-            arm = self._arm_size(cells) / cells.presliding
+            arm = self._arm_size(cells) / self._presliding(cells)
             sliding = [arm * slid for slid in self._beyond(cells, self._rates, rest=False)]
             if self._pulls.wound:
                 sliding = [u + v for u, v in zip(sliding, self._elongating(cells), strict=True)]

@@ -115,8 +115,10 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     model = core.model
     if model.structure.own_tendons or model.friction_names:
         return _radius_of_states(core, np.atleast_2d(q), u, w, p)
-    lags = [channel.time_constant for channel in model.finger.channels]
-    largest = max((1.0 / lag for lag in lags if lag is not None), default=0.0)
+    lags = [channel.time_constant for channel in model.finger.channels if channel.time_constant is not None]
+    if "drive_time_constant [s]" in model.p_names:
+        lags = [float(p[model.p_names.index("drive_time_constant [s]")])]
+    largest = max((1.0 / lag for lag in lags), default=0.0)
     for shape in np.atleast_2d(q):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
