@@ -151,9 +151,8 @@ class Backbone:
         for cells, passed in zip(eq.structure.cell_sets, eq.tendons_at_rest.shares, strict=True):
             # Of all tendons of the set; cells are equal parts of their elements.
             spans = [eq.lengths[cell.element] * (len(eq.lengths) / len(cells.cells)) for cell in cells.cells]
-            for middle in passed.middle:
-                parts = (h * (swell * share) for h, swell, share in zip(spans, passed.swell, middle, strict=True))
-                found.append(sum(parts, 0.0) / ca.sum1(lengths))
+            for mean in passed.mean:
+                found.append(sum((h * share for h, share in zip(spans, mean, strict=True)), 0.0) / ca.sum1(lengths))
         return self._function("mean_shares", [eq.history], [ca.vertcat(*found)])
 
     def _work(self, masses: ca.SX) -> ca.SX:

@@ -39,7 +39,8 @@ class Winch:
     """Cable wound up of the straight finger while the drive is at zero [m], counted from where a tendon is taut."""
     stiffness: Scalar
     """Tension per length wound up, of a tendon without friction [N/m]."""
-    parameters: Parameters
+    parameters: Parameters | None = None
+    """Of which some may be run-time arguments; None: all numbers are those of the drive."""
 
     def _own(self, key: str) -> Scalar:
         """A number of the drive, which may be a run-time argument."""
@@ -249,7 +250,7 @@ def soft_integral(length: Scalar) -> Scalar:
     return inside + beyond * (SOFT + 0.5 * beyond)
 
 
-def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters) -> tuple[Winch, ...]:
+def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters | None = None) -> tuple[Winch, ...]:
     """The drives of tendons on a finger of a length [m]; none where tensions are commanded."""
     found: list[Winch] = []
     for k, tendon in enumerate(tendons):
@@ -263,23 +264,23 @@ def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters)
     return tuple(found)
 
 
-def _number(drive: WinchDrive, key: str, parameters: Parameters) -> Scalar:
+def _number(drive: WinchDrive, key: str, parameters: Parameters | None) -> Scalar:
     name = f"drive_{key}"
-    return parameters[name] if parameters.is_runtime(name) else float(getattr(drive, key))
+    return parameters[name] if parameters and parameters.is_runtime(name) else float(getattr(drive, key))
 
 
-def stiffnesses(tendon: Tendon, parameters: Parameters) -> tuple[Scalar, Scalar]:
+def stiffnesses(tendon: Tendon, parameters: Parameters | None = None) -> tuple[Scalar, Scalar]:
     """Those of a tendon whose tension is not commanded: along the finger [N], and in series [N/m]."""
     found: list[Scalar] = []
     for key, stated in (("axial", tendon.axial_stiffness), ("series", tendon.series_stiffness)):
         if stated is None:
             raise TypeError("a tendon whose tension is commanded has no stiffness")
         name = f"tendon_{key}_stiffness"
-        found.append(parameters[name] if parameters.is_runtime(name) else stated)
+        found.append(parameters[name] if parameters and parameters.is_runtime(name) else stated)
     return found[0], found[1]
 
 
-def compliance(tendon: Tendon, length: float, parameters: Parameters) -> Scalar:
+def compliance(tendon: Tendon, length: float, parameters: Parameters | None = None) -> Scalar:
     """Elongation per tension of a tendon without friction [m/N]."""
     axial, series = stiffnesses(tendon, parameters)
     return 1.0 / series + (length if tendon.to is None else tendon.to) / axial
