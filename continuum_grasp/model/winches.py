@@ -161,12 +161,14 @@ class Winch:
         """Angles that have these inertias."""
         return [states[0], *[states[-1]] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
 
-    def balance(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
-        """Torques that turn them [N m], without dry friction."""
+    def balance(
+        self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
+    ) -> list[Scalar]:
+        """Torques that turn them [N m], without dry friction but for what is ``slowed`` by it [N m s]."""
         if not isinstance(self.drive, MotorDrive):
             return []
         position, speed, pull = states[0], states[1], self._pull(tensions)
-        driven = self.torque(command, position, speed) - self._own("viscous_friction") * speed
+        driven = self.torque(command, position, speed) - (self._own("viscous_friction") + slowed) * speed
         gear = self._of_gear(states) if self.has_backlash else pull
         return [driven - gear, *[gear - pull] * self.has_backlash]
 
@@ -179,11 +181,13 @@ class Winch:
             if drive.rate_max is not None:
                 wanted = drive.rate_max * tanh((1.0 / drive.rate_max) * wanted)
             return [speed, (2.0 * pole) * (wanted - speed)]
-        torque, dry = self.balance(states, command, tensions)[0], self._own("coulomb_friction")
+        dry: Scalar = self._own("coulomb_friction")
+        slowed: Scalar = 0.0
+        if drive.presliding_angle is None and (not isinstance(dry, float) or dry > 0.0):
+            slowed = dry / ca.sqrt(speed * speed + SLOW**2)
+        torque = self.balance(states, command, tensions, slowed)[0]
         if drive.presliding_angle is not None:
             torque -= dry * direction(rest[0])
-        elif not isinstance(dry, float) or dry > 0.0:
-            torque -= dry * speed / ca.sqrt(speed * speed + SLOW**2)
         found = [speed, (1.0 / self._own("inertia")) * torque]
         if drive.presliding_angle is not None:
             found.append(state_rate(rest[0], (1.0 / drive.presliding_angle) * speed))
