@@ -9,6 +9,7 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,9 @@ from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.source import plain_source
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.control.estimation.contact_model import ContactModel
 
 Array = NDArray[np.float64]
 
@@ -87,6 +91,7 @@ def estimator_fields(
         Field("substeps", substeps, whole=True),
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
         Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
+        *([Field("friction", estimation.friction, whole=True)] if estimation.friction else []),
     ]
 
 
@@ -151,8 +156,8 @@ def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimati
         # Without a weight of the command's rate there is nothing to raise.
         Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
         Field("sensor", sensor, whole=True),
-        # Tip and angles show the shape; a tension does not.
-        Field("shape", [int(name != "tension") for name in devices] or [0], whole=True),
+        # Tip and angles show the shape; drives do not.
+        Field("shape", [int(name in ("tip", "bending")) for name in devices] or [0], whole=True),
         # A tension moves with its own command, everything else with all of them.
         Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
         # Below zero: not tested.
@@ -207,9 +212,24 @@ def controller_source(
     return "\n".join(parts)
 
 
-def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
-    """Write dimensions, generated functions and templates of an estimator."""
-    sizes = {
+def detector_source(model: ContactModel, fields: Sequence[Field], real: str) -> str:
+    """Write the C of a contact detector for Python: the functions of ``c/detector_python.c``."""
+    return "\n".join(
+        [
+            f"#include <stddef.h>\ntypedef {real} real;",
+            "#define CG_SINGLE" if real == "float" else "",
+            *[f"#define CONTACT_{name} {size}" for name, size in model.sizes(len(model.finger.winches)).items()],
+            plain_source("contact", model.functions, real),
+            _templates("checks.h", "contact_detector.h", "contact_detector.c"),
+            _setter("contact_settings", fields),
+            _templates("doubles.h", "detector_python.c"),
+        ]
+    )
+
+
+def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> dict[str, int]:
+    """Dimensions of the C of an estimator."""
+    return {
         "NZ": estimation.nz,
         "NX": estimation.nx,
         "NU": nu,
@@ -218,8 +238,13 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
         "NS": len(estimation.sensor_names),
         "NM": estimation.nm,
         "DELAY": periods,
+        "NF": len(estimation.friction),
     }
-    lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
+
+
+def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
+    """Write dimensions, generated functions and templates of an estimator."""
+    lines = [f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, nu, np_).items()]
     # The step without derivatives predicts over the delay, and is not needed without one.
     flow = [estimation.flow] if periods else []
     functions = [estimation.step, estimation.outputs, estimation.parameters, *flow]

@@ -118,6 +118,10 @@ class ControlScene(FingerScene):
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
     def _check_estimator(self, estimator: Estimator) -> None:
+        estimator.measured.check(self.finger, "estimator.measured")
+        if estimator.contact_detection is not None:
+            asked, delay = estimator.measured, estimator.delay
+            estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
             self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
         if estimator.disturbances.bending_stiffness is not None and "bending_stiffness" not in self.parameters:
