@@ -155,7 +155,7 @@ def _control_scene(
         object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
-        parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
+        parameters=tuple(sorted({"bending_stiffness", "tendon_friction"} & mission.estimator.disturbances.names)),
         controller=Controller(
             period=asked.period,
             horizon=asked.horizon,
