@@ -91,6 +91,7 @@ def estimator_fields(
         Field("substeps", substeps, whole=True),
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
         Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
+        *([Field("friction", estimation.friction, whole=True)] if estimation.friction else []),
     ]
 
 
@@ -155,8 +156,8 @@ def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimati
         # Without a weight of the command's rate there is nothing to raise.
         Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
         Field("sensor", sensor, whole=True),
-        # Tip and angles show the shape; a tension does not.
-        Field("shape", [int(name != "tension") for name in devices] or [0], whole=True),
+        # Tip and angles show the shape; drives do not.
+        Field("shape", [int(name in ("tip", "bending")) for name in devices] or [0], whole=True),
         # A tension moves with its own command, everything else with all of them.
         Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
         # Below zero: not tested.
@@ -226,9 +227,9 @@ def detector_source(model: ContactModel, fields: Sequence[Field], real: str) -> 
     )
 
 
-def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
-    """Write dimensions, generated functions and templates of an estimator."""
-    sizes = {
+def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> dict[str, int]:
+    """Dimensions of the C of an estimator."""
+    return {
         "NZ": estimation.nz,
         "NX": estimation.nx,
         "NU": nu,
@@ -237,8 +238,13 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
         "NS": len(estimation.sensor_names),
         "NM": estimation.nm,
         "DELAY": periods,
+        "NF": len(estimation.friction),
     }
-    lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
+
+
+def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
+    """Write dimensions, generated functions and templates of an estimator."""
+    lines = [f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, nu, np_).items()]
     # The step without derivatives predicts over the delay, and is not needed without one.
     flow = [estimation.flow] if periods else []
     functions = [estimation.step, estimation.outputs, estimation.parameters, *flow]

@@ -41,7 +41,7 @@ class ContactDetection(Value):
     """Positions along the finger where a contact may be [m], for which forces are reported; none: the middle and the
     tip."""
 
-    def check(self, finger: Finger, measured: Measured, key: str) -> None:
+    def check(self, finger: Finger, measured: Measured, delay: float, key: str) -> None:
         """Refuse a finger or sensors that show no contact."""
         if not finger.winches:
             raise ValueError(f"{key} needs tendons with drive.kind: length or motor, whose tension a contact changes")
@@ -53,6 +53,11 @@ class ContactDetection(Value):
             raise ValueError(f"{key} needs estimator.measured.{position}")
         if kind == "length" and measured.tension is None:
             raise ValueError(f"{key} needs estimator.measured.tension with drive.kind: length")
+        if kind == "motor" and delay > 0.0 and measured.torque is None and measured.current is None:
+            raise ValueError(
+                f"{key} needs estimator.measured.torque or current with estimator.delay: a commanded torque is not as "
+                "old as the angle"
+            )
         if self.tendon_friction > 0.0 and len({tendon.friction for tendon in finger.tendon_list}) > 1:
             raise ValueError(f"{key}.tendon_friction must be zero where tendons have different coefficients")
         for k, at in enumerate(self.places):

@@ -120,7 +120,8 @@ class ControlScene(FingerScene):
     def _check_estimator(self, estimator: Estimator) -> None:
         estimator.measured.check(self.finger, "estimator.measured")
         if estimator.contact_detection is not None:
-            estimator.contact_detection.check(self.finger, estimator.measured, "estimator.contact_detection")
+            asked, delay = estimator.measured, estimator.delay
+            estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
             self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
         for name in ("bending_stiffness", "tendon_friction"):

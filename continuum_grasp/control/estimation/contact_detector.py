@@ -244,7 +244,7 @@ class ContactDetector(Remade, Summarized):
             self._places,
             found["gain"].reshape(self._drives, -1, order="F"),
             np.where(threshold >= _MOST, np.inf, threshold),
-            np.where(np.abs(forces) >= _MOST, np.sign(forces) * np.inf, forces),
+            np.where(np.abs(forces) >= _MOST, np.copysign(np.inf, forces), forces),
         )
 
     def save_state(self) -> bytes:

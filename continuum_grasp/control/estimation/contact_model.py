@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.compiled import Field
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
+from continuum_grasp.control.estimation.model import position_name, torque_name, torque_per_reading
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
@@ -120,13 +121,11 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
 
 def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) -> tuple[ca.Function, tuple[str, ...]]:
     count = len(winches)
-    unit = "length_{} [m]" if winches[0].follows else "motor_angle_{} [rad]"
-    names = [unit.format(k + 1) for k in range(count)]
+    names = [position_name(winch, k + 1) for k, winch in enumerate(winches)]
     if winches[0].follows:
         names += [f"tension_{k + 1} [N]" for k in range(len(scene.finger.tendon_list))]
     elif asked.torque is not None or asked.current is not None:
-        unit = "motor_torque_{} [N m]" if asked.torque is not None else "motor_current_{} [A]"
-        names += [unit.format(k + 1) for k in range(count)]
+        names += [torque_name(asked, k + 1)[1] for k in range(count)]
     sizes = {"y": len(names), "u": count, "before": count, "h": 1}
     given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     y, u = given["y"], given["u"]
@@ -140,8 +139,7 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
             )
             continue
         if len(names) > count:
-            per_unit = 1.0 if asked.current is None else drive.torque_constant or 1.0
-            torque: Scalar = per_unit * y[count + k]
+            torque: Scalar = torque_per_reading(asked, winch) * y[count + k]
         else:
             torque = winch.torque(u[k], y[k], (lengths[k] - given["before"][k]) / (given["h"] * winch.radius))
         pulls.append(torque / winch.radius)
@@ -197,7 +195,7 @@ def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> 
     if motor is None:
         pulled = (measured.tension or 0.0) * math.sqrt(len(winch.tendons))
     elif measured.torque is not None or measured.current is not None:
-        pulled = (measured.torque or (measured.current or 0.0) * (motor.torque_constant or 1.0)) / radius
+        pulled = (measured.torque or measured.current or 0.0) * torque_per_reading(measured, winch) / radius
     else:
         pulled = 0.0  # of commands, which are known
     variance = (noisy * _filtered(weights, blend)) ** 2 + (pulled * _filtered(np.array([0.25, 0.5, 0.25]), blend)) ** 2
