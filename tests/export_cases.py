@@ -26,6 +26,26 @@ WITH_FRICTION = {
     "parameters": ["base_angle", "tip_mass", "tendon_friction", "bending_stiffness"],
 }
 """Everything that kernels may call: sine, cosine, exponential, square root."""
+WOUND = {
+    "fidelity.family": "arc",
+    "fidelity.elements": 2,
+    "fidelity.bending_range": 1.5,
+    "finger.tendons.max_tension": 20.0,
+    "finger.tendons.friction_cells": 1,
+    "finger.tendons.conduit_bend": 0.5,
+}
+PULLEY = {
+    **WOUND,
+    "finger.tendons.drive.backlash": 0.02,
+    "finger.tendons.drive.gear_stiffness": 8.0,
+    "finger.tendons.drive.position_gain": None,
+    "finger.tendons.drive.rate_gain": 0.0,
+    "finger.tendons.drive.torque_constant": 0.02,
+    "parameters": ["tendon_offset", "tip_mass"],
+    "actuation": {"currents": [0.0]},
+}
+"""Winches whose speed is limited, and a motor with dry friction and a gear with play on one pulley."""
+SUBSTEPS = {"friction": 12, "winches": 16, "motor": 16}
 STRICT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 SANITIZE = "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-conversion", "-Wshadow")
@@ -34,7 +54,8 @@ WARNINGS += ("-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror"
 
 @lru_cache
 def scene(name: str):
-    """Scenes: closed loops with and without estimator, tendons with friction, a contact, tendons alone, two arcs.
+    """Scenes: closed loops with and without estimator, tendons with friction, winches, a motor, a contact, tendons
+    alone, two arcs.
 
     Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its range.
     """
@@ -43,6 +64,8 @@ def scene(name: str):
         "given": lambda: loop_scene(8, observed=False),
         "limited": lambda: loop_scene(8, observed=False, rate=300.0),
         "friction": lambda: load(TENDONS, WITH_FRICTION),
+        "winches": lambda: load(ROOT / "configs/simulate/winch_loop.yaml", WOUND),
+        "motor": lambda: load(ROOT / "configs/simulate/motor_pulley.yaml", PULLEY),
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
@@ -108,7 +131,7 @@ def packages(tmp_path_factory):
     @lru_cache
     def made(name: str, real: str, target: str = "host") -> Path:
         path = folder / f"{name}_{real}_{target}"
-        export_c(scene(name), path, real=real, target=target)
+        export_c(scene(name), path, real=real, target=target, substeps=SUBSTEPS.get(name, 1))
         return path
 
     return made

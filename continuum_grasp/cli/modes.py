@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated
 
@@ -35,13 +36,14 @@ def modes(
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
     files = output.save(found, folder, pictures=True) if folder is not None else []
-    output.table(
-        ("mode", "frequency [Hz]", "damping ratio"),
-        *(
-            (str(k + 1), f"{frequency:.5g}", "-" if math.isnan(ratio) else f"{ratio:.3g}")
-            for k, (frequency, ratio) in enumerate(zip(found.frequencies_hz, found.damping_ratios, strict=True))
-        ),
-    )
+    columns = {
+        "frequency [Hz]": [f"{one:.5g}" for one in found.frequencies_hz],
+        "damping ratio": ["-" if math.isnan(one) else f"{one:.3g}" for one in found.damping_ratios],
+    }
+    others = {"all stuck [Hz]": found.stuck_frequencies_hz, "motors free [Hz]": found.free_frequencies_hz}
+    columns |= {name: [f"{one:.5g}" for one in values] for name, values in others.items() if values is not None}
+    rows = zip_longest(*columns.values(), fillvalue="-")
+    output.table(("mode", *columns), *((str(k + 1), *row) for k, row in enumerate(rows)))
     if out is not None:
         output.say(f"saved in {out}")
     output.result(
@@ -50,6 +52,8 @@ def modes(
         warnings=found.warnings,
         frequencies_hz=found.frequencies_hz,
         damping_ratios=found.damping_ratios,
+        stuck_frequencies_hz=found.stuck_frequencies_hz,
+        free_frequencies_hz=found.free_frequencies_hz,
         folder=out,
         files=files,
     )

@@ -16,12 +16,16 @@ from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.profile import Channel
 
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""
 _SPREAD = 2.0
 """Factor up and down from its nominal value that a parameter may take by default."""
+
+_SLIDING = 1.5
+"""A friction state of a tendon that slides [1]."""
 
 _SIGNED = ("base_angle", "gravity", "rest_curvature")
 """Parameters that may be below zero."""
@@ -50,8 +54,8 @@ def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -
 
 
 def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field, ...]:
-    """Entries of the state: bends within the declared range, rates of any size."""
-    reach = _reach(model, parameters)
+    """Entries of the state: bends within the declared range, rates, drives and friction states of any size."""
+    reach, states = _reach(model, parameters), [label.split(" ")[0] for label in model.friction_names]
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
     # E I / L times an angle is the moment that bends the whole rod by it.
     usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
@@ -61,23 +65,47 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
             found.append(field.within(-reach[k], reach[k], reach[k]))
         elif k < 2 * model.n:
             found.append(field.within(-math.inf, math.inf, _USUAL_RATE * reach[k - model.n]))
+        elif field.name in states:
+            found.append(field.within(-math.inf, math.inf, _SLIDING))
         else:
             rate = field.name.endswith("_rate")
-            found.append(field.within(-math.inf, math.inf, usual_moment * (_USUAL_RATE if rate else 1.0)))
+            size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
+            found.append(field.within(-math.inf, math.inf, size * (_USUAL_RATE if rate else 1.0)))
     return tuple(found)
 
 
+def _usual_drive(model: FingerModel, name: str) -> float | None:
+    """Size of usual tensions, lengths, angles, torques and currents of a drive; None of something else."""
+    match = re.fullmatch(_DRIVE, name)
+    if match is None:
+        return None
+    kind, number = match[1], int(match[2]) - 1
+    if kind == "tension":
+        _, arm = _pulled(model, number)
+        usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
+        return min(model.finger.tendon_list[number].max_tension, usual_moment / abs(arm))
+    winch = model.structure.winches[number]
+    if kind in ("torque", "current"):
+        return winch.drive.limit
+    tendon = model.finger.tendon_list[winch.tendons[0]]
+    bend = max(map(abs, ends(tendon.offset))) * sum(model.ranges)
+    return float((bend + tendon.max_tension / winch.stiffness) / winch.radius)
+
+
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
-    """Entries of the input: tensions from zero on, up to the greatest where the finger has one."""
+    """Entries of the input: tensions from zero on, up to the greatest, and torques and currents up to theirs."""
     limits = [tendon.max_tension for tendon in model.finger.tendon_list]
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for field in _fields(model, model.u_names):
-        if tendon := re.fullmatch(_TENSION, field.name):
-            high = limits[int(tendon[1]) - 1]
-            found.append(field.within(0.0, high, min(high, usual_moment / abs(_pulled(model, tendon)[1]))))
-        else:
+        size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
+        if size is None or drive is None:
             found.append(field.within(-math.inf, math.inf, usual_moment))
+        elif drive[1] == "tension":
+            found.append(field.within(0.0, limits[int(drive[2]) - 1], size))
+        else:
+            high = model.structure.winches[int(drive[2]) - 1].drive.limit or math.inf
+            found.append(field.within(-high, high, size))
     return tuple(found)
 
 
@@ -174,8 +202,17 @@ class TipRange:
         )
 
 
-_TENSION = r"tension_(\d+)"
+_DRIVE = r"(tension|length|motor_angle|drum_angle|torque|current|angle)_(\d+)"
 _PATTERNS = (
+    (r"length_(\d+)", "cable that winch {0} winds up, from where it is at zero"),
+    (r"motor_angle_(\d+)", "angle of motor {0}, at the drum"),
+    (r"motor_friction_(\d+)", "which way dry friction of motor {0} acts, -1 to 1 where it slips"),
+    (r"drum_angle_(\d+)", "angle of the drum behind the play of gear {0}"),
+    (r"torque_(\d+)", "of motor {0}, at the drum"),
+    (r"current_(\d+)", "of motor {0}"),
+    (r"angle_(\d+)", "where the servo of motor {0} turns its drum"),
+    (r"friction_\d+_conduit", "which way friction in the conduit acts, -1 to 1 where the tendon slides"),
+    (r"friction_(\d+)_(\d+)", "which way friction in cell {1} of tendons {0} acts, -1 to 1 where they slide"),
     (r"theta_(\d+)", "bend of element {0}, positive towards the base's -X"),
     (r"kappa_(\d+)", "curvature at node {0}, counted from the base as 0"),
     (r"(theta|kappa)_(\d+)_rate", "its rate"),
@@ -205,9 +242,9 @@ _PATTERNS = (
 )
 
 
-def _pulled(model: FingerModel, tendon: re.Match[str]) -> tuple[Channel, float]:
-    """The channel of a tendon, by its match with ``_TENSION``, and its arm there [m]."""
-    arms = ((channel, channel.arms[int(tendon[1]) - 1]) for channel in model.finger.channels)
+def _pulled(model: FingerModel, tendon: int) -> tuple[Channel, float]:
+    """The channel of a tendon, and its arm there [m]."""
+    arms = ((channel, channel.arms[tendon]) for channel in model.finger.channels)
     return next((channel, arm) for channel, arm in arms if arm)
 
 
@@ -219,8 +256,8 @@ def _description(model: FingerModel, name: str) -> str:
     mass = re.fullmatch(r"mass_(\d+)", name)
     if mass:
         return f"at {model.finger.masses[int(mass[1])].at:g} m along the finger"
-    if tendon := re.fullmatch(_TENSION, name):
-        channel, arm = _pulled(model, tendon)
+    if (drive := re.fullmatch(_DRIVE, name)) and drive[1] == "tension":
+        channel, arm = _pulled(model, int(drive[2]) - 1)
         side = "base's -X side, which bends positively" if arm > 0.0 else "other side"
         end = f", up to {channel.to:g} m" if channel.to < model.finger.rod.length else ""
         return f"tendon on the {side}{end}"

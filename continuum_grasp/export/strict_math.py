@@ -40,7 +40,8 @@ class _Series:
     """Bits of the first guess of 1 / sqrt(x), less half those of x; of the double by M. Robertson, A Brief History of
     InvSqrt (2012)."""
     widest: tuple[float, float]
-    """Arguments at which the exponential is zero or infinite for certain."""
+    """Arguments at which the exponential is near the least normal number, or infinite for certain; lesser ones are
+    taken for the first, so that what divides by it (friction of tendons) never divides by zero."""
     scale: tuple[float, float]
     """What brings a subnormal number up for the square root, and what takes the root down again."""
 
@@ -68,7 +69,7 @@ _SERIES = {
         exponential=8,
         newton=3,
         guess=0x5F3759DF,
-        widest=(-110.0, 90.0),
+        widest=(-87.0, 90.0),
         scale=(2.0**24, 2.0**-12),
     ),
     "double": _Series(
@@ -78,7 +79,7 @@ _SERIES = {
         exponential=14,
         newton=4,
         guess=0x5FE6EB50C7B537A9,
-        widest=(-750.0, 710.0),
+        widest=(-708.0, 710.0),
         scale=(2.0**54, 2.0**-27),
     ),
 }

@@ -184,6 +184,10 @@ MOST_SUBSTEPS = 1000
 """Within one step."""
 _CORNERS = 32
 """Corners of the box of parameters, all of them for up to five parameters."""
+_TAUT = 1.0
+"""Tension of a tendon that is taut [N]."""
+_SLIDING = 1.5
+"""A friction state beyond its range [1], as of a tendon that slides."""
 _BETWEEN = 32
 """Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
 
@@ -193,21 +197,41 @@ Array = NDArray[np.float64]
 def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Sequence[Field]) -> float:
     """Greatest spectral radius of the linearized motion [1/s].
 
-    Taken at rest, without input and forces, over shapes within the bending range and the corners of the ranges of the
-    parameters (some of them where they are many). NumericalError where it is not finite.
+    Taken at rest, without forces, over shapes within the bending range and the corners of the ranges of the parameters
+    (some of them where they are many); without input, but with tendons that have friction or are wound up as tense as
+    they may be. NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
     reach, radius = np.array([field.high for field in states[: model.n]]), 0.0
     for p in _corners(model, parameters, rng):
         for shape in _shapes(reach, rng):
-            x = np.concatenate([shape, np.zeros(model.nx - model.n)])
-            jacobian = np.array(model.linearization(x, np.zeros(model.nu), np.zeros(model.nw), p)[0])
-            if not np.isfinite(jacobian).all():
-                raise NumericalError(
-                    "the linearized motion is not finite at a corner of the parameters' ranges", state=x
-                )
-            radius = max(radius, float(np.abs(np.linalg.eigvals(jacobian)).max()))
+            for rest, u in _driven(model, shape, p):
+                x = np.concatenate([shape, np.zeros(model.n), rest])
+                jacobian = np.array(model.linearization(x, u, np.zeros(model.nw), p)[0])
+                if not np.isfinite(jacobian).all():
+                    raise NumericalError(
+                        "the linearized motion is not finite at a corner of the parameters' ranges", state=x
+                    )
+                radius = max(radius, float(np.abs(np.linalg.eigvals(jacobian)).max()))
     return radius
+
+
+def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Array]]:
+    """States of drives and of tendon friction, and inputs, among which the stiffest are, in a shape."""
+    tendons, structure, u = model.finger.tendon_list, model.structure, np.zeros(model.nu)
+    if not structure.own_tendons:
+        return [(np.zeros(model.nx - 2 * model.n), u)]
+    greatest = [tendon.max_tension for tendon in tendons]
+    if structure.winches:
+        # A pulley has both of its tendons taut at their pretension; what is stiff about friction grows with tension.
+        least = max(_TAUT, *(winch.drive.pretension for winch in structure.winches))
+        drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
+    else:
+        u[: len(greatest)] = greatest
+        drives = [structure.lag_at(u.tolist())]
+    friction = (0.0, _SLIDING) if model.friction_names else (0.0,)
+    count = len(model.friction_names)
+    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in friction]
 
 
 def _check_step(step: float, substeps: int, radius: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.export.fields import Real
@@ -21,15 +22,19 @@ _TEXTS = {
     "inward": "Inertia and force that the start of a link feels.",
     "root": "Accelerations at the base.",
     "onward": "Accelerations from the start of a link to its end.",
+    "driven": "Rates of drives and friction states that feel the motion.",
 }
 
 
 class SweptKernel(Kernel):
-    """Forward dynamics (x, u, w, p) -> xd; see ``Kernel``."""
+    """Forward dynamics (x, u, w, p) -> xd; see ``Kernel``.
 
-    def __init__(self, name: str, made: Kernels, text: str) -> None:
+    ``driven``: ``drive_rates`` of a model whose drives feel the motion.
+    """
+
+    def __init__(self, name: str, made: Kernels, text: str, driven: ca.Function | None = None) -> None:
         self.name, self.text, self._made = name, text, made
-        parts = dict(zip(_TEXTS, made.functions, strict=True))
+        parts = dict(zip(_TEXTS, [*made.functions, *([] if driven is None else [driven])], strict=False))
         if not made.loaded:
             del parts["turn"], parts["loads"]
         self._parts = {key: Kernel(f"{name}_{key}", f, _TEXTS[key]) for key, f in parts.items()}
@@ -37,7 +42,7 @@ class SweptKernel(Kernel):
         read = {name for part in self._parts.values() for name in part.inputs}
         loads = made.loads
         sizes = {"u": made.head.size1_in("u"), "w": loads.size1_in("w"), "p": made.head.size1_in("p")}
-        nx = 2 * made.unknowns + made.head.size1_in("lag")
+        nx = made.loads.size1_in("x")
         self.inputs = {"x": nx, **{key: size for key, size in sizes.items() if key in read}}
         self.outputs = {"xd": nx}
 
@@ -51,7 +56,7 @@ class SweptKernel(Kernel):
         """How many operations of each kind an evaluation has."""
         total: Counter[str] = Counter()
         for key, part in self._parts.items():
-            times = 1 if key in ("head", "tip", "loads", "root") else self._made.links
+            times = 1 if key in ("head", "tip", "loads", "root", "driven") else self._made.links
             total.update({kind: times * count for kind, count in part.operations.items()})
         return total
 
@@ -103,6 +108,7 @@ class SweptKernel(Kernel):
             "sweep.c",
             {
                 **{f"{key}_call": calls.get(key, "") for key in _TEXTS},
+                "driven_call": f"\n  {calls['driven']}" if "driven" in calls else "",
                 "text": self.text,
                 "head": head,
                 "t": kind,
@@ -114,7 +120,7 @@ class SweptKernel(Kernel):
                 "wide": lanes and made.rows.size,
                 "links": made.links,
                 "drive": max(sizes["drive"], 1),
-                "lags": sizes["lagging"],
+                "lags": self.outputs["xd"] - 2 * made.unknowns,
                 "full": made.unknowns + tip,
                 "tip": tip,
                 "n": made.unknowns,
@@ -175,4 +181,5 @@ class SweptKernel(Kernel):
             found = part("onward", start=start, shape=bodies[k]["shape"], gain=gains[-1 - k], row=row[k])
             start = found["following"]
             rates.append(found["rates"])
-        return {"xd": np.hstack([x[:, n : 2 * n], np.hstack(rates)[:, :n], head["lagging"]])}
+        lagging = (part("driven", **outer) if "driven" in self._parts else head)["lagging"]
+        return {"xd": np.hstack([x[:, n : 2 * n], np.hstack(rates)[:, :n], lagging])}

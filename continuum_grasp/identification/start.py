@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
-from continuum_grasp.identification.rows import observation, symbols
+from continuum_grasp.identification.observation import at_rest
+from continuum_grasp.identification.rows import symbols, with_slopes
 from continuum_grasp.model import FingerModel
 
 Array = NDArray[np.float64]
@@ -35,6 +36,7 @@ class MeasuredStart:
 
     def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, name: str) -> None:
         self._model, self._name = model, name
+        readings = [one for one in readings if not one.of_drive]
         self.inputs = model.nu + model.nw
         n, length = model.n, model.finger.rod.length
         self.reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
@@ -49,7 +51,7 @@ class MeasuredStart:
         _, u, w, p = symbols(model)
         q, qd = ca.SX.sym("q", n), ca.SX.sym("qd", n)
         z = ca.vertcat(u, w, p)
-        y, by_q, _ = observation(model, readings)(q, z)
+        y, by_q, _ = with_slopes("observation", at_rest(model, readings, q, u, p), q, z)(q, z)
         missed = ca.vertcat(scale * y - value, np.sqrt(_SMOOTH) / self.reach * q)
         moved = ca.vertcat(scale * (by_q @ qd) - slope, np.sqrt(_SMOOTH) * self.slow / self.reach * qd)
         self._residuals = ca.Function("missed", [q, z], [missed, ca.jacobian(missed, q)])

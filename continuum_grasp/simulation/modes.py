@@ -14,7 +14,8 @@ from continuum_grasp.core import Core
 from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
+from continuum_grasp.simulation.driven_modes import small_motions
+from continuum_grasp.simulation.spectrum import in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium
 
@@ -24,6 +25,12 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Modes(Result):
     """Small undamped oscillations about an equilibrium.
+
+    With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` are those of motions in which
+    nothing slides: branches of dry friction in bending add their stiffness, and each stretch of a taut tendon that has
+    friction and a winch elongates with the bend and adds E A e^2. A motion is between these two; larger ones slide.
+    Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among
+    the modes, without their dry friction.
 
     Attributes
     ----------
@@ -38,11 +45,14 @@ class Modes(Result):
     stored: ClassVar[tuple[Stored, ...]] = (
         Stored("frequencies_hz", "(mode,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
         Stored("damping_ratios", "(mode,)", "1", "modal damping ratios; NaN where the frequency is zero"),
+        Stored("stuck_frequencies_hz", "(mode,)", "Hz", "the frequencies while nothing slides"),
+        Stored("free_frequencies_hz", "(free_mode,)", "Hz", "the frequencies with motors that turn"),
         Stored("backbone", "(place, xy)", "m", "equilibrium shape, world"),
         Stored("shapes", "(mode, place, xy)", "1", "displacements of the backbone, each of greatest length one"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         Dimension("mode", "modes, from the lowest frequency", "numbers"),
+        Dimension("free_mode", "modes with motors that turn, from the lowest frequency"),
         Dimension("place", "places along the finger, evenly spaced from base to tip", "places", "m"),
         XY,
     )
@@ -56,6 +66,8 @@ class Modes(Result):
     equilibrium: Equilibrium
     scene: Scene
     statistics: Mapping[str, Any] = field(default_factory=dict)
+    stuck_frequencies_hz: Array | None = None
+    free_frequencies_hz: Array | None = None
 
     @property
     def status(self) -> str:
@@ -88,8 +100,10 @@ class Modes(Result):
         def row(values: Array) -> str:
             return " ".join(f"{value:.4g}" for value in values[:6]) + (" ..." if len(values) > 6 else "")
 
+        others = {"all stuck": self.stuck_frequencies_hz, "motors free": self.free_frequencies_hz}
         return {
             "frequencies": f"{row(self.frequencies_hz)} Hz",
+            **{name: f"{row(values)} Hz" for name, values in others.items() if values is not None},
             "damping ratios": row(self.damping_ratios),
             "about a tip at": "({:.4f}, {:.4f}) m".format(*self.backbone[-1]),
         }
@@ -99,19 +113,14 @@ class Modes(Result):
 def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
     found = equilibrium(scene) if about is None else about
-    model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
-    core = Core(model, compiled=False)
-    mass = core.mass_matrix(q, u, p)
-    friction = (found.history,) if found.history.size else ()
-    stiffness = core.statics(q, u, w, p, *friction)[1]
-    damping = damping_matrix(core, q, u, p)
-    values, right, left = _eigen(mass, stiffness)
-    # The root of a negative square is imaginary: its real part, zero, marks what is unstable.
-    pulsations = np.sqrt(values.astype(complex)).real
+    model, q, u, p = found.model, found.q, found.u, found.p
+    core, small = Core(model, compiled=False), small_motions(found)
+    values, right, left = _eigen(small.mass, small.stiffness)
+    pulsations = _pulsations(values)
     ratios = np.full(len(values), np.nan)
     moving = pulsations > 1e-9 * pulsations.max(initial=0.0)
     # The diagonal of the damping in the modes: what couples them is left out.
-    modal_damping = np.einsum("ki,ij,kj->k", left, damping, right).real
+    modal_damping = np.einsum("ki,ij,kj->k", left, small.damping, right).real
     ratios[moving] = modal_damping[moving] / (2.0 * pulsations[moving])
     pulsations[~moving] = 0.0
     coordinates = np.ascontiguousarray(right.real)
@@ -119,7 +128,29 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     jacobians = np.asarray(core.batch("jacobian", q, u, s, p))
     shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
     shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
-    return Modes(pulsations / (2.0 * np.pi), ratios, coordinates, found.backbone(points), shapes, found, scene)
+    return Modes(
+        pulsations / (2.0 * np.pi),
+        ratios,
+        coordinates,
+        found.backbone(points),
+        shapes,
+        found,
+        scene,
+        stuck_frequencies_hz=None if small.stuck is None else _frequencies(small.mass, small.stuck),
+        free_frequencies_hz=None if small.free is None else _frequencies(*small.free),
+    )
+
+
+def _pulsations(values: NDArray[Any]) -> Array:
+    """Angular frequencies [rad/s] of their squares; zero where a square is negative, which marks what is unstable."""
+    return np.asarray(np.sqrt(values.astype(complex)).real)
+
+
+def _frequencies(mass: Array, stiffness: Array) -> Array:
+    """Natural frequencies [Hz]."""
+    found = _pulsations(_eigen(mass, stiffness)[0])
+    found[found <= 1e-9 * found.max(initial=0.0)] = 0.0
+    return found / (2.0 * np.pi)
 
 
 def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -13,7 +13,7 @@ from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
 
-CASES = [("friction", "float"), ("contact", "double")]
+CASES = [("friction", "float"), ("contact", "double"), ("winches", "double"), ("motor", "float")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
 MAY_NEED = {"memcpy", "memset"}
 """What compiled code may call beyond its own."""

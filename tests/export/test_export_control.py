@@ -21,7 +21,7 @@ from continuum_grasp.export.control.tokens import renamed, without, without_prot
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.scene.control import ControlScene
-from tests.control_cases import Reality
+from tests.control_cases import Reality, driven_scene
 from tests.export_cases import (  # noqa: F401
     SANITIZE,
     STRICT,
@@ -202,6 +202,26 @@ def test_the_controller_is_that_of_python(name, real, libraries):
         plant.advance(u, control.period)
     assert Status.SOLVED in seen
     assert Status.PREVIOUS_PLAN in seen or name == "observed"
+
+
+@needs("cc")
+@pytest.mark.parametrize("name", few(["servo", "winches", "currents"], 1))
+def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
+    """In closed loop on a finger whose tendons rub, from rest to a bend and back."""
+    given = driven_scene(name, controller={"horizon": {"stages": 6, "stage": 0.01}})
+    export_c(given, tmp_path / "package", real="double")
+    finger, library = shared_library(tmp_path / "package", tmp_path)
+    control, other = Controller(given, deadline=math.inf), finger.Controller(library)
+    plant, moved = Reality(given, control.first), []
+    for k in range(30):
+        row = np.tile(control._reference.rows([0.0])[0], (7, 1))
+        row[:, :2] = (-0.06, 0.16) if k < 15 else (0.0, 0.18)
+        command, found = control.step(plant.x, row), other.step(finger.Measurement(*plant.x), reference(finger, row))
+        assert values(found) == pytest.approx(command.u, rel=1e-6, abs=1e-9)
+        assert CODES[other.code] == command.status
+        plant.advance(command.u, control.period)
+        moved.append(plant.tip[0])
+    assert min(moved) < -0.01
 
 
 @needs("cc")

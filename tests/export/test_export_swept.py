@@ -18,7 +18,12 @@ from continuum_grasp.scene import ForceLoad
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run
 from tests.model.test_many_elements import COUNT, model_of, state_of
 
-CASES = [("arc", "lag", "float"), ("matched_clothoid", "everything", "double"), ("clothoid", "friction", "double")]
+CASES = [
+    ("arc", "lag", "float"),
+    ("matched_clothoid", "everything", "double"),
+    ("clothoid", "friction", "double"),
+    ("arc", "winches", "double"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +39,7 @@ def package(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize(("case", "compiler"), [(0, "gcc"), (0, "clang"), (1, "gcc"), (2, "clang")])
+@pytest.mark.parametrize(("case", "compiler"), [(0, "gcc"), (0, "clang"), (1, "gcc"), (2, "clang"), (3, "gcc")])
 def test_every_vector_to_the_bit_without_a_warning(compiler, case, package, tmp_path):
     if shutil.which(compiler) is None:
         pytest.skip(f"not installed: {compiler}")
@@ -60,7 +65,8 @@ def test_many_states_at_once_have_the_same_bits(package, tmp_path):
 def test_the_reference_is_the_model(family, name):
     model = model_of(family, name)
     x, u, w, _ = state_of(model)
-    kernel = SweptKernel("dynamics", Builder(model._equations).kernels(), "")
+    driven = model.drive_rates if model._equations.drives_feel_motion else None
+    kernel = SweptKernel("dynamics", Builder(model._equations).kernels(), "", driven)
     rows = {"x": x[None], "u": u[None], "w": w[None], "p": np.zeros((1, 0))}
     found = kernel.evaluate(REALS["double"], **rows)["xd"][0]
     true = np.array(model.forward_dynamics(x, u, w, [])).ravel()

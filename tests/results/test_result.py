@@ -22,6 +22,7 @@ from continuum_grasp.design import DesignResult
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
+from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun
@@ -38,6 +39,7 @@ RESULTS = (
     ControlRun,
     DesignResult,
     Equilibrium,
+    ExcitationPlan,
     Fit,
     GraspResult,
     MissionRun,
@@ -150,16 +152,17 @@ def test_saved_results_have_the_declared_shapes(tmp_path: Path) -> None:
         cg.equilibrium(CONFIGS / "simulate" / "standing.yaml"),
         cg.optimize_grasp(CONFIGS / "grasp" / "mug_arcs.yaml"),
     ]
-    # tensions are those of winches and of friction, of which this finger has none
-    lacking = {"simulate": {"tensions"}}
+    # tensions, and further modes, are those of winches and of friction, of which this finger has none
+    lacking = {"simulate": {"tensions"}, "modes": {"stuck_frequencies_hz", "free_frequencies_hz"}}
     for result in results:
         arrays = type(result).read(result.save(tmp_path / type(result).__name__)).arrays
         assert set(arrays) == {one.name for one in result.declared()} - lacking.get(result.kind, set())
         assert_declared(result, arrays)
-    wound = cg.simulate(cg.load(CONFIGS / "simulate" / "winch_loop.yaml", ["time.duration=0.02"]))
-    arrays = wound.read(wound.save(tmp_path / "wound")).arrays
-    assert "tensions" in arrays
-    assert_declared(wound, arrays)
+    pulley = cg.load(CONFIGS / "simulate" / "motor_pulley.yaml", ["time.duration=0.02", "initial.reached_by=pulling"])
+    for wound, name in ((cg.simulate(pulley), "tensions"), (cg.modes(pulley), "free_frequencies_hz")):
+        arrays = wound.read(wound.save(tmp_path / wound.kind)).arrays
+        assert name in arrays
+        assert_declared(wound, arrays)
 
 
 # -- what users see -----------------------------------------------------------------------------------------------

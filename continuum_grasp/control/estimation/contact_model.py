@@ -189,7 +189,7 @@ def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> 
     viscous = 0.0 if motor is None else motor.viscous_friction / radius**2
     noisy = radius * ((measured.angle if motor is not None else measured.length) or 0.0)
     # As the C weighs samples now, one and two periods before.
-    stiff = winch.stiffness * len(winch.tendons)
+    stiff = float(winch.stiffness) * len(winch.tendons)
     weights = -stiff * np.array([0.25, 0.5, 0.25]) - inertia / period**2 * np.array([1.0, -2.0, 1.0])
     weights -= viscous / (2.0 * period) * np.array([1.0, 0.0, -1.0])
     if motor is None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Reference, Rows
@@ -16,7 +15,6 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
-from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.model.sweep import Builder
 from continuum_grasp.model.tendon_friction import direction
 
@@ -24,18 +22,9 @@ from continuum_grasp.model.tendon_friction import direction
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""
     text = "Rate of change xd of the state x; equation of motion."
-    if subject.model.structure.winches:
-        raise InputError(
-            "winches and motors are not exported: leave the drive out, so that tensions are commanded",
-            key="finger.tendons.drive",
-        )
-    if subject.model.sweeps and subject.model.friction_names:
-        raise InputError(
-            f"friction of tendons with {FEWEST_ELEMENTS} elements or more cannot be exported: expected fewer elements",
-            key="fidelity.elements",
-        )
     if subject.model.sweeps:
-        return SweptKernel("dynamics", Builder(subject.equations).kernels(), text)
+        driven = subject.model.drive_rates if subject.equations.drives_feel_motion else None
+        return SweptKernel("dynamics", Builder(subject.equations).kernels(), text, driven)
     return Kernel("dynamics", subject.model.forward_dynamics, text)
 
 
@@ -87,7 +76,9 @@ def statics(subject: Subject) -> Part:
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
     x = ca.SX.sym("x", subject.model.nx)
-    states = [direction(z) for z in ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]]
+    states = ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]
+    sliding = subject.model.structure.tendon_friction_states
+    states = [ca.SX(direction(z)) for z in states[:sliding]] + states[sliding:]
     history = [ca.vertcat(*states, 0.0)] if states else []
     missing, stiffness = subject.model.statics(x[:n], u, w, p, *history)
     both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major

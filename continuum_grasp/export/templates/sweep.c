@@ -46,6 +46,6 @@
   for (i = 0; i < <<n>>; ++i) {
     xd[i] = qd[i];
     xd[<<n>> + i] = rates[i];
-  }<<if lags>>
+  }<<if lags>><<driven_call>>
   for (i = 0; i < <<lags>>; ++i) xd[2 * <<n>> + i] = lagging[i];<<end>>
 }

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
@@ -60,7 +61,11 @@ def _fingers(scene: GraspScene, change: Callable[[FingerSetup], GraspFinger]) ->
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
     def stronger(setup: FingerSetup) -> GraspFinger:
-        return setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
+        law, more = setup.drive, setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
+        if law is None or not isinstance(law.drive, MotorDrive):
+            return more
+        stronger = law.drive.replaced(torque_max=law.drive.torque_max + law.radius * amount)
+        return more.with_tendons(drive=stronger)
 
     return _fingers(scene, stronger)
 
@@ -116,7 +121,7 @@ def _into_object(check: str) -> bool:
 
 
 def _max_tension(scene: GraspScene) -> float:
-    return max(setup.tendons.max_tension for setup in scene.setups)
+    return max(setup.max_tension for setup in scene.setups)
 
 
 def _normal_max(scene: GraspScene) -> float:

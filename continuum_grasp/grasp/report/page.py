@@ -21,13 +21,13 @@ from continuum_grasp.grasp.report.html import (
     table,
 )
 from continuum_grasp.grasp.report.text import (
-    ROBUST_HEAD,
     check_rows,
     disturbance_rows,
     failed_checks,
     fine_rows,
     further_advice,
     quality_rows,
+    robust_head,
     robust_rows,
 )
 from continuum_grasp.results.yaml_text import yaml_text
@@ -88,7 +88,7 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         found,
         section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
         section("Resisted disturbances", _resistance(resisted, beside), _disturbances(result)),
-        section("Errors of the object", table(ROBUST_HEAD, robust_rows(result))),
+        section(robust_head(result)[0], table(robust_head(result)[1], robust_rows(result))),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),

@@ -12,7 +12,7 @@
   <<p>>_real r, value = series[0];
   int j, k, first;
   if (!<<p>>_is_finite(&x)) return x;
-  /* Beyond these the result is zero or infinite anyway, but k would not be within an int. */
+  /* Beyond these the result would be no normal number, and k not within an int; it is never zero, for those who divide. */
   x = x < <<exp_least>> ? <<exp_least>> : x > <<exp_most>> ? <<exp_most>> : x;
   k = (int)(x * <<per_ln2>> + (x < <<zero>> ? -<<half>> : <<half>>));
   r = (x - (<<p>>_real)k * <<ln2_1>>) - (<<p>>_real)k * <<ln2_2>>;

@@ -1,0 +1,113 @@
+"""Small motions of a finger that has friction, or whose tendons are wound up.
+
+Three limits, between which a motion is: friction acts as it does and the drives are held; all sticks, so that branches
+of dry friction add their stiffness, and each stretch of a tendon that is wound up elongates with the finger's bend and
+adds E A e^2; the drives are free to turn, with their inertia. Dry friction of motors is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.family import nodes_of
+from continuum_grasp.model.winches import compliance
+from continuum_grasp.simulation.spectrum import damping_matrix
+from continuum_grasp.simulation.static_shape import Equilibrium
+
+Array = NDArray[np.float64]
+
+_TAUT = 1e-6
+"""Tension above which a tendon is taut [N]."""
+
+
+@dataclass(frozen=True)
+class SmallMotions:
+    """Mass, stiffness and damping of the bending coordinates; and these where all sticks, and where drives turn.
+
+    ``stuck`` (n, n) is a stiffness; None where nothing has friction, or what it is stiff by is not known, as that of
+    tendons whose tension is commanded.
+    ``free`` is None where drives do not turn.
+    """
+
+    mass: Array
+    stiffness: Array
+    damping: Array
+    stuck: Array | None = None
+    free: tuple[Array, Array] | None = None
+
+
+def small_motions(found: Equilibrium) -> SmallMotions:
+    """Those about an equilibrium."""
+    model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
+    core, n = Core(model, compiled=False), model.n
+    mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)
+    # Friction acts as it does at rest.
+    friction = found.friction_states
+    if not model.structure.winches:
+        history = (np.append(friction, 0.0),) if friction.size else ()
+        held = core.statics(q, u, w, p, *history)[1]
+        return SmallMotions(mass, held, damping, held + _branches(model, p) if model.structure.bending_cells else None)
+    # Of a tendon's state z the cubic of a motion; its inverse.
+    states, of_tendons = friction.copy(), model.structure.tendon_friction_states
+    states[:of_tendons] = 2.0 * np.sin(np.arcsin(friction[:of_tendons]) / 3.0)
+    x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), states])
+    stiffness, _, inertia, passive = (np.array(value) for value in model.stiffness_of_drives()(x, u, w, p))
+    inertia = inertia.ravel()
+    heavy = np.r_[np.ones(n, dtype=bool), inertia > 0.0]
+    whole = _condensed(stiffness, heavy)
+    turning = inertia[inertia > 0.0]
+    free = None
+    if turning.size:
+        both = np.zeros_like(whole)
+        both[:n, :n], both[n:, n:] = mass, np.diag(turning)
+        free = both, whole
+    stuck = passive + _glued(model, found, x) + _branches(model, p) if model.friction_names else None
+    return SmallMotions(mass, whole[:n, :n], damping, stuck, free)
+
+
+def _condensed(stiffness: Array, heavy: NDArray[np.bool_]) -> Array:
+    """A stiffness without the places that have no inertia, which follow the others."""
+    if heavy.all():
+        return stiffness
+    kept, light = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, ~heavy)]
+    follow = np.linalg.solve(light, stiffness[np.ix_(~heavy, heavy)])
+    return np.asarray(kept - stiffness[np.ix_(heavy, ~heavy)] @ follow)
+
+
+def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
+    """Stiffness of taut tendons: of those with friction as if they were glued to the finger all along."""
+    made, total = model.structure, np.zeros((model.n, model.n))
+    tensions = np.array(model.tensions()(x, found.u, found.p)[0]).ravel()
+    rubbing = {tendon for cells in made.cell_sets for tendon in cells.tendons}
+    for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
+        if tension <= _TAUT or tendon.axial_stiffness is None:
+            continue
+        shape, arm = made.own_tendons[k].shape, made.own_tendons[k].arms[k]
+        drawn = np.zeros(model.n)
+        for element in range(len(made.lengths)):
+            local = list(made.family.local(element))
+            for s, weights in nodes_of(made.mesh.panels(element, shape, made.mesh.stiffness)):
+                bent = arm * shape(s) * made.family.shapes_at(element, s)[:-1]
+                drawn[local] += bent @ weights
+                if k in rubbing:
+                    total[np.ix_(local, local)] += tendon.axial_stiffness * (bent * weights) @ bent.T
+        if k not in rubbing:
+            total += np.outer(drawn, drawn) / compliance(tendon, made.length)
+    return total
+
+
+def _branches(model: FingerModel, p: Array) -> Array:
+    """Stiffness of the branches of dry friction in bending."""
+    made, total = model.structure, np.zeros((model.n, model.n))
+    values = {label.split(" ")[0]: value for label, value in zip(model.p_names, p, strict=True)}
+    branches = enumerate(made.finger.damping.dry_friction, start=1)
+    stiffness = sum(values.get(f"dry_friction_{k}_stiffness", one.stiffness) for k, one in branches)
+    for cell in made.bending_cells:
+        local = list(made.family.local(cell.element))
+        total[np.ix_(local, local)] += stiffness / cell.length * np.outer(cell.weights, cell.weights)
+    return total
