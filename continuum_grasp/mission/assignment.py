@@ -103,7 +103,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
-    free, least = placed.with_tendons(time_constant=None), np.array(placed.tension_limits[0])
+    own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
+    free, least = placed.with_tendons(**dict.fromkeys(own)), np.array(placed.tension_limits[0])
     most = np.array(finger.tension_limits[1])
     before, angles = _about_to_touch(control, free, body, tensions, (least, most), edges)
     commands, ends = (

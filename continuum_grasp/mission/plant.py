@@ -95,8 +95,8 @@ class Span:
 
 
 class Timetable:
-    """Phases of a mission: approach, squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower,
-    release, end.
+    """Phases of a mission: approach, squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a
+    ``rest`` after each, lower, release, end.
     """
 
     def __init__(self, assignment: Assignment) -> None:
