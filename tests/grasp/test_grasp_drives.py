@@ -175,7 +175,9 @@ def test_a_motor_that_is_too_weak_is_the_reason():
     reason = next(reason for reason in found.reasons if reason.name == "tension")
     # What the winch pulls against its own friction, and what the same finger takes with a motor that is strong enough.
     assert reason.limit == pytest.approx((0.2 - 2e-3) / 0.008)
-    assert reason.needed == pytest.approx(optimize_grasp(mug(MOTOR)).fingers["finger"].tensions.max(), rel=1e-3)
+    needed = optimize_grasp(mug(MOTOR)).fingers["finger"].tensions.max()
+    assert reason.needed == pytest.approx(needed, rel=1e-3)
+    assert f"torque_max = {0.008 * needed + 2e-3:.3g}" in reason.repair
 
 
 @pytest.mark.parametrize("pretension", [2.0, 25.0])

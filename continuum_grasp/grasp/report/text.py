@@ -57,7 +57,7 @@ def _finger_lines(result: GraspResult) -> list[str]:
         lines.append(f"  object at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, turned by {angle:.4f} rad")
     for setup in result.scene.setups:
         name, finger, posture = setup.name, setup.finger, result.fingers[setup.name]
-        most = setup.tendons.max_tension
+        most = setup.max_tension
         left, right = (result.force_text(tension) for tension in posture.tensions)
         lines.append(f"  {name:<{width}}  tendons  left {left} N, right {right} N of {most:g} N")
         pad = " " * (width + 4)
