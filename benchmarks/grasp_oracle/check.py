@@ -53,9 +53,8 @@ def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -
     held = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
     for k in range(len(held.get("object.pose", ()))):
         there = {**own, **{key: value[k] for key, value in held.items()}}
-        for name in scene.named_fingers:
-            off = np.abs(there[f"{name}.tensions"] - own[f"{name}.tensions"]).max()
-            worst["limit"] = max(worst["limit"], float(off / np.abs(own[f"{name}.tensions"]).max()))
+        for setup in scene.setups:
+            worst["limit"] = max(worst["limit"], _let_out(setup, own, there))
         pose = tuple(float(v) for v in there["object.pose"])
         lies = scene.object.model_copy(update={"position": pose[:2], "angle": pose[2], "free": None})
         for key, value in _Check(scene.model_copy(update={"object": lies}), there, count).worst.items():
@@ -299,6 +298,53 @@ def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array, sta
                 mean, lean = 1.0 + x * x / 24.0, x / (12.0 * count)
                 found[k] += moment * np.array([(1.0 - u) * mean + lean, u * mean - lean])
     return found
+
+
+def _let_out(setup: Any, own: Mapping[str, Any], there: Mapping[str, Any]) -> float:
+    """By how much what the drives hold differs between two postures, as a part of the tensions or of the length."""
+    tensions, others = own[f"{setup.name}.tensions"], there[f"{setup.name}.tensions"]
+    tendon = setup.finger.tendon_list[0]
+    drive = tendon.drive
+    gain = getattr(drive, "position_gain", None)
+    if drive is None or (drive.kind == "motor" and gain is None):
+        off = tensions - others
+        if drive is not None and drive.arrangement == "one_pulley":
+            off = np.diff(off)
+        return float(np.abs(off).max() / np.abs(tensions).max())
+    servo = 0.0 if gain is None else drive.winch_radius**2 / gain
+    wound, moved = _wound(setup, own), _wound(setup, there)
+    if drive.arrangement == "per_tendon":
+        wound, moved = wound + servo * tensions, moved + servo * others
+    else:
+        wound, moved = (w - servo * np.diff(t) * [1.0, -1.0] for w, t in ((wound, tensions), (moved, others)))
+    taut = (tensions > 1.0) & (others > 1.0)
+    return float(np.abs(wound - moved)[taut].max(initial=0.0) / setup.finger.rod.length)
+
+
+def _wound(setup: Any, arrays: Mapping[str, Any]) -> Array:
+    """Cable wound up of each tendon: its path, and its elongation by the tension that friction leaves [m]."""
+    name, finger, tendons = setup.name, setup.finger, setup.tendons
+    tendon = finger.tendon_list[0]
+    lengths, tensions = arrays[f"{name}.lengths"], arrays[f"{name}.tensions"]
+    rest = float(finger.profile.rest_curvature(finger.rod.length))
+    ends = (
+        _ends(str(arrays[f"{name}.family"]), arrays[f"{name}.q"], lengths, float(arrays[f"{name}.tip_curvature"]))
+        + rest
+    )
+    turned = float(ends.mean(axis=1) @ lengths)
+    states, count, found = arrays.get(f"{name}.friction_states"), tendons.friction_cells, []
+    for side, tension in zip((1.0, -1.0), tensions, strict=True):
+        share, mean = 1.0, 0.0
+        for k, (h, (a, b)) in enumerate(zip(lengths, ends, strict=True)):
+            for c in range(count):
+                z = math.copysign(1.0, turned) if states is None else float(states[k * count + c])
+                x = side * z * tendons.friction * abs(a + (b - a) * (c + 0.5) / count) * h / count
+                # Mean of an exponential along the cell.
+                mean += share * (1.0 if x == 0.0 else -math.expm1(-x) / x) * h / count
+                share *= math.exp(-x)
+        stretch = 1.0 / tendon.series_stiffness + mean / tendon.axial_stiffness
+        found.append(side * tendons.offset * turned + stretch * tension)
+    return np.array(found)
 
 
 def _across(normal: Array) -> Array:

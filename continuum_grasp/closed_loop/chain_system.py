@@ -125,6 +125,11 @@ class ChainSystem:
             raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
         if finger.stops is not None:
             raise InputError("a chain of guides has no stops: leave finger.stops out", key="plant.guides")
+        if finger.damping.dry_friction:
+            raise InputError(
+                "a chain of guides bends without dry friction: leave finger.damping.dry_friction out",
+                key="plant.guides",
+            )
         if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
             raise InputError(
                 "a chain of guides carries a body at the tip only on its axis: "

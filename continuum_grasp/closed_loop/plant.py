@@ -111,6 +111,12 @@ class Plant:
         self.x, self.t = states[-1], self.t + self.period
         return states
 
+    @property
+    def command(self) -> Array:
+        """Last command (nu)."""
+        found: Array = self._past_u[-1]
+        return found
+
     def replayed(self, x: Array, u: Array, start: float) -> Array:
         """Return the end of a period from state x with steps half as long; the plant stays as it is."""
         found: Array = self._integration.advance(x, u, start, self.period, 2 * self.method.substeps)[-1]

@@ -103,7 +103,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
-    free, least = placed.with_tendons(time_constant=None), np.array(placed.tension_limits[0])
+    own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
+    free, least = placed.with_tendons(**dict.fromkeys(own)), np.array(placed.tension_limits[0])
     most = np.array(finger.tension_limits[1])
     before, angles = _about_to_touch(control, free, body, tensions, (least, most), edges)
     commands, ends = (
@@ -155,7 +156,7 @@ def _control_scene(
         object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
-        parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
+        parameters=tuple(sorted({"bending_stiffness", "tendon_friction"} & mission.estimator.disturbances.names)),
         controller=Controller(
             period=asked.period,
             horizon=asked.horizon,

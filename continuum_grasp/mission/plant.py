@@ -95,14 +95,16 @@ class Span:
 
 
 class Timetable:
-    """Phases of a mission: approach, squeeze, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower,
-    release, end.
+    """Phases of a mission: approach, squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a
+    ``rest`` after each, lower, release, end.
     """
 
     def __init__(self, assignment: Assignment) -> None:
         self._of = assignment
         asked = assignment.mission.phases
-        lengths = [("approach", asked.approach), ("squeeze", asked.squeeze), ("lift", asked.lift), ("hold", asked.hold)]
+        lengths = [("approach", asked.approach), ("squeeze", asked.squeeze)]
+        lengths += [("settle", asked.settle)] * (asked.settle > 0.0)
+        lengths += [("lift", asked.lift), ("hold", asked.hold)]
         for k in range(len(assignment.pulls)):
             lengths += [(f"pull {k + 1}", asked.pull), ("rest", asked.rest)]
         # "end": nothing is asked any more, so that what still moves comes to rest.
@@ -144,7 +146,8 @@ class Timetable:
 
     def phases(self, stages: Stages) -> list[Phase]:
         """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
-        begin = {name: self._weighing(stages, held=name == "lift") for name in ("approach", "lift", "release")}
+        begin = {name: self._weighing(stages) for name in ("approach", "release")}
+        begin |= {name: self._weighing(stages, followed=True, held=name == "lift") for name in ("settle", "lift")}
         found = []
         for span in self.spans:
             rows = partial(self._rows_since, span.start, stages.r_names)
@@ -154,16 +157,24 @@ class Timetable:
     def _rows_since(self, start: float, names: tuple[str, ...], since: Array) -> Array:
         return self.rows(start + since, names)
 
-    def _weighing(self, stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
-        """Gives the controller the weights and limits of a phase; what is held is not let go to correct a force."""
-        off = "bending_" if held else "contact_force"
+    def _weighing(self, stages: Stages, *, followed: bool = False, held: bool = False) -> Callable[[Any, Any], None]:
+        """Gives the controller the weights and limits of a phase, in which a force is ``followed`` or the posture; what
+        is ``held`` is not let go to correct a force.
+        """
+        off = "bending_" if followed else "contact_force"
         # One drive follows the posture or a force. Rates stay weighted, since they damp either.
         keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
         weights = np.where(keep, stages.weights, 0.0)
-        low, high = stages.u_min, stages.u_max
-        if held:
-            low, high = (np.clip(limit, low, high) for limit in self._of.holding)
-        return lambda controller, plant: controller.change(weights=weights, u_min=low, u_max=high)
+
+        def begin(controller: Any, plant: Any) -> None:
+            low, high = stages.u_min, stages.u_max
+            if held:
+                # Positions hold where they are by now: friction and soft contacts move those of the grasp.
+                away = plant.command - self._of.held if self._of.control.finger.winches else 0.0
+                low, high = (np.clip(limit + away, low, high) for limit in self._of.holding)
+            controller.change(weights=weights, u_min=low, u_max=high)
+
+        return begin
 
     # -- the plant's ------------------------------------------------------------------------------------------------
 

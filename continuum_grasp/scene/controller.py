@@ -286,6 +286,8 @@ class Disturbed(Value):
     """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
     bending_stiffness: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
     """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
+    tendon_friction: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
+    """Friction coefficient of the tendons, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
     @property
     def names(self) -> frozenset[str]:

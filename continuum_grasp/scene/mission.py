@@ -24,6 +24,8 @@ class Phases(Value):
     """From the straight finger until it is about to touch [s]."""
     squeeze: Duration = 0.8
     """Until the contact forces are those of the grasp [s]."""
+    settle: Annotated[NonNegative, Unit("s")] = 0.0
+    """While the force is followed and the object still stands on the table [s]; 0: it is followed from the lift on."""
     lift: Duration = 0.3
     """While the table under the object sinks away [s]."""
     hold: Duration = 1.0

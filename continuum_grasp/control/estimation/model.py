@@ -27,6 +27,7 @@ _DISTURBANCES = (
     ("object_position", r"(object_[xy]) \[m\]", r"\1_error [m]"),
     ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
     ("bending_stiffness", r"bending_stiffness \[.+\]", r"bending_stiffness_error [1]"),
+    ("tendon_friction", r"tendon_friction \[1\]", r"tendon_friction_error [1]"),
 )
 """Key in ``estimator.disturbances``, the parameters that the disturbances add to, and their names."""
 
@@ -171,7 +172,7 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
 def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, float, bool]]:
     """Name of each disturbance, index of the parameter that it adds to, drift, and whether it is relative."""
     return [
-        (found.expand(name), index, drift, key == "bending_stiffness")
+        (found.expand(name), index, drift, key in ("bending_stiffness", "tendon_friction"))
         for key, parameter, name in _DISTURBANCES
         if (drift := getattr(wanted, key, None)) is not None
         for index, label in enumerate(model.p_names)

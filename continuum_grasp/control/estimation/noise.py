@@ -145,6 +145,8 @@ def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
     rod = model.scene.finger.profile
     if name.startswith("bending_stiffness"):
         return (-0.9, 9.0)  # from a tenth to ten times the nominal stiffness
+    if name.startswith("tendon_friction"):
+        return (-1.0, 9.0)  # from none to ten times the nominal friction
     if name.startswith("object_"):
         return (-rod.length, rod.length)
     moment = name.endswith("[N m]")

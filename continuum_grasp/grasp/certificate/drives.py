@@ -157,9 +157,10 @@ class WoundTendons:
     @property
     def drives(self) -> tuple[DriveState, ...]:
         """What the drives are at."""
+        pulls = np.where(self.taut, self.tensions, 0.0)
         if self.law.pulley:
-            return (self._state(("left", "right"), self._wound_by_pulley, self.tensions[0] - self.tensions[1]),)
-        each = zip(("left", "right"), self.wound - self.law.start, self.tensions, strict=True)
+            return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)
+        each = zip(("left", "right"), self.wound - self.law.start, pulls, strict=True)
         return tuple(self._state((name,), float(wound), float(pull)) for name, wound, pull in each)
 
     def _state(self, tendons: tuple[str, ...], wound: float, pull: float) -> DriveState:

@@ -26,6 +26,8 @@ class Relaxation:
     relaxed: Callable[[GraspScene, float], GraspScene] = lambda scene, amount: scene
     """The scene with its limit relaxed by an amount."""
     repair: str = "{key} = {needed:.4g} {unit}"  # what to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these
+    beside: Callable[[GraspScene, GraspScene], str] = lambda scene, relaxed: ""
+    """What else must be changed, in words, from a scene to the one with its limit relaxed."""
     most: float = float("inf")  # amount from which on a relaxation makes no sense
     size: int = 1  # components of the relaxation; beyond one, the amount is their norm
     additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
@@ -68,6 +70,16 @@ def _tension(scene: GraspScene, amount: float) -> GraspScene:
         return more.with_tendons(drive=stronger)
 
     return _fingers(scene, stronger)
+
+
+def _stronger_motors(scene: GraspScene, relaxed: GraspScene) -> str:
+    """The torque with which motors pull up more than they can in a scene."""
+    torques = []
+    for old, new in zip(scene.setups, relaxed.setups, strict=True):
+        motor = None if new.drive is None else new.drive.drive
+        if isinstance(motor, MotorDrive) and old.drive is not None and new.max_tension > old.drive.greatest:
+            torques.append(motor.torque_max)
+    return f", drive.torque_max = {max(torques):.4g} N m" if torques else ""
 
 
 def _contacts(key: str) -> Callable[[GraspScene, float], GraspScene]:
@@ -137,6 +149,7 @@ RELAXATIONS = (
         start=_max_tension,
         limit=_max_tension,
         relaxed=_tension,
+        beside=_stronger_motors,
         bounds_shape=False,
     ),
     Relaxation(

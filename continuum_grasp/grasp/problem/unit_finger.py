@@ -216,9 +216,10 @@ class UnitFinger:
 
     def drive_rows(self) -> ca.SX:
         """What is zero where the tensions are those of the drives, per length."""
-        spec, servo = self.spec.drive, self.number("servo")
+        spec = self.spec.drive
         if spec is None:
             return ca.SX(0, 1)
+        servo = self.number("servo")
         path = self.number("arm") * self.joints_at(self.q, self.u)[1][-1]
         stretched = [c * pull for c, pull in zip(self.compliances(), ca.vertsplit(self.pulls), strict=True)]
         length = self.number("meters")

@@ -177,7 +177,7 @@ def _fingers(result: GraspResult) -> str:
         middles = ", ".join(f"{1e3 * c.station:.1f}" for c in contacts if c.name in setup.middle_names)
         base = f"{1e3 * x:.1f}, {1e3 * y:.1f}; {math.degrees(angle):.1f}\N{DEGREE SIGN}"
         left, right = (result.force_text(tension) for tension in posture.tensions)
-        most, length = f"{setup.tendons.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
+        most, length = f"{setup.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
         rows.append((setup.name, left, right, most, base, middles, length, posture.family))
     head = ("Finger", "Left tendon [N]", "Right tendon [N]", "At most [N]", "Base x, y [mm]; angle")
     return table((*head, "Middle contacts at [mm]", "Length [mm]", "Family"), rows, (1, 2, 3))

@@ -57,7 +57,7 @@ def _finger_lines(result: GraspResult) -> list[str]:
         lines.append(f"  object at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, turned by {angle:.4f} rad")
     for setup in result.scene.setups:
         name, finger, posture = setup.name, setup.finger, result.fingers[setup.name]
-        most = setup.tendons.max_tension
+        most = setup.max_tension
         left, right = (result.force_text(tension) for tension in posture.tensions)
         lines.append(f"  {name:<{width}}  tendons  left {left} N, right {right} N of {most:g} N")
         pad = " " * (width + 4)
@@ -85,13 +85,18 @@ def drive_lines(result: GraspResult, finger: str) -> list[str]:
             text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
             text += "" if np.isnan(drive.current) else f", {drive.current:.4g} A"
         lines.append(f"{what} {text}{taut}")
+    held = result.arrays.get(f"held.{finger}.tensions")
+    if held is not None and np.ptp(held, axis=0).max() > 1e-3:
+        ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
+        parts = (f"{side} {result.force_text(low)} to {result.force_text(high)} N" for side, low, high in ends)
+        lines.append(f"tensions by friction states: {', '.join(parts)}")
     return lines
 
 
 def _taut(result: GraspResult, finger: str) -> list[str]:
     """Which tendons of a finger are slack, per drive."""
     slack = [side for side, pull in zip(("left", "right"), result.fingers[finger].tensions, strict=True) if pull < 1e-3]
-    each = [[s for s in drive.tendons if s in slack] for drive in result.drives[finger]]
+    each = [[s for s in drive.tendons if s in slack] for drive in result.drives.get(finger, ())]
     return [f"; {' and '.join(own)} slack" if own else "" for own in each]
 
 
