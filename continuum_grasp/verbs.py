@@ -118,7 +118,13 @@ def equilibrium(
 
 
 @check_arguments
-def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+def modes(
+    scene: Scene | str | PathLike[str],
+    *,
+    about: Equilibrium | None = None,
+    points: int = 61,
+    friction: str = "stuck",
+) -> Modes:
     """Find the natural frequencies and mode shapes of a finger about its equilibrium.
 
     Parameters
@@ -129,6 +135,9 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
         Equilibrium to linearize about; found where not given.
     points : int
         Number of points of the shapes.
+    friction : {"stuck", "sliding"}
+        Whether friction of tendons and in bending sticks, as in the smallest motions, and makes the finger stiffer, or
+        acts the same way all the time.
 
     Returns
     -------
@@ -152,7 +161,7 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     True
     """
     chosen = scene_of(scene) if about is not None else resolved(scene, vibrates=True)[0]
-    return simulation.modes(chosen, about=about, points=points)
+    return simulation.modes(chosen, about=about, points=points, friction=friction)
 
 
 def resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.actuation import Drive
+from continuum_grasp.model.bending_friction import BendingFriction
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
@@ -44,7 +45,7 @@ class Equations:
         self.lag = ca.SX.sym("lag", structure.drive_states)
         self.z = ca.SX.sym("z", structure.friction_states)
         self.x = ca.vertcat(self.q, self.qd, self.lag, self.z)
-        # Of what acts at rest: friction states, and whether the finger's sliding moves them (``TendonForces``).
+        # Of what acts at rest: friction states, and whether the finger's bending moves them (``TendonForces``).
         self.history = ca.SX.sym("history", self.z.numel() + 1 if self.z.numel() else 0)
         self.u = ca.SX.sym("u", len(structure.u_names))
         self.w = ca.SX.sym("w", len(structure.w_names))
@@ -366,11 +367,11 @@ class Equations:
         if self._structure.winches:
             moving = list(zip(self._structure.winches, self._winch_states, strict=True))
             pulls = Pulls(wound=[y for winch, states in moving for y in winch.wound(winch.drum(states))])
-            tensions = self._tendons(pulls, self.z).tensions
+            tensions = self._tendons(pulls, self._of_tendons(self.z)).tensions
             rates = [winch.drum_rate(states, [tensions[k] for k in winch.tendons]) for winch, states in moving]
             every = [v for (winch, _), rate in zip(moving, rates, strict=True) for v in winch.wound_rates(rate)]
             pulls = replace(pulls, rates=every)
-        return self._tendons(pulls, self.z)
+        return self._tendons(pulls, self._of_tendons(self.z))
 
     @cached_property
     def tendons_at_rest(self) -> TendonForces:
@@ -390,15 +391,39 @@ class Equations:
                     )
                 ]
             )
-        return self._tendons(pulls, self.history[:count], self.history[count] if count else None)
+        return self._tendons(pulls, self._of_tendons(self.history), self.history[count] if count else None)
+
+    def _of_tendons(self, states: ca.SX) -> list[Scalar]:
+        return [states[k] for k in range(self._structure.tendon_friction_states)]
+
+    @cached_property
+    def dry_friction(self) -> BendingFriction:
+        """Dry friction in bending of a finger that moves."""
+        return self._dry_friction(self.z)
+
+    @cached_property
+    def dry_friction_at_rest(self) -> BendingFriction:
+        """The same of a finger at rest, by ``history``."""
+        count = self.z.numel()
+        return self._dry_friction(self.history, self.history[count] if count else None)
+
+    def _dry_friction(self, states: ca.SX, moved: Scalar | None = None) -> BendingFriction:
+        made = self._structure
+        own = [states[k] for k in range(made.tendon_friction_states, made.friction_states)]
+        return BendingFriction(made.family, made.bending_cells, made.parameters, self.lengths, self.full, own, moved)
+
+    @property
+    def slid(self) -> list[Scalar]:
+        """Per friction state what ``history`` counts: sliding of tendons, bending with dry friction."""
+        tendons = self.tendons_at_rest.slid if self._structure.cell_sets else []
+        return [*tendons, *self.dry_friction_at_rest.bent]
 
     def _own_tensions(self, drives: Sequence[Drive]) -> list[Scalar]:
         sources = zip(self._structure.sources, drives, strict=True)
         return [drive.moment for source, drive in sources if source.tendon is not None]
 
-    def _tendons(self, pulls: Pulls, states: ca.SX, moved: Scalar | None = None) -> TendonForces:
-        split = [states[k] for k in range(states.numel())]
-        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, split, moved)
+    def _tendons(self, pulls: Pulls, states: Sequence[Scalar], moved: Scalar | None = None) -> TendonForces:
+        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, states, moved)
 
     @cached_property
     def _winch_states(self) -> list[list[Scalar]]:
@@ -518,15 +543,15 @@ class Equations:
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
-        return self._net_force(self.actuation)
+        return self._net_force(self.actuation, self.dry_friction)
 
     @property
     def net_force_by_history(self) -> list[Scalar]:
-        """The same with friction of tendons by ``history``."""
-        return self._net_force(self.actuation_at_rest)
+        """The same with friction by ``history``."""
+        return self._net_force(self.actuation_at_rest, self.dry_friction_at_rest)
 
-    def _net_force(self, actuation: Sequence[Scalar]) -> list[Scalar]:
-        bending = self._bending_force(actuation)
+    def _net_force(self, actuation: Sequence[Scalar], friction: BendingFriction) -> list[Scalar]:
+        bending = [b + f for b, f in zip(self._bending_force(actuation), friction.force, strict=False)]
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
@@ -537,7 +562,8 @@ class Equations:
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        bending = self._bending_force(self.actuation_at_rest)
+        friction = self.dry_friction_at_rest.force
+        bending = [b + f for b, f in zip(self._bending_force(self.actuation_at_rest), friction, strict=False)]
         return [acting[k] - bending[k] for k in range(self._structure.n)]
 
     @cached_property
@@ -548,20 +574,41 @@ class Equations:
 
     def implicit_rate(self, part: ca.SX) -> list[Scalar]:
         """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
-        n, rates = self._structure.n, self.state_rate
+        n = self._structure.n
         stiffness = ca.jacobian(column(self.elastic[:n]), self.q)
         slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
-        matrix = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
+        if self._structure.bending_cells:
+            # As if all branches stuck, whose states follow the velocity at the end of the step.
+            block = matrix([row[:n] for row in self._family.stiffness(self.lengths)[:n]])
+            slowed += part**2 * self.stuck_stiffness * block
+        slow = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
         pull = part * ca.mtimes(stiffness, self.qd)
-        found = solve_ldl(matrix, [f - pull[k] for k, f in enumerate(self.net_force)])
-        return [*[self.qd[k] + part * rate for k, rate in enumerate(found)], *found, *rates[2 * n :]]
+        found = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force)])
+        return [
+            *[self.qd[k] + part * rate for k, rate in enumerate(found)],
+            *found,
+            *self.implicit_drive_rates(part, ca.vertcat(*found)),
+        ]
 
     @cached_property
     def drive_rates(self) -> list[Scalar]:
         """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
         lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
-        return [*lag, *self._winch_rates, *self.tendons.state_rates]
+        return [*lag, *self._winch_rates, *self.tendons.state_rates, *self.dry_friction.state_rates(self.full_rates)]
+
+    def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
+        """The same as a step takes it that is implicit in ``part`` [s] where dry friction makes the finger stiff."""
+        ahead: list[Scalar] = [self.qd[k] + part * accelerations[k] for k in range(self._structure.n)]
+        own = self.dry_friction.state_rates(ahead, part)
+        return [*self.drive_rates[: self.lag.numel() + self.z.numel() - len(own)], *own]
+
+    @property
+    def stuck_stiffness(self) -> Scalar:
+        """Of the branches of dry friction while they stick, as a factor of the mesh's stiffness."""
+        if not self._structure.bending_cells:
+            return 0.0
+        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * self.dry_friction.stiffness
 
     @property
     def drives_feel_motion(self) -> bool:
@@ -594,6 +641,7 @@ class Equations:
         elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
         if self._structure.winches:
             elastic += self.tendons.stored_energy
+        elastic += self.dry_friction.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position

@@ -79,7 +79,7 @@ class FingerModel(Functions):
     p_nominal : list of float
         Nominal values of ``p``.
     friction_names : list of str
-        The last of ``x_names``: states of tendon friction.
+        The last of ``x_names``: states of tendon friction, and of dry friction in bending.
     load_entries : list of (str, int)
         Per load, the vector ("u" or "w") and the index at which its value begins.
 
@@ -118,8 +118,9 @@ class FingerModel(Functions):
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant (moment and rate per shape
     that tendons bend, tension and rate per tendon where they have friction); the functions of q then take what u
     commands. Friction states of the tendons follow, from base to tip, first that of a conduit: +1 where the tendons on
-    the -X side slide towards the base. Functions of q then take a ``history``, [friction states, h], by which friction
-    acts as clip(state + h slid), of the way that `sliding` gives: all zero for no friction, h = 1 alone for a finger
+    the -X side slide towards the base. Then those of dry friction in bending, cell by cell with one per branch: +1
+    where it slides towards positive curvature. Functions of q then take a ``history``, [friction states, h], by which
+    friction acts as clip(state + h slid), of what `sliding` gives: all zero for no friction, h = 1 alone for a finger
     that was pulled from straight. u = tensions, or the tip moment, then
     the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if
     any), then the loads.
@@ -266,12 +267,13 @@ class FingerModel(Functions):
 
     @cached_property
     def _sliding(self) -> ca.Function:
-        return self._function("sliding", "q u p", slid=self._equations.tendons_at_rest.slid)
+        return self._function("sliding", "q u p", slid=self._equations.slid)
 
     def sliding(self) -> ca.Function:
-        """``(q, u, p) -> slid``: how far tendons have slid since the finger was straight, per presliding [1].
+        """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].
 
-        An entry per friction state, positive towards the base for tendons on the -X side.
+        An entry per state: how far tendons have slid, per presliding, positive towards the base for those on the -X
+        side; of dry friction in bending the curvature above rest, per that at which the branch slides.
         """
         return self._sliding
 

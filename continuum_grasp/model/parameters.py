@@ -51,6 +51,7 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
+        self.branches = len(finger.damping.dry_friction)
         self._nominal = _nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -80,7 +81,7 @@ class Parameters:
         labels = []
         for name in self.names:
             count = len(self._nominal[name])
-            unit = "1" if self._graded and name in FACTORS else _UNITS.get(name, "kg")
+            unit = "1" if self._graded and name in FACTORS else _unit(name)
             tags = [name] if count == 1 else [f"{name}_{'xy'[k] if name == 'gravity' else k + 1}" for k in range(count)]
             labels += [f"{tag} [{unit}]" for tag in tags]
         return labels
@@ -98,6 +99,12 @@ class Parameters:
 
     def __getitem__(self, name: str) -> Scalar:
         return self.vector(name)[0]
+
+
+def _unit(name: str) -> str:
+    if name.startswith("dry_friction_"):
+        return "N m2" if name.endswith("_stiffness") else "N m"
+    return _UNITS.get(name, "kg")
 
 
 def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
@@ -122,6 +129,9 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
             values[f"mass_{k}"] = [mass.mass]
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
+    for k, branch in enumerate(finger.damping.dry_friction):
+        values[f"dry_friction_{k + 1}_stiffness"] = [branch.stiffness]
+        values[f"dry_friction_{k + 1}_moment"] = [branch.moment]
     for name in OF_TENDONS:
         own = {_of_tendon(tendon, name) for tendon in finger.tendon_list}
         if len(own) == 1 and own != {None}:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import Varying, ends
@@ -35,16 +36,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from continuum_grasp.scene.profile import Array, Channel, Curve, Profile
-
-
-class Damping(Value):
-    """Internal damping; both kinds may be given and add up."""
-
-    material: Annotated[NonNegative, Unit("N m2 s")] = 0.0
-    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh;
-    of a graded rod that at the base, and along it in the ratio of its bending stiffness."""
-    per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
-    """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
 
 
 class PointMass(Value):
@@ -269,6 +260,16 @@ class Finger(Value):
         return self.tendon_friction > 0.0
 
     @property
+    def has_dry_friction(self) -> bool:
+        """Whether its bending has dry friction."""
+        return bool(self.damping.dry_friction)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether tendons or bending have friction, so that a shape depends on how it was reached."""
+        return self.has_tendon_friction or self.has_dry_friction
+
+    @property
     def winches(self) -> tuple[LengthDrive | MotorDrive, ...]:
         """Winches and motors of the tendons, those on one pulley once; none where tensions are commanded."""
         found = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
@@ -282,16 +283,31 @@ class Finger(Value):
                 "leave it out"
             )
 
+    def check_without_dry_friction(self, key: str, what: str) -> None:
+        """Refuse dry friction in bending for ``what``, of a finger at ``key``."""
+        if self.has_dry_friction:
+            raise ValueError(
+                f"{key}.damping.dry_friction: {what} know no finger that rests anywhere between two shapes; leave it "
+                "out"
+            )
+
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        return bool(self.has_tendon_friction or self.winches or self.stops is not None or self._tip_bears_moments)
+        return bool(
+            self.has_tendon_friction
+            or self.has_dry_friction
+            or self.winches
+            or self.stops is not None
+            or self._tip_bears_moments
+        )
 
     @property
     def why_free_tip(self) -> str:
         """What a matched tip cannot carry, where the finger has it."""
         why = {
             "tendon friction": self.has_tendon_friction,
+            "dry friction in bending": self.has_dry_friction,
             f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
             "stops": self.stops is not None,
         }

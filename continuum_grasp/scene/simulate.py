@@ -72,9 +72,9 @@ class Initial(Value):
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "state"] | None = None
-    """How the finger came to be where it is, for tendons with friction. pulling: from straight, its tendons slid all
-    the way; releasing: it was bent further, and they slid back; state: by ``friction_states``. None: they never slid,
-    and friction is zero; an equilibrium needs one of the others."""
+    """How the finger came to be where it is, where tendons or bending have friction. pulling: from straight, tendons
+    slid and the finger was bent all the way; releasing: it was bent further, and all that slid back; state: by
+    ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
     """State of each friction cell, -1 to 1 where it slides [1]: as ``x_names`` of the model lists them."""
 
@@ -182,8 +182,8 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
             self._check_actuation(self.actuation)
-        if self.initial.reached_by is not None and not self.finger.has_tendon_friction:
-            raise ValueError("initial.reached_by has no effect: the tendons have no friction")
+        if self.initial.reached_by is not None and not self.finger.has_friction:
+            raise ValueError("initial.reached_by has no effect: neither tendons nor bending have friction")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")

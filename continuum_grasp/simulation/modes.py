@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments, whole
+from continuum_grasp.arguments import check_arguments, choice, whole
 from continuum_grasp.core import Core
 from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
@@ -96,14 +96,15 @@ class Modes(Result):
 
 
 @check_arguments
-def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61, friction: str = "stuck") -> Modes:
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
+    choice("friction", friction, ("stuck", "sliding"))
     found = equilibrium(scene) if about is None else about
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core = Core(model, compiled=False)
     mass = core.mass_matrix(q, u, p)
-    friction = (found.history,) if found.history.size else ()
-    stiffness = core.statics(q, u, w, p, *friction)[1]
+    history = (_history(found, friction),) if found.history.size else ()
+    stiffness = core.statics(q, u, w, p, *history)[1]
     damping = damping_matrix(core, q, u, p)
     values, right, left = _eigen(mass, stiffness)
     # The root of a negative square is imaginary: its real part, zero, marks what is unstable.
@@ -120,6 +121,18 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     shapes = np.einsum("sij,kj->ksi", jacobians, coordinates)
     shapes /= np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
     return Modes(pulsations / (2.0 * np.pi), ratios, coordinates, found.backbone(points), shapes, found, scene)
+
+
+_WITHIN = 1.0 - 1e-9
+"""Share of its range within which a friction state is that sticks [1]."""
+
+
+def _history(about: Equilibrium, friction: str) -> Array:
+    """Friction as functions of the model take it: moved by the bending where it sticks, held where it slides."""
+    if friction == "sliding":
+        return np.append(about.friction_states, 0.0)
+    slid = np.ravel(about.model.sliding()(about.q, about.u, about.p))
+    return np.append(_WITHIN * about.friction_states - slid, 1.0)
 
 
 def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

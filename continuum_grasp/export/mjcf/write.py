@@ -160,6 +160,11 @@ def _refuse(scene: Scene) -> None:
             "winches and motors are not exported: leave the drive out, so that tensions are commanded",
             key="finger.tendons.drive",
         )
+    if scene.finger.has_dry_friction:
+        raise InputError(
+            "MuJoCo's hinges slide at once, without the bending before that dry friction has here: leave it out",
+            key="finger.damping.dry_friction",
+        )
     if scene.finger.has_tendon_friction:
         raise InputError(
             "MuJoCo's tendons have the same tension all along, without friction in their guides: set friction to 0",

@@ -31,7 +31,8 @@ def _dynamics_kernel(subject: Subject) -> Kernel:
         )
     if subject.model.sweeps and subject.model.friction_names:
         raise InputError(
-            f"friction of tendons with {FEWEST_ELEMENTS} elements or more cannot be exported: expected fewer elements",
+            f"friction of tendons or in bending with {FEWEST_ELEMENTS} elements or more cannot be exported: expected "
+            "fewer elements",
             key="fidelity.elements",
         )
     if subject.model.sweeps:
@@ -87,7 +88,9 @@ def statics(subject: Subject) -> Part:
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
     x = ca.SX.sym("x", subject.model.nx)
-    states = [direction(z) for z in ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]]
+    states = ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]
+    sliding = subject.model.structure.tendon_friction_states
+    states = [ca.SX(direction(z)) for z in states[:sliding]] + states[sliding:]
     history = [ca.vertcat(*states, 0.0)] if states else []
     missing, stiffness = subject.model.statics(x[:n], u, w, p, *history)
     both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major
