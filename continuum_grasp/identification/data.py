@@ -140,6 +140,9 @@ class TipPath:
     start : {"scene", "measured", "estimated"}
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in the smoothest shape and
         rates through the first samples, which stay or are estimated with the parameters.
+    before : sequence of Reading
+        The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before a
+        measured start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
     fitted : bool
         False: predicted and not fitted.
     scene : Scene, optional
@@ -157,6 +160,7 @@ class TipPath:
     name: str = "path"
     measured: Sequence[Reading] = ()
     start: str = "scene"
+    before: Sequence[Reading] = ()
 
     def __post_init__(self) -> None:
         t = column(f"{self.name}.t", self.t)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -26,10 +27,13 @@ _INSTANT = 1e-6
 class Driven:
     """The model of a scene with the unknowns as run-time arguments; its state is x.
 
-    Inputs are the commands, and behind them their derivatives by a delay where that is unknown.
+    Inputs are the commands, and behind them their derivatives by a delay where that is unknown. ``passed`` (K, n) are
+    shapes that it goes through before the start, as friction remembers them.
     """
 
-    def __init__(self, scene: Scene, unknowns: Sequence[Unknown], readings: Sequence[Reading]) -> None:
+    def __init__(
+        self, scene: Scene, unknowns: Sequence[Unknown], readings: Sequence[Reading], passed: Sequence[Array] = ()
+    ) -> None:
         targets = [one.target for one in unknowns]
         if LAG in targets and not scene.finger.winches:
             constant = unknowns[targets.index(LAG)].start
@@ -48,8 +52,12 @@ class Driven:
         given = (history,) if model.friction_names else ()
         parts = [ca.SX(model.drives_at_rest()(q, u, p, *given)[0])]
         if model.friction_names:
-            slid = model.sliding()(q, u, p)
-            parts.append(ca.fmin(ca.fmax(history[:-1] + history[-1] * slid, -1.0), 1.0))
+            # From shape to shape friction stays where it is, or slides.
+            slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
+            states = _within(history[:-1] + history[-1] * slid[0])
+            for before, now in pairwise(slid):
+                states = _within(states + now - before)
+            parts.append(states)
         start = ca.densify(ca.vertcat(*parts))
         slopes = [ca.densify(ca.jacobian(start, by)) for by in (q, u, p)]
         self._start = ca.Function("start", [q, u, p, history], ca.cse([start, *slopes]))
@@ -102,6 +110,10 @@ class Driven:
         """
         if self.signals.constant and any(one.target == DELAY for one in unknowns):
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=name)
+
+
+def _within(states: ca.SX) -> ca.SX:
+    return ca.fmin(ca.fmax(states, -1.0), 1.0)
 
 
 def history_of(initial: Initial, model: FingerModel) -> Array:

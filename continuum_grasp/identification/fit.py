@@ -274,6 +274,9 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
         changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
     elif target in ("material_damping", "per_arc_damping"):
         changes = {f"damping.{target.removesuffix('_damping')}": value}
+    elif target.startswith("dry_friction_"):
+        number, key = target.removeprefix("dry_friction_").split("_")
+        changes = {f"damping.dry_friction[{int(number) - 1}].{key}": value}
     elif target == "rest_curvature":
         changes = {target: value}
     elif target == "base_angle":

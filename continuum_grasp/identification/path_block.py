@@ -49,7 +49,8 @@ class PathBlock(Block):
             self.own = self._estimated_start(self._measured, plain, np.array([one.start for one in unknowns]))
         self._all = [*unknowns, *self.own]
         check_tensions(plain.model, readings, data.name)
-        self._driven = Driven(scene, self._all, readings) if self.own else plain
+        passed = self._passed(plain, data.before) if plain.model.friction_names else []
+        self._driven = Driven(scene, self._all, readings, passed) if self.own or passed else plain
         self._driven.check(unknowns, data.name)
         self.free = self._driven.signals.constant
         self._model = self._driven.model
@@ -113,6 +114,16 @@ class PathBlock(Block):
         state, by_z = measured.at(acting)
         return state, by_z[:, count:] @ by_shared[len(z) - driven.model.np :]
 
+    def _passed(self, driven: Driven, before: Sequence[Reading]) -> list[Array]:
+        """Shapes before a measured start, by the parameters that the search begins with."""
+        seen = [np.asarray(one.values, dtype=float) for one in before if not one.of_drive]
+        if self._measured is None or not seen:
+            return []
+        rows = np.stack(seen, axis=1)
+        t, z = self._t[:1], self._rows.at(0, np.array([one.start for one in self._all[: self._count]]))[0]
+        acting = [driven.signals.u(t)[0], driven.signals.w(t)[0], z[len(z) - driven.model.np :]]
+        return self._measured.before(rows[np.isfinite(rows).all(axis=1)], np.concatenate(acting))
+
     def _estimated_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> list[Unknown]:
         """Coordinates and rates at the first sample, to be estimated from those that are read there."""
         model = driven.model
@@ -120,7 +131,7 @@ class PathBlock(Block):
         sizes = [measured.reach] * model.n + [measured.reach / measured.slow] * model.n
         return [
             Unknown(*split_unit(label), START, 0.0, False, float(value), -math.inf, math.inf, size, True)
-            for label, value, size in zip(model.x_names, state, sizes, strict=True)
+            for label, value, size in zip(model.x_names[: 2 * model.n], state, sizes, strict=True)
         ]
 
 

@@ -141,16 +141,20 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
         return _ring_downs(one, table, t, inside, scene, name)
     if one.conditions:
         scene = _commanded(scene, t, _conditions(table, one.conditions, scene, key), table.file, key)
-    x = None if one.x is None else _column(table, one.x, "m")[inside]
-    y = None if one.y is None else _column(table, one.y, "m")[inside]
-    further = [
-        replace(reading, values=np.asarray(reading.values)[inside])
-        for reading in _readings(one.measured, table, scene, key)
-    ]
+    x, y = (None if value is None else _column(table, value, "m") for value in (one.x, one.y))
+    measured = _readings(one.measured, table, scene, key)
+    points = [Reading(key, values, one.at) for key, values in (("x", x), ("y", y)) if values is not None]
+    earlier = [_of(reading, t < t[inside][0]) for reading in (*points, *measured)]
+    x, y = (None if values is None else values[inside] for values in (x, y))
+    further = [_of(reading, inside) for reading in measured]
     try:
-        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start)
+        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start, earlier)
     except InputError as error:
         raise InputError(error.message, file=table.file) from None
+
+
+def _of(reading: Reading, rows: NDArray[np.bool_]) -> Reading:
+    return replace(reading, values=np.asarray(reading.values)[rows])
 
 
 def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key: str) -> list[Reading]:

@@ -114,7 +114,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        lower = -math.inf if name in _SIGNED else _LEAST * typical if name in _POSITIVE else 0.0
+        positive = name in _POSITIVE or name.startswith("dry_friction_")
+        lower = -math.inf if name in _SIGNED else _LEAST * typical if positive else 0.0
     if upper is None:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside
