@@ -334,7 +334,7 @@ class Plant(Value):
     slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
     tendon_friction: Friction | None = None
     """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
-    presliding: Annotated[float, Field(ge=1e-7, le=1e-3), Unit("m")] | None = None
+    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
     """Sliding of the tendons within which friction turns from one direction to the other, halved [m]; None: as the
     controller knows it."""
     axial_stiffness: Annotated[Positive, Unit("N")] | None = None

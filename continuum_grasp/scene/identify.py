@@ -59,7 +59,7 @@ class ReadingColumn(Column):
     since: Length | None = None
     """Position from which a bend counts [m], such as the near side of a joint; None: the base."""
     sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the quantity")] | None = None
-    """Standard deviation [m, rad, N, N m or A], where known: weights of unlike quantities; None: from the residuals."""
+    """Standard deviation [unit of the quantity], where known: weights unlike quantities; None: from the residuals."""
 
     def _check(self) -> None:
         if self.since is not None and self.quantity != "bend":
