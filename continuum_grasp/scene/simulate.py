@@ -76,7 +76,7 @@ class Initial(Value):
     the way; releasing: it was bent further, and they slid back; state: by ``friction_states``. None: they never slid,
     and friction is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
-    """State of each friction cell, -1 to 1 where it slides [1]: as ``x_names`` of the model lists them."""
+    """Which way friction acts in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q", "q_above_rest")
