@@ -64,7 +64,7 @@ def test_any_history_ends_at_the_closed_form(points, angle):
 
 
 def test_a_sheath_plays_before_the_finger():
-    """On the way back the finger stays where it is until the tension has fallen by exp(-2 friction bend)."""
+    """Released, the finger stays where it is until the tension has fallen by exp(-2 friction bend)."""
     made = model(0.1, elements=4, conduit_bend=1.5, presliding=1e-6)
     loaded, tensions = Loaded(made), way([0.5, 20.0, 6.0, 15.0, 9.0], 0.5)
     found = [loaded.move([tension, 0.0]) for tension in tensions]
@@ -185,13 +185,13 @@ def test_wound_up_tendons_do_not_creep():
     assert np.ptp(motion.x[still, -4:], axis=0) == pytest.approx(np.zeros(4), abs=1e-4)
 
 
-@pytest.mark.parametrize("stretch", [0.0, 20e-6, -20e-6])
-def test_derivatives_hold_where_the_law_bends(stretch):
+@pytest.mark.parametrize("beyond", [0.0, 20e-6, -20e-6])
+def test_derivatives_hold_where_the_law_bends(beyond):
     """Straight, at the ends of the range of friction states, and where a tendon goes slack."""
     keys = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5, "drive": {"kind": "length", "time_constant": 0.02}}
     made = cg.FingerModel(finger(0.3, **keys), family="clothoid", elements=2, gravity=(0, 0))
     n, x, u = made.n, np.zeros(made.nx), np.zeros(made.nu)
-    x[[2 * n, 2 * n + 2]] = stretch, 1e-3
+    x[[2 * n, 2 * n + 2]] = beyond, 1e-3
     x[-4:] = 1.0, -1.0, 1.0, -1.0
     slope = np.array(made.linearization(x, u, np.zeros(made.nw), [])[0])[n : 2 * n]
 
