@@ -145,6 +145,11 @@ def direction(z: Scalar) -> Scalar:
     return y * (1.5 - 0.5 * (y * y))
 
 
+def state_of(way: Array) -> Array:
+    """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
+    return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
+
+
 def clipped(z: Scalar) -> Scalar:
     """A state within its range."""
     return ca.fmin(ca.fmax(z, -1.0), 1.0)

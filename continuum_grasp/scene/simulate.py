@@ -76,7 +76,7 @@ class Initial(Value):
     slid and the finger was bent all the way; releasing: it was bent further, and all that slid back; state: by
     ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
-    """State of each friction cell, -1 to 1 where it slides [1]: as ``x_names`` of the model lists them."""
+    """Which way friction acts in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q", "q_above_rest")
