@@ -99,6 +99,12 @@ def controller_fields(
     scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None, precision: str
 ) -> list[Field]:
     """List the members of ``controller_settings``, for C in double or float."""
+    if scene.estimator is not None and scene.estimator.contact_detection is not None:
+        raise InputError(
+            "the C of a controller has no contact detector: leave it out here, and step an Estimator or a "
+            "ContactDetector of the scene beside the controller",
+            key="estimator.contact_detection",
+        )
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
     fields = [
         *_nested("rti", _iteration_fields(scene, stages, precision)),
