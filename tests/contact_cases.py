@@ -87,5 +87,5 @@ def trial(
         force = speed * max(0.0, t - at)
         driven.advance(0.8 * turned, force)
         if k % round(found.period / step) == 0:
-            rows.append((t, force, found.step(driven.readings(0.8 * turned, STEP, NOISE, rng))))
+            rows.append((t, force, found.step(driven.readings(STEP, NOISE, rng))))
     return rows

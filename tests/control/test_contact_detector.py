@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.control import Contact, ContactDetector, Estimator
+from continuum_grasp.control import Contact, ContactDetector, Controller, Estimator
 from continuum_grasp.errors import InputError
 from tests.contact_cases import EXACT, LENGTH, MOTOR, NOISE, OFFSET, RADIUS, STEP, STIFFNESS, plant, scene, trial
 from tests.truth.tendon import HingedFinger
@@ -147,6 +147,16 @@ def test_the_estimator_reports_it_along():
     again = own.step([0.01, 0.02], [0.02])
     assert first.contact.residual == again.contact.residual
     assert first.z.tolist() == again.z.tolist()
+
+
+def test_a_controller_reports_it_as_the_detector_does():
+    controller, alone = Controller(scene(), deadline=math.inf), ContactDetector(scene())
+    for k in range(8):
+        measured = [0.002 * k, 0.002 * k]
+        command, feels = controller.step(measured), alone.step(measured)
+        assert command.contact.residual == pytest.approx(feels.residual, abs=1e-12)
+        assert command.contact.forces == pytest.approx(feels.forces, abs=1e-9)
+        assert command.contact.contact is feels.contact
 
 
 @pytest.mark.parametrize(
