@@ -14,6 +14,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.chain_integration import ChainIntegration
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
@@ -252,6 +253,11 @@ def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:
     for sensor, word in (("length", "length_"), ("angle", "motor_angle_")):
         if getattr(measured, sensor) is not None:
             found |= {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
+    if measured.torque is not None or measured.current is not None:
+        for k, winch in enumerate(plant.system.finger_model.structure.winches):
+            position, rate = (states[name] for name in winch.names(k + 1)[:2])
+            torque = ca.SX(winch.torque(plant.command[k], position, rate))
+            found[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, winch)
     if measured.bending is not None:
         angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
         found |= {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}

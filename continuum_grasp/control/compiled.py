@@ -96,7 +96,12 @@ def estimator_fields(
 
 
 def controller_fields(
-    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None, precision: str
+    scene: ControlScene,
+    model: Prediction,
+    stages: Stages,
+    estimation: Estimation | None,
+    precision: str,
+    contact: ContactModel | None = None,
 ) -> list[Field]:
     """List the members of ``controller_settings``, for C in double or float."""
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
@@ -121,6 +126,9 @@ def controller_fields(
     ]
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
+        if contact is not None:
+            felt = [estimation.measurement_names.index(name) for name in contact.measurement_names]
+            fields += [*_nested("contact", contact.fields), Field("felt", felt, whole=True)]
     return fields
 
 
@@ -189,7 +197,12 @@ def estimator_source(
 
 
 def controller_source(
-    stages: Stages, estimation: Estimation | None, periods: int, fields: Sequence[Field], real: str
+    stages: Stages,
+    estimation: Estimation | None,
+    periods: int,
+    fields: Sequence[Field],
+    real: str,
+    contact: ContactModel | None = None,
 ) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
@@ -205,26 +218,35 @@ def controller_source(
     parts += [
         f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
         f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
+        f"#define CONTROLLER_TOUCHES {int(contact is not None)}",
+        *([] if contact is None else ["#undef CASADI_PREFIX", *_detector(contact, real)]),
         _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", fields),
-        _templates("doubles.h", "controller_python.c"),
+        _templates("doubles.h", *(["contact_python.c"] if contact is not None else []), "controller_python.c"),
     ]
     return "\n".join(parts)
 
 
-def detector_source(model: ContactModel, fields: Sequence[Field], real: str) -> str:
+def detector_source(model: ContactModel, real: str) -> str:
     """Write the C of a contact detector for Python: the functions of ``c/detector_python.c``."""
     return "\n".join(
         [
             f"#include <stddef.h>\ntypedef {real} real;",
             "#define CG_SINGLE" if real == "float" else "",
-            *[f"#define CONTACT_{name} {size}" for name, size in model.sizes(len(model.finger.winches)).items()],
-            plain_source("contact", model.functions, real),
-            _templates("checks.h", "contact_detector.h", "contact_detector.c"),
-            _setter("contact_settings", fields),
-            _templates("doubles.h", "detector_python.c"),
+            *_detector(model, real),
+            _setter("contact_settings", model.fields),
+            _templates("doubles.h", "contact_python.c", "detector_python.c"),
         ]
     )
+
+
+def _detector(model: ContactModel, real: str) -> list[str]:
+    """Write dimensions, generated functions and templates of a contact detector."""
+    return [
+        *[f"#define CONTACT_{name} {size}" for name, size in model.sizes.items()],
+        plain_source("contact", model.functions, real),
+        _templates("checks.h", "contact_detector.h", "contact_detector.c"),
+    ]
 
 
 def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> dict[str, int]:
@@ -257,7 +279,7 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
 
 def _templates(*names: str) -> str:
     """Join templates without their includes of one another."""
-    return "\n".join(re.sub(r'#include "\w+\.h"\n', "", rti.template(name)) for name in names)
+    return "\n".join(re.sub(r'#include "\w+\.[ch]"\n', "", rti.template(name)) for name in names)
 
 
 def _setter(structure: str, fields: Sequence[Field]) -> str:

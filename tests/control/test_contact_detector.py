@@ -8,85 +8,15 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-import continuum_grasp as cg
-from continuum_grasp.control import Contact, ContactDetector, Estimator
+from continuum_grasp.control import Contact, ContactDetector, Controller, Estimator
 from continuum_grasp.errors import InputError
-from tests.truth.servo import ServoedChain
+from tests.contact_cases import EXACT, LENGTH, MOTOR, NOISE, OFFSET, RADIUS, STEP, STIFFNESS, plant, scene, trial
 from tests.truth.tendon import HingedFinger
-from tests.truth.tendon_motion import MovingFinger
-
-LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
-RADIUS = 0.008
-STEP, NOISE = 2.0 * math.pi / 16384, 2e-4
-MOTOR = {
-    "kind": "motor",
-    "winch_radius": RADIUS,
-    "inertia": 2e-6,
-    "viscous_friction": 1e-5,
-    "coulomb_friction": 2e-3,
-    "torque_max": 0.4,
-    "position_gain": 0.8,
-    "rate_gain": 2.5e-3,
-}
-TENDON = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
-EXACT = {"bending_stiffness": 0.0, "tendon_friction": 0.0, "coulomb_friction": 0.0, "tension": 0.0}
-
-
-def scene(friction=0.1, measured=None, detection=None, drive=None, input_limits=None, **estimator) -> cg.ControlScene:
-    return cg.ControlScene(
-        finger={
-            "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
-            "damping": {"material": 3e-5},
-            "masses": [{"at": LENGTH, "mass": 0.002}],
-            "tendons": [{**TENDON, "friction": friction, "drive": drive or MOTOR}],
-        },
-        gravity=(0.0, 0.0),
-        fidelity={"family": "clothoid", "elements": 2},
-        controller={
-            "horizon": {"stages": 10, "stage": 0.005},
-            "cost": {"tip_angle": {"running": 1.0}, "effort": 0.1},
-            "input": {"angles": (-1.5, 1.5)} if input_limits is None else input_limits,
-        },
-        reference={"tip_angle": 0.0},
-        initial={"pose": "straight"},
-        estimator={
-            "measured": measured or {"angle": STEP / math.sqrt(12.0), "torque": NOISE},
-            "contact_detection": detection or {},
-            **estimator,
-        },
-    )
 
 
 @lru_cache
 def detector(friction=0.1, **detection) -> ContactDetector:
     return ContactDetector(scene(friction, detection=detection))
-
-
-def trial(found, friction, *, stiffness=1.0, dry=1.0, payload=0.0, back=False, speed=0.0, pushed=None, at=0.8):
-    """Verdicts, forces and reports of a finger that is bent, and pushed from ``at`` [s] on with ``speed`` [N/s]."""
-    chain = MovingFinger(
-        LENGTH,
-        STIFFNESS * stiffness,
-        OFFSET,
-        friction,
-        sides=(1.0,),
-        hinges=20,
-        time_step=5e-4,
-        tip_mass=0.002 + payload,
-    )
-    chain.pushed = pushed
-    plant, rng = ServoedChain(chain, 0.0, dry=2e-3 * dry), np.random.default_rng(0)
-    found.reset()
-    rows = []
-    over = 0.1 if back else 0.0
-    for k in range(1, int(1.2 / chain.time_step) + 1):
-        t = k * chain.time_step
-        command = 0.8 * min((1.0 + over) * t / 0.4, 1.0 + over * (1.0 if t < 0.4 else max(0.0, 1.0 - (t - 0.4) / 0.2)))
-        force = speed * max(0.0, t - at)
-        plant.advance(command, force)
-        if k % 10 == 0:
-            rows.append((t, force, found.step(plant.readings(command, STEP, NOISE, rng))))
-    return rows
 
 
 @pytest.mark.parametrize(("at", "gain"), [(0, 4.0), (1, 14.4)])
@@ -140,8 +70,7 @@ def test_a_push_is_detected_early(pushed, back, speed):
     place = 1 if pushed is None else 0
     rows = trial(
         detector(coulomb_friction=0.0, bending_stiffness=0.02, tendon_friction=0.1),
-        0.1,
-        pushed=pushed,
+        plant(0.1, pushed=pushed),
         back=back,
         speed=speed * (1.0 if place else 3.0),
     )
@@ -161,13 +90,13 @@ def test_a_push_is_detected_early(pushed, back, speed):
     [(0.8, 0.15, 1.3, 0.002), (1.2, 0.05, 0.7, 0.0), (1.2, 0.15, 1.3, 0.002)],
 )
 def test_wrong_models_raise_no_alarm(stiffness, friction, dry, payload):
-    rows = trial(detector(payload=0.002), friction, stiffness=stiffness, dry=dry, payload=payload, back=True)
+    rows = trial(detector(payload=0.002), plant(friction, stiffness=stiffness, dry=dry, payload=payload), back=True)
     assert {feels.contact for _, _, feels in rows} == {Contact.FREE}
 
 
 def test_after_a_contact_the_history_is_not_known():
     own = detector(bending_stiffness=0.02, tendon_friction=0.1)
-    rows = trial(own, 0.1, speed=1.0)
+    rows = trial(own, plant(0.1), speed=1.0)
     widths = [float(np.ptp(feels.bounds)) for _, _, feels in rows]
     at = next(k for k, (_, _, feels) in enumerate(rows) if feels.detected)
     assert max(widths[at + 20 :]) > widths[at - 1] + 0.5
@@ -218,6 +147,16 @@ def test_the_estimator_reports_it_along():
     again = own.step([0.01, 0.02], [0.02])
     assert first.contact.residual == again.contact.residual
     assert first.z.tolist() == again.z.tolist()
+
+
+def test_a_controller_reports_it_as_the_detector_does():
+    controller, alone = Controller(scene(), deadline=math.inf), ContactDetector(scene())
+    for k in range(8):
+        measured = [0.002 * k, 0.002 * k]
+        command, feels = controller.step(measured), alone.step(measured)
+        assert command.contact.residual == pytest.approx(feels.residual, abs=1e-12)
+        assert command.contact.forces == pytest.approx(feels.forces, abs=1e-9)
+        assert command.contact.contact is feels.contact
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from tests.truth.tendon_motion import MovingFinger
 class ServoedChain:
     """One tendon on a drum; the motor sticks exactly until its dry friction is overcome.
 
-    ``wound`` is what the drum has wound up at angle zero [m]. Numbers of the motor are at the drum.
+    ``wound`` is what the drum has wound up at angle zero [m], ``applied`` the torque of the last step. Numbers of the
+    motor are at the drum.
     """
 
     chain: MovingFinger
@@ -27,6 +28,7 @@ class ServoedChain:
     torque_max: float = 0.4
     angle: float = 0.0
     rate: float = 0.0
+    applied: float = 0.0
 
     def __post_init__(self) -> None:
         self.chain.start([("length", self.wound)])
@@ -39,13 +41,14 @@ class ServoedChain:
     def advance(self, command: float, across: float = 0.0) -> None:
         """One step of the chain; ``across`` is a force where it is pushed, to the left, seen from base to tip [N]."""
         h, pulled = self.chain.time_step, self.radius * float(self.chain.tensions[0])
-        free = self.rate + h / self.inertia * (self.torque(command) - self.viscous * self.rate - pulled)
+        self.applied = self.torque(command)
+        free = self.rate + h / self.inertia * (self.applied - self.viscous * self.rate - pulled)
         self.rate = float(np.sign(free) * max(abs(free) - h * self.dry / self.inertia, 0.0))
         self.angle += h * self.rate
         leaning = float(self.chain.bends[: self.chain.pushed].sum())
         force = (-across * np.cos(leaning), -across * np.sin(leaning))
         self.chain.advance([("length", self.wound + self.radius * self.angle)], force)
 
-    def readings(self, command: float, step: float, noise: float, rng: np.random.Generator) -> list[float]:
-        """Angle by an encoder with a step [rad], and torque with noise [N m]."""
-        return [step * round(self.angle / step), self.torque(command) + noise * rng.standard_normal()]
+    def readings(self, step: float, noise: float, rng: np.random.Generator) -> list[float]:
+        """Angle by an encoder with a step [rad], and the torque that acted last, with noise [N m]."""
+        return [step * round(self.angle / step), self.applied + noise * rng.standard_normal()]

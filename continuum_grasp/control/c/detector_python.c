@@ -1,5 +1,6 @@
 /* A contact detector on doubles, for Python. */
 #include "doubles.h"
+#include "contact_python.c"
 
 typedef struct { contact_state state; contact_settings settings; contact_report report; } cg_object;
 
@@ -20,12 +21,6 @@ int cg_step(cg_object *o, const double *in, double *out)
   real y[CONTACT_NY], u[CONTACT_NU];
   cg_read(u, cg_read(y, in, CONTACT_NY), CONTACT_NU);
   contact_step(&o->state, &o->settings, y, u, &o->report);
-  out = cg_write(out, o->report.residual, CONTACT_ND);
-  out = cg_write(out, o->report.low, CONTACT_ND);
-  out = cg_write(out, o->report.high, CONTACT_ND);
-  out = cg_write(out, o->report.gain, CONTACT_ND * CONTACT_NL);
-  out = cg_write(out, o->report.threshold, CONTACT_NL);
-  out = cg_write(out, o->report.force_low, CONTACT_NL);
-  cg_write(out, o->report.force_high, CONTACT_NL);
+  cg_write_contact(out, &o->report);
   return o->report.verdict;
 }

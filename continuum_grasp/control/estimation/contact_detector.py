@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from os import PathLike
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
-from continuum_grasp.control.compiled import Compiled, Field, detector_source
-from continuum_grasp.control.estimation.contact_model import contact_fields, contact_model_of
+from continuum_grasp.control.compiled import Compiled, detector_source
+from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
@@ -23,6 +23,10 @@ from continuum_grasp.simulation.statics import Friction
 from continuum_grasp.summary import Summarized, quoted
 
 Array = NDArray[np.float64]
+
+
+_MOST = 1e9
+"""``CONTACT_MOST`` of ``c/contact_detector.h`` [N]."""
 
 
 class Contact(IntEnum):
@@ -102,6 +106,39 @@ class DetectedContact(Summarized):
         return float(self.places[possible][0]) if self.detected and possible.sum() == 1 else None
 
 
+def contact_parts(model: ContactModel) -> dict[str, int]:
+    """Sizes of what the C writes of a contact, by name."""
+    nd, nl = model.sizes["ND"], model.sizes["NL"]
+    parts = {
+        "verdict": 1,
+        "residual": nd,
+        "low": nd,
+        "high": nd,
+        "gain": nd * nl,
+        "threshold": nl,
+        "least": nl,
+        "most": nl,
+    }
+    return {f"contact_{name}": size for name, size in parts.items()}
+
+
+def detected_contact(parts: Mapping[str, Array], places: Sequence[float]) -> DetectedContact:
+    """Read what the C wrote of a contact."""
+    found = {name.removeprefix("contact_"): value for name, value in parts.items() if name.startswith("contact_")}
+    forces = np.stack([found["least"], found["most"]], axis=1)
+    forces[forces[:, 0] > forces[:, 1]] = np.nan
+    threshold = found["threshold"]
+    return DetectedContact(
+        Contact(int(found["verdict"][0])),
+        found["residual"],
+        np.stack([found["low"], found["high"]], axis=1),
+        np.array(places),
+        found["gain"].reshape(found["residual"].size, -1, order="F"),
+        np.where(threshold >= _MOST, np.inf, threshold),
+        np.where(np.abs(forces) >= _MOST, np.copysign(np.inf, forces), forces),
+    )
+
+
 class ContactDetector(Remade, Summarized):
     """Detection of contact by what the drives feel: positions of winches, and torques, currents or tensions.
 
@@ -166,14 +203,11 @@ class ContactDetector(Remade, Summarized):
         self.model = contact_model_of(self.scene)
         self.precision = precision_of(precision)
         self.period, self.measurement_names = self.scene.controller.step, self.model.measurement_names
-        self._fields: Sequence[Field] = contact_fields(self.scene, self.model)
-        self.settings = {field.member: field.values for field in self._fields}
-        sizes = self.model.sizes(len(self.model.finger.winches))
-        self._drives, self._places = sizes["ND"], np.array(self.model.finger.places)
-        nd, nl = self._drives, len(self._places)
-        source = detector_source(self.model, self._fields, self.precision)
-        parts = {"residual": nd, "low": nd, "high": nd, "gain": nd * nl, "threshold": nl, "least": nl, "most": nl}
-        self._c = Compiled(source, self._fields, {"y": sizes["NY"], "u": sizes["NU"]}, parts, "the contact detector")
+        fields, sizes = self.model.fields, self.model.sizes
+        self.settings = {field.member: field.values for field in fields}
+        self._drives = sizes["ND"]
+        source, parts = detector_source(self.model, self.precision), contact_parts(self.model)
+        self._c = Compiled(source, fields, {"y": sizes["NY"], "u": sizes["NU"]}, parts, "the contact detector")
         self._y, self._u = self._c.given
         self._call = self._c.library.cg_step
         self.reset()
@@ -232,20 +266,8 @@ class ContactDetector(Remade, Summarized):
         """
         self._y[:] = vector("measurement", measurement, self._y.size, check=False)
         self._u[:] = 0.0 if u is None else vector("u", u, self._u.size)
-        verdict = Contact(self._call(self._c.address, self._c.input_address, self._c.output_address))
-        found = self._c.found()
-        forces = np.stack([found["least"], found["most"]], axis=1)
-        forces[forces[:, 0] > forces[:, 1]] = np.nan
-        threshold = found["threshold"]
-        return DetectedContact(
-            verdict,
-            found["residual"],
-            np.stack([found["low"], found["high"]], axis=1),
-            self._places,
-            found["gain"].reshape(self._drives, -1, order="F"),
-            np.where(threshold >= _MOST, np.inf, threshold),
-            np.where(np.abs(forces) >= _MOST, np.copysign(np.inf, forces), forces),
-        )
+        self._call(self._c.address, self._c.input_address, self._c.output_address)
+        return detected_contact(self._c.found(), self.model.finger.places)
 
     def save_state(self) -> bytes:
         """Return all that the next step depends on."""
@@ -257,7 +279,3 @@ class ContactDetector(Remade, Summarized):
 
     __getstate__ = save_state
     __setstate__ = restore
-
-
-_MOST = 1e9
-"""``CONTACT_MOST`` of ``c/contact_detector.h`` [N]."""

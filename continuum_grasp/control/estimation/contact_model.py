@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -49,6 +50,8 @@ class ContactModel:
         Parameters of the first member, and of those for each end of an uncertain number.
     groups : tuple of int
         Of each member, what it is uncertain in; -1: the first member.
+    scene : ControlScene
+        The scene.
     """
 
     finger: FreeFinger
@@ -56,13 +59,20 @@ class ContactModel:
     measurement_names: tuple[str, ...]
     members: Array
     groups: tuple[int, ...]
+    scene: ControlScene
+
+    @cached_property
+    def fields(self) -> list[Field]:
+        """Members of ``contact_settings``, the states at the start first."""
+        return _fields(self.scene, self)
 
     @property
     def functions(self) -> list[ca.Function]:
         """All that the C calls."""
         return [self.measured, self.finger.step, self.finger.tension, self.finger.gain]
 
-    def sizes(self, nu: int) -> dict[str, int]:
+    @property
+    def sizes(self) -> dict[str, int]:
         """Dimensions of the C."""
         finger = self.finger
         return {
@@ -73,7 +83,7 @@ class ContactModel:
             "NM": len(self.groups),
             "NG": max(self.groups) + 1,
             "NY": len(self.measurement_names),
-            "NU": nu,
+            "NU": len(finger.winches),
             "NL": len(finger.places),
         }
 
@@ -116,7 +126,7 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
         members += [free.nominal] * 2
         groups += [len(names)] * 2
     measured, labels = _measured(scene.estimator.measured, winches_of(finger.tendon_list, length), scene)
-    return ContactModel(free, measured, labels, np.array(members), tuple(groups))
+    return ContactModel(free, measured, labels, np.array(members), tuple(groups), scene)
 
 
 def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) -> tuple[ca.Function, tuple[str, ...]]:
@@ -147,8 +157,7 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
     return straight_function("contact_measured", given, found), tuple(names)
 
 
-def contact_fields(scene: ControlScene, model: ContactModel) -> list[Field]:
-    """List the members of ``contact_settings`` but for the states at the start, the first of them."""
+def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
     if scene.estimator is None or scene.estimator.contact_detection is None:
         raise InputError("this needs `estimator.contact_detection`", key="estimator.contact_detection")
     asked, period = scene.estimator.contact_detection, scene.controller.step

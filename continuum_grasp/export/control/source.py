@@ -70,7 +70,7 @@ class _Writer:
         found = []
         if self.mpc:
             found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
-            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
+            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter), "TOUCHES": 0}
             sizes["NS"] = 0 if e is None else len(e.sensor_names)
             # Plain C has no vectors: one lane.
             found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
