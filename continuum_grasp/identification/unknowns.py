@@ -195,6 +195,7 @@ def _typical(scene: Scene, name: str) -> float:
         LAG: 0.02,
         DELAY: 0.02,
         "drive_pretension": 1.0,
+        "drive_slack": 1e-3,
         "drive_viscous_friction": 1e-3,
         "drive_coulomb_friction": 1e-3,
     }

@@ -29,6 +29,7 @@ _UNITS = {
     "tendon_series_stiffness": "N/m",
     "drive_time_constant": "s",
     "drive_pretension": "N",
+    "drive_slack": "m",
     "drive_inertia": "kg m2",
     "drive_viscous_friction": "N m s",
     "drive_coulomb_friction": "N m",
