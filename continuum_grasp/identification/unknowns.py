@@ -35,6 +35,7 @@ _POSITIVE = (
     "tendon_axial_stiffness",
     "tendon_series_stiffness",
     "drive_inertia",
+    "softening_curvature",
     LAG,
 )
 """The model divides by these, or means nothing without them; the others may be zero, but not negative."""

@@ -310,6 +310,7 @@ class GraspScene(Value):
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
         finger.check_commands_tensions(where, "grasps")
         finger.check_without_dry_friction(where, "grasps")
+        finger.check_linear(where, "grasps")
         if isinstance(finger.tendons, tuple) and not _are_pair(finger):
             raise ValueError(
                 f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
