@@ -286,6 +286,9 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
         owner, _, key = target.partition("_")
         key = f"drive.{key}" if owner == "drive" and finger.winches else key
         changes = {f"tendons{one}.{key}": value for one in each}
+    elif target.startswith("softening_"):
+        key = {"softening_ratio": "stiffness_ratio", "softening_curvature": "curvature"}[target]
+        changes = {f"softening.{key}": value}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}

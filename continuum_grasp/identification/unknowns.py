@@ -35,6 +35,7 @@ _POSITIVE = (
     "tendon_axial_stiffness",
     "tendon_series_stiffness",
     "drive_inertia",
+    "softening_curvature",
     LAG,
 )
 """The model divides by these, or means nothing without them; the others may be zero, but not negative."""
@@ -195,6 +196,7 @@ def _typical(scene: Scene, name: str) -> float:
         LAG: 0.02,
         DELAY: 0.02,
         "drive_pretension": 1.0,
+        "drive_slack": 1e-3,
         "drive_viscous_friction": 1e-3,
         "drive_coulomb_friction": 1e-3,
     }

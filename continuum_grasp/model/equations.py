@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
 import casadi as ca
@@ -24,12 +24,26 @@ from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_forces import Pulls, TendonForces
+from continuum_grasp.scene.graded_profile import line
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.profile import Curve
 
 _STOP_NODES = 3
 """Points per element at which links may touch [1]: as good as dense ones."""
 _STOP_ROUNDING = 0.005
 """Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
+
+
+@dataclass(frozen=True)
+class _Limit:
+    """A curvature from which on the finger is stiffer or softer."""
+
+    curvature: Curve  # [1/m]
+    signs: tuple[float, ...]  # to which sides
+    rounding: float  # of the corner, per curvature [1]
+    change: Scalar  # of the stiffness beyond it, per that before [1]
+    with_rest: bool  # whether the curvature at rest counts
+    scale: Scalar = 1.0  # of the curvature
 
 
 class Equations:
@@ -296,40 +310,59 @@ class Equations:
 
     @cached_property
     def elastic(self) -> list[Scalar]:
-        """Gradient of the elastic energy, that of stops included; equation (32)."""
+        """Gradient of the elastic energy, that of stops and softening included; equation (32)."""
         bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
-        if self._structure.finger.stops is None:
+        if not self._limits:
             return bent
         total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
         return list(ca.vertsplit(total))
 
+    @cached_property
+    def _limits(self) -> list[_Limit]:
+        """Curvatures from which on the finger is stiffer or softer."""
+        finger, found, runtime = self._structure.finger, list[_Limit](), self._par.is_runtime
+        if finger.stops is not None and finger.stop_curvature is not None:
+            more = finger.stops.stiffness_ratio - 1.0
+            found.append(_Limit(finger.stop_curvature, finger.stops.signs, _STOP_ROUNDING, more, True))
+        if finger.softening is not None:
+            soft = finger.softening
+            less = (self._par["softening_ratio"] if runtime("softening_ratio") else soft.stiffness_ratio) - 1.0
+            at = line(finger.rod.length, soft.curvature)
+            own: Scalar = 1.0
+            if runtime("softening_curvature"):
+                own = self._par["softening_curvature"] / self._par.nominal_of("softening_curvature")
+            found.append(_Limit(at, (1.0, -1.0), soft.rounding, less, False, own))
+        return found
+
     def touching(self) -> list[Array]:
-        """Per element where links may touch: rows of the shapes there, of the rest curvature, of the curvature at which
-        they do [1/m] and of the energy per square beyond it [m]; none without stops.
+        """Per element where links may touch, or the material softens: rows of the shapes there, of the rest curvature,
+        of the curvature at which they do [1/m] and of the energy per square beyond it and change of the stiffness [m].
+
+        None without stops and softening.
         """
-        finger, found = self._structure.finger, list[Array]()
-        limit = finger.stop_curvature
-        if finger.stops is None or limit is None:
-            return found
+        found = list[Array]()
         nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
-        for k, h in enumerate(self._structure.lengths):
+        for k, h in enumerate(self._structure.lengths if self._limits else ()):
             s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
-            extra = 0.5 * (finger.stops.stiffness_ratio - 1.0) * self._structure.mesh.stiffness(s)
-            found.append(np.vstack([self._family.shapes_at(k, s), limit(s), 0.5 * h * weights * extra]))
+            energy = 0.25 * h * weights * self._structure.mesh.stiffness(s)
+            shapes = self._family.shapes_at(k, s)
+            found.append(np.hstack([np.vstack([shapes, limit.curvature(s), energy]) for limit in self._limits]))
         return found
 
     def stop_energy(self, local: Sequence[Scalar], numbers: ca.SX) -> Scalar:
-        """Energy of links that touch on one element [J] of ``touching``, smooth within a share of the curvature."""
-        stops, total = self._structure.finger.stops, ca.SX(0.0)
-        runtime = self._par.is_runtime("rest_curvature")
-        for j in range(numbers.shape[1] if stops is not None else 0):
+        """Energy of links that touch on one element [J], and that which softening takes, of ``touching``."""
+        total, runtime = ca.SX(0.0), self._par.is_runtime("rest_curvature")
+        for j in range(numbers.shape[1]):
+            limit = self._limits[j // _STOP_NODES]
             *shapes, rest, touch, energy = ca.vertsplit(numbers[:, j])
-            kappa = _dot(shapes, local) + (self._par["rest_curvature"] if runtime else rest)
-            rounding = _STOP_ROUNDING * touch
-            for sign in stops.signs if stops is not None else ():
+            kappa, touch = _dot(shapes, local), limit.scale * touch
+            if limit.with_rest:
+                kappa += self._par["rest_curvature"] if runtime else rest
+            rounding = limit.rounding * touch
+            for sign in limit.signs:
                 beyond = sign * kappa - touch
                 share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
-                total += energy * share * share
+                total += limit.change * energy * share * share
         return self._par["bending_stiffness"] * total
 
     @cached_property

@@ -27,8 +27,11 @@ _UNITS = {
     "tendon_presliding": "m",
     "tendon_axial_stiffness": "N",
     "tendon_series_stiffness": "N/m",
+    "softening_curvature": "1/m",
+    "softening_ratio": "1",
     "drive_time_constant": "s",
     "drive_pretension": "N",
+    "drive_slack": "m",
     "drive_inertia": "kg m2",
     "drive_viscous_friction": "N m s",
     "drive_coulomb_friction": "N m",
@@ -86,6 +89,10 @@ class Parameters:
             labels += [f"{tag} [{unit}]" for tag in tags]
         return labels
 
+    def nominal_of(self, name: str) -> float:
+        """Value that the finger has."""
+        return self._nominal[name][0]
+
     def is_runtime(self, name: str) -> bool:
         """Whether a parameter is a run-time argument."""
         return name in self._symbols
@@ -129,6 +136,10 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
             values[f"mass_{k}"] = [mass.mass]
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
+    if finger.softening is not None:
+        values["softening_ratio"] = [finger.softening.stiffness_ratio]
+        if not isinstance(finger.softening.curvature, tuple):
+            values["softening_curvature"] = [finger.softening.curvature]
     for k, branch in enumerate(finger.damping.dry_friction):
         values[f"dry_friction_{k + 1}_stiffness"] = [branch.stiffness]
         values[f"dry_friction_{k + 1}_moment"] = [branch.moment]

@@ -263,7 +263,7 @@ def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters 
             continue
         own = (0, 1) if drive.arrangement == "one_pulley" else (k,)
         given = compliance(tendon, length, parameters)
-        start = _number(drive, "pretension", parameters) * given - drive.slack
+        start = _number(drive, "pretension", parameters) * given - _number(drive, "slack", parameters)
         found.append(Winch(drive, own, start, 1.0 / given, parameters))
     return tuple(found)
 

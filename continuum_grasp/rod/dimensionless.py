@@ -157,6 +157,8 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
     actuation, tensions = scene.actuation, None
+    if scene.finger.softening is not None:
+        raise InputError("the exact rod knows a linear material, and stops: leave it out", key="finger.softening")
     if scene.finger.winches:
         raise InputError(
             "the exact rod knows commanded tensions alone: leave the drive out", key="finger.tendons.drive"

@@ -75,6 +75,21 @@ class Stops(Value):
         return {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[self.side]
 
 
+class Softening(Value):
+    """A material that softens where it is bent far, as superelastic and printed ones do; it unloads as it was loaded.
+
+    The bending moment is EI (k - (1 - ratio) c(k)) of the curvature k above that at rest, where c is k less
+    ``curvature`` beyond it, and rounded off there, to either side alike.
+    """
+
+    curvature: Varying[Annotated[Positive, Unit("1/m")]]
+    """Curvature above that at rest from which on it is softer [1/m], a magnitude, or its values at base and tip."""
+    stiffness_ratio: Annotated[float, Field(ge=0.01, lt=1.0, examples=[0.2]), Unit("1")]
+    """Bending stiffness beyond it per that before it [1]."""
+    rounding: Annotated[float, Field(ge=0.001, le=2.0), Unit("1")] = 0.1
+    """Width of the transition per ``curvature`` [1]."""
+
+
 class PiecewiseCurvature(Value):
     """A rest curvature that is constant between ``breaks``."""
 
@@ -123,6 +138,8 @@ class Finger(Value):
     """A body fastened to the tip; None: none."""
     stops: Stops | None = None
     """Where links of the finger touch; None: nowhere."""
+    softening: Softening | None = None
+    """Where its material softens; None: it is linear."""
     tendons: Tendons | TendonList | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
     itself."""
@@ -304,6 +321,11 @@ class Finger(Value):
                 "out"
             )
 
+    def check_linear(self, key: str, what: str) -> None:
+        """Refuse a material that softens for ``what``, of a finger at ``key``."""
+        if self.softening is not None:
+            raise ValueError(f"{key}.softening: {what} know a linear material alone, and stops; leave it out")
+
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
@@ -312,6 +334,7 @@ class Finger(Value):
             or self.has_dry_friction
             or self.winches
             or self.stops is not None
+            or self.softening is not None
             or self._tip_bears_moments
         )
 
@@ -323,6 +346,7 @@ class Finger(Value):
             "dry friction in bending": self.has_dry_friction,
             f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
             "stops": self.stops is not None,
+            "a material that softens": self.softening is not None,
         }
         return next((word for word, there in why.items() if there), "a body at the tip that turns with it")
 

@@ -340,6 +340,7 @@ class GraspScene(Value):
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
         self._check_drive(setup, where)
         finger.check_without_dry_friction(where, "grasps")
+        finger.check_linear(where, "grasps")
         if isinstance(finger.tendons, tuple) and not _are_pair(finger):
             raise ValueError(
                 f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "

@@ -160,6 +160,8 @@ def _refuse(scene: Scene) -> None:
             "winches and motors are not exported: leave the drive out, so that tensions are commanded",
             key="finger.tendons.drive",
         )
+    if scene.finger.softening is not None:
+        raise InputError("the chain's hinges are linear up to their stops: leave it out", key="finger.softening")
     if scene.finger.has_dry_friction:
         raise InputError(
             "MuJoCo's hinges slide at once, without the bending before that dry friction has here: leave it out",
