@@ -40,8 +40,8 @@ class _Series:
     """Bits of the first guess of 1 / sqrt(x), less half those of x; of the double by M. Robertson, A Brief History of
     InvSqrt (2012)."""
     widest: tuple[float, float]
-    """Arguments at which the exponential is near the least normal number, or infinite for certain; lesser ones are taken
-    for the first, so that what divides by it (friction of tendons) never divides by zero."""
+    """Arguments at which the exponential is near the least normal number, or infinite for certain; lesser ones are
+    taken for the first, so that what divides by it (friction of tendons) never divides by zero."""
     scale: tuple[float, float]
     """What brings a subnormal number up for the square root, and what takes the root down again."""
 
