@@ -303,7 +303,7 @@ def equilibrium_under(
         states = -found.friction_states if not np.any(history) else history
         found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = -np.clip(np.array(model.sliding()(found.q, given, p)).ravel(), -1.0, 1.0)
+        history = -np.clip(_slid(model, found.q), -1.0, 1.0)
         if np.abs(history - states).max() <= _SAME_STATE:
             break
     return found
@@ -313,7 +313,8 @@ def equilibrium_under(
 def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -> list[Equilibrium]:
     """Equilibria while gravity, input and loads grow together.
 
-    Each starts from the one before; where the straight path loses its stability, the buckled one is followed.
+    Each starts from the one before; where the straight path loses its stability, the buckled one is followed. Friction
+    of tendons remembers: it begins with none in the unloaded shape, and factors that fall again let the tendons out.
 
     Parameters
     ----------
@@ -342,11 +343,19 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     u, w, p = signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
     path: list[Equilibrium] = []
-    if model.friction_names:
-        raise InputError("paths of equilibria are of fingers whose tendons have no friction", key="finger.tendons")
+    states = np.zeros(len(model.friction_names))
     for factor in factors:
         scaled = p.copy()
         scaled[gravity] *= factor
-        search = Search(model, factor * u, factor * w, scaled, np.zeros(0))
-        path.append(search.find(path[-1].q if path else search.rest(), True, side))
+        given = model, factor * u, factor * w, scaled
+        q = path[-1].q if path else Search(*given, np.zeros(0)).rest()
+        # A friction state follows the sliding of the step as a stop does.
+        history = np.append(states - _slid(model, q), 1.0) if states.size else states
+        path.append(Search(*given, history).find(q, True, side))
+        states = path[-1].friction_states
     return path
+
+
+def _slid(model: FingerModel, q: Array) -> Array:
+    """Sliding of the tendons since the finger was straight, per presliding."""
+    return np.array(model.sliding()(q, np.zeros(model.nu), model.p_nominal)).ravel()
