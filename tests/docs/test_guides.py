@@ -74,6 +74,8 @@ PLACES = {
     "Damping": "finger.damping.",
     "PointMass": "finger.masses.",
     "Tendons": "finger.tendons.",
+    "LengthDrive": "finger.tendons.drive.",
+    "MotorDrive": "finger.tendons.drive.",
     "BasePose": "finger.base.",
     "PiecewiseCurvature": "finger.rest_curvature.",
     "Actuation": "actuation.",
