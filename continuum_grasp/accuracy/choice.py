@@ -224,7 +224,8 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
 def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
     signals = Signals(true.case.scene, model, true.case.scene.loads)
-    return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], guess=coordinates_near(true.rod, model))
+    u, w, guess = signals.u(0.0)[0], signals.w(0.0)[0], coordinates_near(true.rod, model)
+    return equilibrium_under(model, u, w, guess=guess, reached_by=true.case.scene.initial.reached_by or "pulling")
 
 
 def coordinates_near(rod: Elastica, model: FingerModel) -> Array:

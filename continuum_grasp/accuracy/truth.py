@@ -132,6 +132,8 @@ def load_cases(scene: Scene) -> list[LoadCase]:
     chosen = set(instants[:: max(1, -(-len(instants) // _EVENLY))])
     for value in sampled:
         chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
+    if any(value.times[-1] > end for value in sampled):
+        chosen.add(end)  # between two samples
     found = [LoadCase(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
     if scene.initial.held_by:
         found.append(LoadCase("held", _frozen(scene, 0.0, held=True), rests=False))

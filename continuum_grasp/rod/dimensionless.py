@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.profile import Curve, Profile
@@ -21,6 +23,26 @@ from continuum_grasp.scene.simulate import Scene
 
 _PANELS, _NODES = 8, 16
 """Panels along the rod and their nodes, for means along it: exact to rounding unless a panel tapers to a tenth."""
+
+
+class Cable(NamedTuple):
+    """What makes the tension of a tendon that is wound up."""
+
+    wound: float  # cable from where the straight rod has it just taut [m]
+    arm: float  # of its shape [m]
+    series: float  # elongation per tension between drive and rod [m/N]
+    elongation: float  # along the rod per its length [1/N]
+    to: float  # where it ends, per the rod's length
+
+
+class Tendon(NamedTuple):
+    """The bending moment of a tendon, or of some without friction that run alike."""
+
+    shape: Curve  # along the rod in SI units
+    amplitude: float  # where it has a cable: per newton of its tension
+    friction: float = 0.0  # capstan coefficient [1], negative where it acts the other way
+    conduit_bend: float = 0.0  # [rad]
+    cable: Cable | None = None
 
 
 @dataclass(frozen=True)
@@ -42,16 +64,14 @@ class RodProblem:
     levers: tuple[tuple[float, complex, complex], ...]
     following: tuple[tuple[float, complex], ...]  # that turn with their section: across + i along
     couples: tuple[tuple[float, float], ...]
-    # Moments of tendons: shape along the rod in SI units, amplitude, and capstan coefficient [1], negative for tendons
-    # on the other side; of those without friction that run alike together.
-    drives: tuple[tuple[Curve, float, float], ...]
+    tendons: tuple[Tendon, ...]
     # Curvature from which on links touch, in SI units; signs of the curvatures that are stopped; stiffness added there.
     stops: tuple[Curve, tuple[float, ...], float] | None
 
     @property
     def conservative(self) -> bool:
         """Whether all loads have a potential."""
-        return not self.following and not any(friction for *_, friction in self.drives)
+        return not self.following and not any(tendon.friction for tendon in self.tendons)
 
     @classmethod
     def of(
@@ -64,25 +84,28 @@ class RodProblem:
         following: Sequence[tuple[float, complex]] = (),
         couples: Sequence[tuple[float, float]] = (),
         tensions: Sequence[float] | None = None,
+        wound: Sequence[float] | None = None,
+        released: bool = False,
         marks: Sequence[float] = (),
     ) -> RodProblem:
         """The problem in dimensionless numbers, of SI ones; weights of the finger's bodies are added.
 
         ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``tensions`` [N]
-        are those of the finger's tendons, zero where not given; ``marks`` are further places [m] at which panels are to
-        end.
+        are those of the finger's tendons, zero where not given, or ``wound`` is cable that is wound up [m]; with
+        ``released`` tendons with friction slid back from further bends; ``marks`` are further places [m] at which
+        panels are to end.
         """
         profile, length = finger.profile, finger.profile.length
         mesh = Mesh(panel_edges((0.0, *profile.breaks, length), length / _PANELS), _NODES)
         stiffness = length / float(mesh.weights @ (1.0 / profile.bending_stiffness(mesh.nodes)))
         mass = float(mesh.weights @ profile.linear_density(mesh.nodes))
         force, moment = length**2 / stiffness, length / stiffness
-        drives = [] if tensions is None else _drives(finger, tensions, moment)
+        tendons = _tendons(finger, tensions, wound, moment, -1.0 if released else 1.0)
         carried = [body for body in bodies(finger) if gravity != 0.0]
         dead = [*((body.at, body.mass * gravity) for body in carried), *dead]
         limit, stops = finger.stop_curvature, finger.stops
         places = [*(at for at, _ in (*dead, *following, *couples)), *profile.breaks, *marks]
-        places += [at for shape, *_ in drives for at in shape.breaks]
+        places += [at for tendon in tendons for at in tendon.shape.breaks]
         places += [] if limit is None else limit.breaks
         breaks = with_places((0.0, 1.0), sorted(at / length for at in places))
 
@@ -105,7 +128,7 @@ class RodProblem:
             ),
             following=tuple((placed(at), value * force) for at, value in following if value != 0.0),
             couples=tuple((placed(at), value * moment) for at, value in couples if value != 0.0),
-            drives=tuple(drives),
+            tendons=tuple(tendons),
             stops=None if limit is None or stops is None else (limit, stops.signs, stops.stiffness_ratio - 1.0),
         )
 
@@ -128,19 +151,51 @@ def bodies(finger: Finger) -> list[Body]:
     return found
 
 
-def _drives(finger: Finger, tensions: Sequence[float], scale: float) -> list[tuple[Curve, float, float]]:
+def _tendons(
+    finger: Finger, tensions: Sequence[float] | None, wound: Sequence[float] | None, scale: float, way: float
+) -> list[Tendon]:
     """Moments of the tendons, of those with one shape and without friction together; amplitudes are scaled."""
-    found = []
+    found: list[Tendon] = []
     for channel in finger.channels:
-        pulls = [(arm * tension, arm) for arm, tension in zip(channel.arms, tensions, strict=True)]
-        free = sum(pull for (pull, _), own in zip(pulls, finger.tendon_list, strict=True) if own.friction == 0.0)
+        free = 0.0
+        for k, (arm, own) in enumerate(zip(channel.arms, finger.tendon_list, strict=True)):
+            friction, tension = math.copysign(own.friction, arm) * way, 0.0 if tensions is None else tensions[k]
+            if arm == 0.0:
+                continue
+            if wound is not None and own.axial_stiffness is not None and own.series_stiffness is not None:
+                to = 1.0 if own.to is None else own.to / finger.profile.length
+                cable = Cable(wound[k], arm, 1.0 / own.series_stiffness, 1.0 / own.axial_stiffness, to)
+                found.append(Tendon(channel.shape, arm * scale, friction, own.conduit_bend, cable))
+            elif own.friction == 0.0:
+                free += arm * tension
+            elif tension != 0.0:
+                found.append(Tendon(channel.shape, arm * tension * scale, friction, own.conduit_bend))
         if free != 0.0:
-            found.append((channel.shape, free * scale, 0.0))
-        for (pull, arm), own in zip(pulls, finger.tendon_list, strict=True):
-            if own.friction > 0.0 and pull != 0.0:
-                side = math.copysign(own.friction, arm)
-                found.append((channel.shape, pull * scale, side))
+            found.append(Tendon(channel.shape, free * scale))
     return found
+
+
+def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None, list[float] | None]:
+    """Tensions [N] that motors leave, or cable that winches wind up [m], per tendon."""
+    finger = scene.finger
+    tendons, drives = finger.tendon_list, finger.winches
+    pulley = drives[0].arrangement == "one_pulley"
+    motors = [drive for drive in drives if isinstance(drive, MotorDrive)]
+    if motors:
+        if pulley or motors[0].position_gain is not None:
+            raise InputError(
+                "of motors the exact rod knows torques and currents, per tendon; it knows lengths, too",
+                key="finger.tendons.drive",
+            )
+        torques = [value * (drive.torque_constant or 1.0) for value, drive in zip(commands, motors, strict=True)]
+        return [max(torque / drive.winch_radius, 0.0) for torque, drive in zip(torques, motors, strict=True)], None
+    starts = []
+    for tendon, drive in zip(tendons, [drives[0]] * 2 if pulley else drives, strict=True):
+        length = finger.rod.length if tendon.to is None else tendon.to
+        compliance = 1.0 / (tendon.series_stiffness or 1.0) + length / (tendon.axial_stiffness or 1.0)
+        starts.append(drive.pretension * compliance - drive.slack)
+    lengths = [commands[0], -commands[0]] if pulley else list(commands)
+    return None, [start + length for start, length in zip(starts, lengths, strict=True)]
 
 
 def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
@@ -156,13 +211,17 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
             (following if load.follows else dead).append((load.at, complex(*_at_zero(load.force))))
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
-    actuation, tensions = scene.actuation, None
+    actuation, tensions, wound = scene.actuation, None, None
     if scene.finger.softening is not None:
         raise InputError("the exact rod knows a linear material, and stops: leave it out", key="finger.softening")
-    if scene.finger.winches:
+    if scene.initial.reached_by == "state":
         raise InputError(
-            "the exact rod knows commanded tensions alone: leave the drive out", key="finger.tendons.drive"
+            "the exact rod has no friction cells: reached_by must be pulling or releasing", key="initial.reached_by"
         )
+    if scene.finger.winches:
+        given = () if actuation is None else actuation.given[1]
+        commands = [_at_zero(value)[0] for value in given] or [0.0] * len(scene.finger.winches)
+        tensions, wound = _wound(scene, commands)
     if actuation is not None and actuation.tip_moment is not None:
         couples.append((length, _at_zero(actuation.tip_moment)[0]))
     if actuation is not None and actuation.tensions is not None:
@@ -174,6 +233,8 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         following=following,
         couples=couples,
         tensions=tensions,
+        wound=wound,
+        released=scene.initial.reached_by == "releasing",
     )
 
 

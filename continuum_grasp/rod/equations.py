@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.rod.dense_rod import Mesh
-from continuum_grasp.rod.dimensionless import RodProblem
+from continuum_grasp.rod.dimensionless import RodProblem, Tendon
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -20,6 +20,9 @@ model does."""
 WAY_ROUNDING = 1e-3
 """Bend beyond a place at which a tendon slides one way or the other there [rad]: with a coefficient of 0.4 the tip is
 off by 2e-6 rad."""
+
+CABLE_ROUNDING = 20e-6
+"""Half the length [m] in which a tendon goes from slack to taut: as the finger model does."""
 
 STOP_ROUNDING = 0.005
 """Curvature about that at which links touch, per it [1], over which the stop's law is rounded off: as the finger model
@@ -43,6 +46,9 @@ class RodEquations:
     from s to the tip of t x n, and equilibrium is EI (k - rest) = m (S. S. Antman, 2005, doi:10.1007/0-387-27649-1,
     chapter 4), with EI(s) per that of the problem. The derivative is EI plus a compact operator: but for the scale of
     its rows it is well conditioned on any mesh.
+
+    The tension of a tendon that is wound up by y is what it is longer, (y - integral of e k) rounded off where it is
+    slack, per its compliance c0 + integral of exp(-friction b) / EA.
 
     Where links touch beyond a curvature c, the elastic moment grows by EI added (|k| - c), rounded off. Tendons slid
     from the straight rod on, and each drive changes by the capstan law, by its own friction, negative where the rod
@@ -68,14 +74,21 @@ class RodEquations:
         if problem.stops is not None:
             limit, self._signs, self._added = problem.stops
             self._limit: Array = problem.length * limit(place)
-        self._drives: list[tuple[Array, float]] = []  # moments before friction, and frictions
-        for shape, amplitude, friction in problem.drives:
-            self._drives.append((amplitude * shape(place), friction))
+        # Moments of tendons before friction.
+        self._drives: list[tuple[Array, Tendon]] = [
+            (each.amplitude * each.shape(place), each) for each in problem.tendons
+        ]
         self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
 
     def panel_turns(self) -> Array:
         """Turn of each panel [rad] by tendons, couples and rest curvature, at most: all to one side."""
-        moment = sum((np.abs(drive) for drive, _ in self._drives), np.zeros(self.mesh.size))
+        moment = np.zeros(self.mesh.size)
+        for drive, tendon in self._drives:
+            # What is wound up bends by no more than what leaves the tendon just taut.
+            most = (
+                1.0 if tendon.cable is None else max(tendon.cable.wound, 0.0) / abs(tendon.cable.arm * tendon.amplitude)
+            )
+            moment += most * np.abs(drive)
         for at, couple in self.problem.couples:
             moment += abs(couple) * (self.mesh.nodes < at)
         curvature = np.abs(self.rest) + moment / self.bending_stiffness
@@ -94,7 +107,11 @@ class RodEquations:
         """
         mesh = self.mesh
         functions = [curvature, self.tangents(curvature), 1.0 / self.bending_stiffness, self._density]
-        losses = [abs(friction) * float(np.abs(drive).max()) for drive, friction in self._drives]
+        losses = [
+            abs(tendon.friction) * float(np.abs(self._pull(drive, tendon, curvature)[0]).max(initial=0.0))
+            for drive, tendon in self._drives
+            if tendon.friction
+        ]
         if any(losses):
             way, _ = self._ways(curvature)
             functions.append(sum(losses) * _rounded_size(curvature)[0] * way)
@@ -133,20 +150,64 @@ class RodEquations:
             slope -= np.outer(mesh.backward @ column, row)
         for column, row in swung:
             slope += np.outer(column, row)
-        for drive, friction in self._drives:
-            if friction == 0.0:
-                moment += drive
-                continue
-            size, rate = _rounded_size(curvature)
-            slid, turned = self._ways(curvature)
-            pull = drive * np.exp(-friction * (mesh.forward @ (slid * size)))
+        for drive, tendon in self._drives:
+            pull, rate = self._pull(drive, tendon, curvature)
             moment += pull
-            by_bend = mesh.forward * (slid * rate) + (mesh.forward * (turned * size)) @ mesh.backward
-            slope += (friction * pull)[:, None] * by_bend
+            if rate is not None:
+                slope -= rate
         slope *= share
         _, elastic, stiffness = self._elastic(curvature)
         slope.flat[:: mesh.size + 1] += stiffness
         return Balance(elastic - share * moment, slope, -moment)
+
+    def _pull(self, drive: Array, tendon: Tendon, curvature: Array) -> tuple[Array, Array | None]:
+        """Moment of a tendon, and its derivative; None where it does not depend on the curvature."""
+        share, rate = self._share(tendon, curvature)
+        if tendon.cable is None:
+            return drive * share, None if rate is None else drive[:, None] * rate
+        tension, slope = self._tension(tendon, curvature, share, rate)
+        found = np.outer(drive * share, slope)
+        if rate is not None:
+            found += (tension * drive)[:, None] * rate
+        return tension * drive * share, found
+
+    def _share(self, tendon: Tendon, curvature: Array) -> tuple[Array, Array | None]:
+        """Share of the tension at the drive along the rod, and its derivative; None where it is one."""
+        mesh, friction = self.mesh, tendon.friction
+        if friction == 0.0:
+            return np.ones(mesh.size), None
+        size, rate = _rounded_size(curvature)
+        slid, turned = self._ways(curvature)
+        by_bend = mesh.forward * (slid * rate) + (mesh.forward * (turned * size)) @ mesh.backward
+        bend = mesh.forward @ (slid * size)
+        if tendon.conduit_bend:
+            # It slides there as at the base.
+            whole = float(mesh.weights @ curvature)
+            root = float(np.hypot(whole, WAY_ROUNDING))
+            bend = bend + tendon.conduit_bend * whole / root
+            by_bend = by_bend + (tendon.conduit_bend * WAY_ROUNDING**2 / root**3) * mesh.weights
+        share = np.exp(-friction * bend)
+        return share, (-friction * share)[:, None] * by_bend
+
+    def _tension(self, tendon: Tendon, curvature: Array, share: Array, rate: Array | None) -> tuple[float, Array]:
+        """Tension [N] of a tendon that is wound up, and its derivative."""
+        mesh, length, cable = self.mesh, self.problem.length, tendon.cable
+        if cable is None:
+            raise TypeError("the tension of this tendon is given")
+        drawn = cable.arm * mesh.weights * tendon.shape(length * mesh.nodes)
+        along = length * cable.elongation * mesh.weights * (mesh.nodes < cable.to)
+        compliance = cable.series + float(along @ share)
+        longer, slope, _ = _soft(cable.wound - float(drawn @ curvature))
+        tension = longer / compliance
+        found = -slope / compliance * drawn
+        if rate is not None:
+            found = found - tension / compliance * (along @ rate)
+        return tension, found
+
+    def tensions(self, curvature: Array) -> list[float]:
+        """Tensions [N] of the tendons that are wound up, in their order."""
+        wound = [tendon for _, tendon in self._drives if tendon.cable is not None]
+        return [self._tension(each, curvature, *self._share(each, curvature))[0] for each in wound]
 
     def _ways(self, curvature: Array) -> tuple[Array, Array]:
         """Which way tendons slid, from -1 to 1, and its derivative by the bend beyond."""
@@ -181,6 +242,7 @@ class RodEquations:
     def energy(self, curvature: Array) -> float:
         """Elastic energy less the work that dead forces, couples and actuation do from the base, per EI / L.
 
+        Elongated tendons on winches are among what is elastic.
         What following forces and tendon friction do is not included.
         """
         mesh, problem = self.mesh, self.problem
@@ -191,9 +253,14 @@ class RodEquations:
         for at, lever, weight in problem.levers:
             turned = problem.angle + np.interp(at, mesh.edges, bends)
             work += np.real(np.conj(lever * np.exp(1j * turned)) * weight)
-        for drive, friction in self._drives:
-            if friction == 0.0:
+        for drive, tendon in self._drives:
+            if tendon.friction == 0.0 and tendon.cable is None:
                 work += (mesh.weights * drive) @ curvature
+            elif tendon.friction == 0.0 and tendon.cable is not None:
+                cable, shape = tendon.cable, tendon.shape(problem.length * mesh.nodes)
+                longer = _soft(cable.wound - cable.arm * float((mesh.weights * shape) @ curvature))[2]
+                per_joule = problem.length / problem.stiffness
+                work -= per_joule * longer / (cable.series + problem.length * cable.elongation * cable.to)
         return float(self.elastic_energy(curvature) - work)
 
     @property
@@ -201,6 +268,16 @@ class RodEquations:
         """Potential of dead forces and weight where the whole rod is at the base, per EI / L."""
         force = self.problem.weight + sum(value for _, value in self.problem.dead)
         return float(-np.real(np.conj(force) * self.problem.base) / self.problem.length)
+
+
+def _soft(longer: float) -> tuple[float, float, float]:
+    """Elongation of a tendon [m], none where it is slack, its derivative and its integral [m2]; rounded off."""
+    v = min(max(longer / CABLE_ROUNDING, -1.0), 1.0)
+    inside = CABLE_ROUNDING / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v)))
+    beyond = max(longer - CABLE_ROUNDING, 0.0)
+    slope = (8.0 + v * (12.0 - 4.0 * v * v)) / 16.0
+    whole = CABLE_ROUNDING**2 / 16.0 * (0.8 + v * (3.0 + v * (4.0 + v * (2.0 - 0.2 * v * v))))
+    return inside + beyond, slope, whole + beyond * (CABLE_ROUNDING + 0.5 * beyond)
 
 
 def _rounded_size(curvature: Array) -> tuple[Array, Array]:

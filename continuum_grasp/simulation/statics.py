@@ -303,7 +303,7 @@ def equilibrium_under(
         states = -found.friction_states if not np.any(history) else history
         found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = -np.clip(np.array(model.sliding()(found.q, given, p)).ravel(), -1.0, 1.0)
+        history = -np.clip(_slid(model, found.q), -1.0, 1.0)
         if np.abs(history - states).max() <= _SAME_STATE:
             break
     return found
@@ -314,8 +314,8 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     """Equilibria while gravity, input and loads grow together.
 
     Each starts from the one before; where the straight path loses its stability, the buckled one is followed. Friction,
-    of tendons or in bending, starts from the straight finger at rest and remembers the whole path, so that factors that
-    turn back give loops: friction of each step acts by where the step ends.
+    of tendons or in bending, begins with none in the unloaded shape and remembers the whole path, so that factors that
+    turn back give loops.
 
     Parameters
     ----------
@@ -344,18 +344,14 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     u, w, p = signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
     path: list[Equilibrium] = []
+    states = np.zeros(len(model.friction_names))
     for factor in factors:
         scaled = p.copy()
         scaled[gravity] *= factor
-        search = Search(model, factor * u, factor * w, scaled, _moved_on(model, path[-1] if path else None))
-        path.append(search.find(path[-1].q if path else search.rest(), True, side))
+        given = model, factor * u, factor * w, scaled
+        q = path[-1].q if path else Search(*given, np.zeros(0)).rest()
+        # A friction state follows what slides in the step as a stop does.
+        history = np.append(states - np.ravel(model.sliding()(q, u, scaled)), 1.0) if states.size else states
+        path.append(Search(*given, history).find(q, True, side))
+        states = path[-1].friction_states
     return path
-
-
-def _moved_on(model: FingerModel, last: Equilibrium | None) -> Array:
-    """History of a finger that moves on from an equilibrium, or from straight; empty without friction."""
-    if not model.friction_names:
-        return np.zeros(0)
-    if last is None:
-        return np.append(np.zeros(len(model.friction_names)), 1.0)
-    return np.append(last.friction_states - np.ravel(model.sliding()(last.q, last.u, last.p)), 1.0)

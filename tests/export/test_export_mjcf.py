@@ -229,6 +229,26 @@ def moved(scene, duration):
     return chain
 
 
+@pytest.mark.parametrize(
+    ("arrangement", "lengths"),
+    [("per_tendon", [0.010, -0.0095]), ("per_tendon", [0.008, -0.012]), ("one_pulley", [0.008])],
+)
+def test_cables_that_are_wound_up_hold_the_chain_where_they_hold_the_rod(arrangement, lengths):
+    """At rest, under weight, with both tendons taut or one slack: the tip and the tensions."""
+    changes = {"finger.tendons.friction": 0.0, "actuation": {"lengths": lengths}, "gravity": [0.0, -9.81]}
+    changes |= {"finger.tendons.drive.arrangement": arrangement, "initial.pose": "equilibrium"}
+    scene = cg.load("configs/simulate/winch_loop.yaml", changes)
+    rod = solve_elastica(scene)
+    model = mujoco.MjModel.from_xml_string(cg.export_mjcf(scene, hinges=30).text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, nstep=round(0.5 / model.opt.timestep))
+    mujoco.mj_forward(model, data)
+    assert data.sensordata[:2] == pytest.approx(rod.tip, abs=1e-3 * 0.18)
+    assert np.abs(data.qvel).max() < 1e-3
+    assert data.actuator_force == pytest.approx(rod.equations.tensions(rod.nodal_curvature), abs=0.02)
+
+
 def test_a_finger_comes_to_rest_against_a_disc():
     scene = cg.load("configs/simulate/swing_against_disc.yaml")
     chain = moved(scene, 1.0)
@@ -270,6 +290,7 @@ def test_an_object_falls_and_rests_on_a_wall(shape):
     [
         ("hold_mug", {}, "out_of_plane_gravity"),
         ("tendon_step", {"finger.tendons.friction": 0.1}, "finger.tendons"),
+        ("motor_pulley", {"finger.tendons.friction": 0.0}, "finger.tendons.drive: motors"),
     ],
 )
 def test_what_a_chain_cannot_have_is_refused(config, changes, key):

@@ -9,7 +9,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.simulation import equilibrium_under
+from continuum_grasp.simulation import equilibrium_path, equilibrium_under
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, STIFFNESS, Loaded, bend, finger, model, way
 from tests.truth.tendon import HingedFinger
 
@@ -86,6 +86,23 @@ def test_releasing_leaves_what_is_beyond_the_front_as_it_was():
     middle = (np.arange(24) + 0.5) / 24
     assert np.all(pulled.states[middle < front - 0.05] < -0.99)
     assert np.all(pulled.states[middle > front + 0.05] > 0.5)
+
+
+def test_a_path_of_equilibria_remembers():
+    """Pulled to 20 N in steps, let out to 12 and to 0.3 N; no step matters, as long as they go one way."""
+    given = cg.Scene(
+        finger=cg.Finger(
+            **PASSIVE, tendons=[{"offset": OFFSET, "max_tension": 60.0, "friction": 0.1, "presliding": 1e-6}]
+        ),
+        gravity=(0.0, 0.0),
+        actuation={"tensions": [20.0]},
+        fidelity={"family": "clothoid", "elements": 12},
+    )
+    path = equilibrium_path(given, [0.2, 0.5, 0.8, 1.0, 0.8, 0.6, 0.3, 0.1, 0.015])
+    bends = [bend(found.model, found.q) for found in path]
+    assert bends[3] == pytest.approx(2.58201009, rel=2e-4)
+    assert bends[5] == pytest.approx(1.94506789, rel=2e-4)
+    assert bends[8] == pytest.approx(0.04428778, abs=1e-5)
 
 
 @pytest.mark.parametrize(("friction", "most"), [(0.1, (0.012, 0.006)), (0.3, (0.035, 0.026))])

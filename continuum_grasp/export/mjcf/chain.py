@@ -24,6 +24,8 @@ _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
 _GRID = 4097
 """Places of the table from which the elements' ends are taken: four times as many as the most hinges."""
+_HALVINGS = 20
+"""Bisections for the longest step [1]: to 1e-6 of it."""
 
 
 @dataclass(frozen=True)
@@ -57,22 +59,40 @@ class Links:
         A mode with damping d and stiffness k has the decay time d / k; it is the same in all where the damping goes
         with the stiffness. ``ratio`` is a factor of the stiffness.
         """
-        on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
-        lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
-        turning = (self.inertia + self.mass * self.across**2)[:, None] * on
-        mass = lever.T @ (self.mass[:, None] * lever) + on.T @ turning
-        squares, modes = eigh(np.diag(ratio * self.stiffness), mass)
+        squares, modes = eigh(np.diag(ratio * self.stiffness), self.mass_matrix)
         decay = np.einsum("ka,k,ka->a", modes, self.damping, modes) / squares
         return np.sqrt(squares), decay
 
-    def longest_step(self, ratio: float = 1.0) -> float:
+    @property
+    def mass_matrix(self) -> Array:
+        """That of the straight chain (N, N) [kg m2]."""
+        on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
+        lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
+        turning = (self.inertia + self.mass * self.across**2)[:, None] * on
+        return np.asarray(lever.T @ (self.mass[:, None] * lever) + on.T @ turning)
+
+    def longest_step(self, ratio: float = 1.0, springs: Array | None = None) -> float:
         """Longest stable step [s] of semi-implicit Euler steps with implicit damping, for the straight chain.
 
         The eigenvalues of one step of ``m v' = -d v - k q`` are within the unit circle while
-        ``h^2 k < 4 m + 2 h d``. ``ratio`` is a factor of the stiffness, where stops touch.
+        ``h^2 k < 4 m + 2 h d``. ``ratio`` is a factor of the stiffness, where stops touch; ``springs`` (N, N) is added
+        to it, by taut cables.
         """
         pulsations, decay = self.pulsations(ratio)
-        return float(np.min(decay + np.sqrt(decay**2 + 4.0 / pulsations**2)))
+        longest = float(np.min(decay + np.sqrt(decay**2 + 4.0 / pulsations**2)))
+        if springs is None or not springs.any():
+            return longest
+        # No modes of the damping any more: the same condition, of the matrices.
+        mass, stiffness, least = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs, 0.0
+        for _ in range(_HALVINGS):
+            step = 0.5 * (least + longest)
+            try:
+                np.linalg.cholesky(mass + np.diag(2.0 * step * self.damping) - step**2 * stiffness)
+            except np.linalg.LinAlgError:
+                longest = step
+            else:
+                least = step
+        return least
 
 
 def lump(finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Sequence[float] = ()) -> Links:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp import __version__
 from continuum_grasp.export.mjcf.chain import Links
-from continuum_grasp.export.mjcf.controls import Control
+from continuum_grasp.export.mjcf.controls import Control, drawn_in, offset_at
 from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -104,6 +103,12 @@ def _explanation(
             "Actuators tendon_1, tendon_2, ... take tensions [N]; positive ones pull (gear -1).",
             "Tendons run through sites beside each hinge, at their offset from the backbone.",
         ]
+        if any(control.cable is not None for control in controls):
+            lines[-2:] = [
+                "Actuators tendon_1, tendon_2, ... take cable that is wound up [m], from where it is just taut on the",
+                "straight finger; each pulls by the stiffness of its tendon, or not at all. The length of a tendon is",
+                "how far the hinges draw it in.",
+            ]
     if links.stop is not None:
         lines.append("Tendons stop_1, stop_2, ... are springs with a dead band: stops, where the links touch.")
     lines.append("Keyframe 'start': state and controls of the scene at time zero.")
@@ -150,8 +155,14 @@ def _tendons(
     finger: Finger, links: Links, controls: Sequence[Control], sites: dict[int, list[tuple[str, float, float]]]
 ) -> ET.Element:
     """Tendons and stops; the tendons' sites are added to those of the links."""
-    pulls = [control for control in controls if control.gear is None]
+    pulls = [control for control in controls if control.gear is None and control.cable is None]
     parent = ET.Element("tendon")
+    for j, control in enumerate(one for one in controls if one.cable is not None):
+        # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
+        wound = ET.SubElement(parent, "fixed", name=control.name)
+        for k in range(int(np.sum(links.at < control.at))):
+            arm = drawn_in(finger, j, links.at[k : k + 1])[0]
+            ET.SubElement(wound, "joint", joint=f"hinge_{k + 1}", coef=numbers(arm))
     distances = _distances(finger, links, pulls) if pulls else np.empty(0)
     for j, control in enumerate(pulls):
         passed = int(np.sum(links.at < control.at))
@@ -163,7 +174,7 @@ def _tendons(
         for number, (link, at) in enumerate(places):
             name = f"{control.name}_{number}"
             # A positive moment bends towards -X, where the tendons of a positive arm run.
-            sites.setdefault(link, []).append((name, -_offset(finger, j, at), at))
+            sites.setdefault(link, []).append((name, -offset_at(finger, j, at), at))
             ET.SubElement(tendon, "site", site=name)
     if finger.stops is not None and links.stop is not None:
         for k, bend in enumerate(links.stop):
@@ -176,20 +187,13 @@ def _tendons(
     return parent
 
 
-def _offset(finger: Finger, tendon: int, s: float) -> float:
-    """Distance of a tendon from the backbone at s [m], positive on the -X side."""
-    one = finger.tendon_list[tendon]
-    first, _ = ends(one.offset)
-    return first + one.slope(finger.profile.length) * s
-
-
 def _distances(finger: Finger, links: Links, pulls: Sequence[Control]) -> Array:
     """How far from each hinge the sites of tendons are [m]: far enough that those on the inner side never meet."""
     profile = finger.profile
     found = np.zeros(len(links.at))
     lengths = np.diff(np.concatenate([[0.0], links.at, links.ends[-1:]]))
     for k, at in enumerate(links.at):
-        offsets = [_offset(finger, j, at) if at < pull.at else 0.0 for j, pull in enumerate(pulls)]
+        offsets = [offset_at(finger, j, at) if at < pull.at else 0.0 for j, pull in enumerate(pulls)]
         moments = [e * (pull.limits or (0.0, 0.0))[1] for e, pull in zip(offsets, pulls, strict=True)]
         moment = max(sum(m for m in moments if m > 0.0), -sum(m for m in moments if m < 0.0))
         element = float(links.edges[k + 1] - links.edges[k])
@@ -211,7 +215,10 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
     parent = ET.Element("actuator")
     for control in controls:
         one = ET.SubElement(parent, "general" if control.lag else "motor", name=control.name)
-        if control.gear is None:
+        if control.cable is not None:
+            one.attrib |= {"tendon": control.name, "forcerange": numbers(0.0, _NEVER), "biastype": "affine"}
+            one.set("biasprm", numbers(0.0, -control.cable, 0.0))
+        elif control.gear is None:
             one.attrib |= {"tendon": control.name, "gear": "-1"}
         else:
             one.attrib |= {"site": _site(control), "gear": numbers(*control.gear)}
@@ -221,7 +228,8 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
             one.set("ctrlrange", numbers(*control.limits))
         if control.lag:
             # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
-            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(2.0 * control.lag), "gainprm": "1"}
+            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(2.0 * control.lag)}
+            one.set("gainprm", "1" if control.cable is None else numbers(control.cable))
     return parent
 
 

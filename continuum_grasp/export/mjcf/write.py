@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.mjcf.chain import Links, lump, rounded_step
-from continuum_grasp.export.mjcf.controls import Control, controls_of
+from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
 from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
@@ -138,7 +138,9 @@ def export_mjcf(
             key="hinges",
         )
     pulsations, _ = links.pulsations()
-    longest = _STABLE * links.longest_step(1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio)
+    springs = cable_springs(scene.finger, controls, links.at)
+    ratio = 1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio
+    longest = _STABLE * links.longest_step(ratio, springs)
     step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = tuple(_differences(scene, controls))
@@ -155,9 +157,9 @@ def _refuse(scene: Scene) -> None:
             "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
             key="out_of_plane_gravity",
         )
-    if scene.finger.winches:
+    if any(drive.kind == "motor" for drive in scene.finger.winches):
         raise InputError(
-            "winches and motors are not exported: leave the drive out, so that tensions are commanded",
+            "motors are not exported, which would be hinges of their own: command lengths (kind: length) or tensions",
             key="finger.tendons.drive",
         )
     if scene.finger.softening is not None:
@@ -178,10 +180,13 @@ def _differences(scene: Scene, controls: list[Control]) -> list[str]:
     """What the chain does otherwise."""
     found = []
     if any(one.lag for one in controls):
+        key = "tendons.drive.time_constant" if scene.finger.winches else "tendons.time_constant"
         found.append(
-            "tendons.time_constant: MuJoCo's filter is of first order; it has twice the time constant of the "
-            "critically damped one of second order, which has the same mean delay"
+            f"{key}: MuJoCo's filter is of first order; it has twice the time constant of the critically damped one of "
+            "second order, which has the same mean delay"
         )
+    if any(drive.kind == "length" and drive.rate_max is not None for drive in scene.finger.winches):
+        found.append("tendons.drive.rate_max: the winches are as fast as their lag allows")
     if scene.finger.damping.per_arc:
         found.append("damping.per_arc: spread over the hinges of each element, which damps bends within it too")
     if any(one.varies for one in controls):
