@@ -272,7 +272,7 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
     changes: Mapping[str, Any]
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
         changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
-    elif target in ("material_damping", "per_arc_damping"):
+    elif target in ("material_damping", "per_arc_damping", "quadratic_damping"):
         changes = {f"damping.{target.removesuffix('_damping')}": value}
     elif target.startswith("dry_friction_"):
         number, key = target.removeprefix("dry_friction_").split("_")

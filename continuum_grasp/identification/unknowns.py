@@ -187,6 +187,7 @@ def _typical(scene: Scene, name: str) -> float:
         "rest_curvature": 0.1 / length,
         "material_damping": 0.02 * stiffness * slow,
         "per_arc_damping": 0.02 * stiffness / length * slow,
+        "quadratic_damping": 0.02 * stiffness * slow**2 * length,
         "rotary_inertia": 1e-4 * mass * length**2,
         "tendon_friction": 0.1,
         "tip_body_inertia": 0.01 * mass * length**3,

@@ -10,7 +10,8 @@ and the energy that it stores per length, M^2/k (z clip(z) - clip(z)^2 / 2), fal
 M^2/k (|z| - 1) / time where it slides, which is never negative: no time step aside, friction creates no energy.
 
 Branches go with the stiffness of the section, as the damping of the material does: the curvature at which they slide is
-the same everywhere, and the mean over a cell is weighted by the stiffness.
+the same everywhere, and the mean over a cell is weighted by the stiffness. Damping by the square of the curvature rate,
+which has no state, sees the same means.
 """
 
 from __future__ import annotations
@@ -137,10 +138,13 @@ class BendingFriction:
     @property
     def on_elements(self) -> list[list[Scalar]]:
         """Generalized forces on the local coordinates of every element, against the bending."""
-        total: list[list[Scalar]] = [[0.0] * len(self._family.local(k)) for k in range(self._family.elements)]
         ways = iter(self._ways)
-        for cell in self._cells:
-            moment = sum((limit * next(ways) for _, limit in self.branches), 0.0)
+        return self._of([sum((limit * next(ways) for _, limit in self.branches), 0.0) for _ in self._cells])
+
+    def _of(self, moments: Sequence[Scalar]) -> list[list[Scalar]]:
+        """Generalized forces of a moment on each cell."""
+        total: list[list[Scalar]] = [[0.0] * len(self._family.local(k)) for k in range(self._family.elements)]
+        for cell, moment in zip(self._cells, moments, strict=True):
             _, weights = self._stretched(cell)
             for i, weight in enumerate(weights):
                 if not _is_zero(weight):
@@ -150,8 +154,16 @@ class BendingFriction:
     @property
     def force(self) -> list[Scalar]:
         """Generalized forces on all coordinates, against the bending."""
+        return self._on_all(self.on_elements)
+
+    def quadratic(self, coefficient: Scalar, rates: Sequence[Scalar]) -> list[Scalar]:
+        """Generalized forces, against the bending, of moments by the square of the curvature rate."""
+        means = [self._mean(cell, rates) for cell in self._cells]
+        return self._on_all(self._of([coefficient * (rate * ca.fabs(rate)) for rate in means]))
+
+    def _on_all(self, elements: Sequence[Sequence[Scalar]]) -> list[Scalar]:
         total: list[Scalar] = [0.0] * self._family.size
-        for k, forces in enumerate(self.on_elements):
+        for k, forces in enumerate(elements):
             for a, force in zip(self._family.local(k), forces, strict=True):
                 total[a] += force
         return total

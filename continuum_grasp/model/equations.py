@@ -384,6 +384,9 @@ class Equations:
         """Damping forces, positive against the motion."""
         rates, per_arc = self.full_rates, self._par["per_arc_damping"]
         force = _product(self._family.stiffness(self.lengths), rates, self.viscosity)
+        if self._structure.has_quadratic_damping:
+            quadratic = self.dry_friction.quadratic(self._par["quadratic_damping"], rates)
+            force = [f + g for f, g in zip(force, quadratic, strict=True)]
         if isinstance(per_arc, float) and per_arc == 0.0:
             return force
         # Equation (39): a moment per arc against the rate of its bending angle.

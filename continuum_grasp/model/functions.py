@@ -148,7 +148,7 @@ class Functions(Remade, Summarized):
     internal = named(
         "x u p",
         M=lambda eq: matrix(eq.mass_matrix),
-        # Elastic and damping forces are linear: their slopes are the matrices K and D.
+        # Slopes of elastic and damping forces, which are linear but for stops and quadratic damping.
         K=lambda eq: ca.jacobian(column(eq.elastic[: eq.q.numel()]), eq.q),
         D=lambda eq: ca.jacobian(column(eq.damping[: eq.q.numel()]), eq.qd),
     )

@@ -21,6 +21,7 @@ _UNITS = {
     "rotary_inertia": "kg m",
     "material_damping": "N m2 s",
     "per_arc_damping": "N m s",
+    "quadratic_damping": "N m2 s2",
     "rest_curvature": "1/m",
     "tendon_offset": "m",
     "tendon_friction": "1",
@@ -125,6 +126,7 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
         "rotary_inertia": [1.0 if graded else rod.inertia_per_length],
         "material_damping": [finger.damping.material],
         "per_arc_damping": [finger.damping.per_arc],
+        "quadratic_damping": [finger.damping.quadratic],
         "tip_mass": [sum(m.mass for m in finger.masses if at_tip(m.at, length))],
     }
     if finger.tip_body is not None:

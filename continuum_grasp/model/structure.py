@@ -303,9 +303,14 @@ class Structure:
         return cell_sets(self.family, self.channels, self.finger.tendon_list, runtime)
 
     def _bending_cells(self) -> tuple[BendingCell, ...]:
-        if not self.finger.has_dry_friction:
+        if not (self.finger.has_dry_friction or self.has_quadratic_damping):
             return ()
         return bending_cells(self.family, self.finger.damping.friction_cells)
+
+    @property
+    def has_quadratic_damping(self) -> bool:
+        """Whether damping by the square of the rates is modeled."""
+        return self.finger.damping.quadratic > 0.0 or self.parameters.is_runtime("quadratic_damping")
 
     @property
     def tendon_friction_states(self) -> int:
@@ -322,9 +327,10 @@ class Structure:
         if not self.friction_states:
             return
         if initial.reached_by is None:
+            holds = "dry friction holds" if self.finger.has_dry_friction else "tendons with friction hold"
             raise InputError(
-                f"{'dry friction holds' if self.bending_cells else 'tendons with friction hold'} a finger anywhere "
-                "between two shapes: state how it got there, pulling, releasing, or state with friction_states",
+                f"{holds} a finger anywhere between two shapes: state how it got there, pulling, releasing, or state "
+                "with friction_states",
                 key="initial.reached_by",
             )
         given = initial.friction_states

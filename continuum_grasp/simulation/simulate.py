@@ -153,7 +153,7 @@ class _Run:
         shapes = sample_shapes(self._model, x0[: self._model.n])
         bent = np.tile(x0, (4, 1))
         bent[1:, : self._model.n] = shapes[1:4]
-        radius = max(self._radius(shapes), self._of_contacts(pressed_radius, bent))
+        radius = max(self._radius(shapes, np.zeros_like(shapes)), self._of_contacts(pressed_radius, bent))
         asked = self._time.method
         # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them.
         self._implicit_substeps = self._wanted(self._of_contacts(contact_frequency, bent))
@@ -179,14 +179,16 @@ class _Run:
         if error is None and motion.time_error > plan.tolerance:
             return self._finer(plan, motion), None
         if plan.stable is None:
-            if plan.method == "reference" or self._system is None or not isinstance(error, NumericalError):
+            # At rest an implicit step does not see how springs of contacts and quadratic damping will act.
+            unseen = self._system is not None or self._model.structure.has_quadratic_damping
+            if plan.method == "reference" or not unseen or not isinstance(error, NumericalError):
                 return None, error
             self._implicit_substeps = _FINER * plan.substeps
             finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None
             return finer, error
         # The motion may have reached stiffer shapes than those about the start: look again where it was.
-        shapes = states[:: max(1, len(states) // 12), : self._model.n]
-        radius = max(plan.radius, self._radius(shapes))
+        n, some = self._model.n, states[:: max(1, len(states) // 12)]
+        radius = max(plan.radius, self._radius(some[:, :n], some[:, n : 2 * n]))
         if self._system is not None:
             at = np.arange(len(states)) * self._time.step
             looked = representative_states(self._core, states, self._signals.u(at), self._signals.w(at))
@@ -269,15 +271,16 @@ class _Run:
         """Sub-steps, one more than the most at the most."""
         return max(1, math.ceil(min(radius * self._time.step / TARGET_RADIUS, _MOST_SUBSTEPS + 1)))
 
-    def _radius(self, shapes: Array) -> float:
+    def _radius(self, shapes: Array, rates: Array) -> float:
         """Spectral radius over shapes, at time zero, and over the first of them whenever inputs or loads turn."""
-        finite = shapes[np.all(np.isfinite(shapes), axis=1)]
+        sane = np.all(np.isfinite(shapes) & np.isfinite(rates), axis=1)
+        finite, moving = shapes[sane], rates[sane]
         # Of later instants the start, the straight finger and two random shapes: eigenvalues take their time.
         core, signals, radius = Core(self._model, compiled=False), self._signals, 0.0
         for k, t in enumerate(signals.instants(self._time.duration)):
-            some = finite if k == 0 else finite[:4]
+            some, qd = (finite, moving) if k == 0 else (finite[:4], moving[:4])
             w = signals.w(t)[0, : self._model.nw]
-            radius = max(radius, spectral_radius(core, some, signals.u(t)[0], w, self._p))
+            radius = max(radius, spectral_radius(core, some, signals.u(t)[0], w, self._p, qd))
         return radius
 
     def _of_contacts(self, rate: Callable[[Core, Array, Array, Array, Array], float], states: Array) -> float:

@@ -107,41 +107,43 @@ _POSES = 12
 """Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
 
-def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Array | None = None) -> float:
     """Largest absolute eigenvalue of the linearized motion over shapes (count, n), and of the tendons' lag [1/s].
 
-    Infinite where the model's numbers are not finite. Velocities are left out.
+    Infinite where the model's numbers are not finite. Velocities (count, n) matter to quadratic damping alone.
     """
     model = core.model
+    moving = np.zeros_like(np.atleast_2d(q)) if qd is None else np.atleast_2d(qd)
     if model.structure.own_tendons or model.friction_names:
-        return _radius_of_states(core, np.atleast_2d(q), u, w, p)
+        return _radius_of_states(core, np.atleast_2d(q), moving, u, w, p)
     lags = [channel.time_constant for channel in model.finger.channels if channel.time_constant is not None]
     if "drive_time_constant [s]" in model.p_names:
         lags = [float(p[model.p_names.index("drive_time_constant [s]")])]
     largest = max((1.0 / lag for lag in lags), default=0.0)
-    for shape in np.atleast_2d(q):
+    for shape, rates in zip(np.atleast_2d(q), moving, strict=True):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
-        damping = damping_matrix(core, shape, u, p)
+        damping = damping_matrix(core, shape, u, p, rates)
         if not all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping)):
             return math.inf
         largest = max(largest, float(np.abs(poles(mass, stiffness, damping)).max()))
     return largest
 
 
-def _radius_of_states(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+def _radius_of_states(core: Core, q: Array, qd: Array, u: Array, w: Array, p: Array) -> float:
     """The same of a finger that has friction, or whose tendons are wound up.
 
     With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them slack.
     """
     model, largest = core.model, 0.0
     states = len(model.friction_names)
-    for shape in q:
+    quadratic = model.structure.has_quadratic_damping
+    for shape, rates in zip(q, qd * quadratic, strict=True):
         drives = [model.drives_at(shape, u)]
         if model.structure.winches:
             drives.append(model.drives_at(shape, u, pulled=_TAUT))
         for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,)):
-            x = np.concatenate([shape, np.zeros(model.n), lag, np.full(states, sliding)])
+            x = np.concatenate([shape, rates, lag, np.full(states, sliding)])
             slope = core.linearization(x, u, w, p)[0]
             if not np.all(np.isfinite(slope)):
                 return math.inf
@@ -163,8 +165,13 @@ def in_mass_metric(mass: Array, stiffness: Array) -> tuple[Array, Array, bool]:
     return root, scaled, bool(np.abs(scaled - scaled.T).max() <= 1e-9 * np.abs(scaled).max())
 
 
-def damping_matrix(core: Core, q: Array, u: Array, p: Array) -> Array:
-    """Damping forces per rate of the coordinates (n, n); they are linear in the rates."""
+def damping_matrix(core: Core, q: Array, u: Array, p: Array, qd: Array | None = None) -> Array:
+    """Damping forces per rate of the coordinates (n, n) at rates qd (n,), zero where not given."""
+    if core.model.structure.has_quadratic_damping:
+        x = np.zeros(core.model.nx)
+        x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
+        return np.asarray(core.internal(x, u, p)[2])
+    # Linear in the rates.
     # At rest it is not zero where the tip's curvature moves with the input.
     at_rest = core.damping(q, np.zeros_like(q), u, p)
     return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T

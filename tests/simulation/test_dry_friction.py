@@ -106,7 +106,8 @@ def test_nested_loops_close_and_small_cycles_do_not_ratchet():
 def test_energy_falls_by_what_damping_and_sliding_take(family, elements):
     """d/dt of kinetic, bending and stored energy at random states, sliding ones among them."""
     rod = Rod(length=LENGTH, youngs_modulus=2e6, density=1100.0, sections=[{"to": LENGTH, "diameter": [0.03, 0.015]}])
-    for bent in (finger(material=0.003), finger(material=0.003, rod=rod)):
+    quadratic = {} if elements == 16 else {"damping": {"quadratic": 0.001}}
+    for bent in (finger(material=0.003, **quadratic), finger(material=0.003, rod=rod)):
         model = cg.FingerModel(bent, family=family, elements=elements, tip_force=False)
         x = ca.MX.sym("x", model.nx)
         energy = sum(model.energy(x, [0.0], []))
@@ -143,6 +144,41 @@ def test_a_swing_loses_what_coulomb_friction_takes():
         assert np.all(size > 2 * slack)
         drop = 2.0 * moment / STIFFNESS * (1.0 - 2.0 * slack / (size[:-1] + size[1:]))
         assert size[:-1] - size[1:] == pytest.approx(drop, rel=2e-3)
+
+
+def test_quadratic_damping_takes_more_of_larger_swings():
+    """Small swings of one arc, m x'' + c x'|x'| + k x = 0: (1 + a_1) exp(-a_1) = (1 - a_2) exp(a_2), a = 2 c/m size."""
+    made = scene(
+        finger=finger((), damping={"quadratic": 1e-4}),
+        initial={"q": [0.1]},
+        time={"duration": 0.6, "step": 2e-4, "method": "reference"},
+    )
+    found = cg.simulate(made)
+    model = found.model
+    mass = float(model.mass_matrix([0.0], [0.0], []))
+    rate = 2.0 * float(model.damping([0.0], [1.0], [0.0], [])) / mass
+    swing = found.q[:, 0]
+    size = rate * np.abs(swing[[0, *(np.flatnonzero(np.diff(np.sign(np.diff(swing)))) + 1)]])
+    assert size.size > 6
+    assert (1.0 + size[:-1]) * np.exp(-size[:-1]) == pytest.approx((1.0 - size[1:]) * np.exp(size[1:]), rel=1e-4)
+    assert size[1] / size[0] < size[6] / size[5] - 0.02
+    assert cg.modes(made).damping_ratios == pytest.approx(0.0, abs=1e-12)
+
+
+def test_quadratic_damping_is_resolved_although_the_start_is_at_rest():
+    """Implicit steps that it throws off are made shorter."""
+    tips = {}
+    for method in ("auto", "reference"):
+        made = scene(
+            finger=finger((), damping={"quadratic": 2e-4}),
+            family="clothoid",
+            elements=2,
+            initial={"q": [5.0, 3.0, 0.0]},
+            time={"duration": 0.2, "step": 0.002, "method": method},
+        )
+        tips[method] = cg.simulate(made).tip
+    for tip in tips.values():
+        assert tip == pytest.approx(tips["reference"], abs=1e-3 * LENGTH)
 
 
 def test_slow_motions_follow_the_loop_at_any_rate():
