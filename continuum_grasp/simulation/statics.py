@@ -303,7 +303,7 @@ def equilibrium_under(
         states = -found.friction_states if not np.any(history) else history
         found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = -np.clip(_slid(model, found.q, given), -1.0, 1.0)
+        history = -np.clip(_slid(model, found.q, given, p), -1.0, 1.0)
         if np.abs(history - states).max() <= _SAME_STATE:
             break
     return found
@@ -351,12 +351,12 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         given = model, factor * u, factor * w, scaled
         q = path[-1].q if path else Search(*given, np.zeros(0)).rest()
         # A friction state follows what slides in the step as a stop does.
-        history = np.append(states - _slid(model, q, u), 1.0) if states.size else states
+        history = np.append(states - _slid(model, q, u, scaled), 1.0) if states.size else states
         path.append(Search(*given, history).find(q, True, side))
         states = path[-1].friction_states
     return path
 
 
-def _slid(model: FingerModel, q: Array, u: Array) -> Array:
+def _slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
     """What slid since the finger was straight, per presliding, and its bends above rest, per those that slide."""
-    return np.array(model.sliding()(q, u, model.p_nominal)).ravel()
+    return np.array(model.sliding()(q, u, p)).ravel()
