@@ -12,6 +12,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, stages_of, step_function
@@ -21,7 +22,7 @@ from continuum_grasp.core import compiler as compilers
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene import Fidelity
-from tests.control_cases import hand_scene, rod_scene
+from tests.control_cases import driven_scene, hand_scene, rod_scene
 from tests.export_cases import loop_scene
 from tests.marks import few
 from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
@@ -152,6 +153,32 @@ def test_iterations_of_a_finger_end_at_the_optimum():
     found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
     np.testing.assert_allclose(u, found[1], atol=1e-6 * np.abs(found[1]).max())
     np.testing.assert_allclose(x, found[0], atol=1e-6 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("name", ["winches", "servo"])
+def test_iterations_with_drives_and_tendon_friction_end_at_the_optimum(name):
+    """No better cost is found by single shooting and the search of J. A. Nelder and R. Mead, without derivatives."""
+    cost = {"tip": 2e4, "speed": 0.02, "effort": 50.0, "input_rate": 0.01}
+    s = stages_of(driven_scene(name, controller={"horizon": {"stages": 3, "stage": 0.01}, "cost": cost}))
+    rti = RealTimeIteration(s)
+    x0, refs = np.zeros(s.nx), np.zeros(s.nr)
+    refs[:2] = -0.004, 0.1795
+    converged(rti, x0, refs, 40)
+
+    def total(flat):
+        x, found = ca.DM(x0), 0.0
+        for u in np.reshape(flat, (s.stages, s.nu)):
+            found += float(s.cost(x, u, s.p_nominal, refs, s.weights)[0])
+            x = s.step(x, u, s.p_nominal, s.stage)[0]
+        return found
+
+    ours = rti.plan[1].ravel()
+    assert s.substeps == 1
+    assert np.abs(ours).max() > 1e-4
+    start = 0.8 * ours
+    best = minimize(total, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-14, "maxiter": 3000})
+    assert total(ours) <= best.fun * (1 + 1e-6)
+    np.testing.assert_allclose(ours, best.x, atol=2e-3 * np.abs(ours).max())
 
 
 def test_single_precision_ends_near_the_same():
