@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.model.tendon_friction import clipped
 from continuum_grasp.planning.goal import GoalPart
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.finger import BasePose
@@ -33,11 +32,10 @@ _NEAR_FIRST = 1e-3
 
 @dataclass(frozen=True)
 class Posture:
-    """Coordinates q (n) and input u (nu) at rest, and the friction states of the tendons there."""
+    """Coordinates q (n) and input u (nu) at rest."""
 
     q: Array
     u: Array
-    friction: Array
 
 
 @dataclass(frozen=True)
@@ -75,18 +73,7 @@ def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hi
     found = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
     # A later start has to be clearly better: the first one is nearest.
     _, y = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, found)
-    q = y[:n] * reach
-    return Posture(q, y[n:] * motion.scales.u, _slid(motion, first, q))
-
-
-def _slid(motion: Motion, first: Posture, q: Array) -> Array:
-    """Friction states where a finger bends from the first posture straight to coordinates q."""
-    if not first.friction.size:
-        return first.friction
-    slid = motion.prediction.system.finger_model.sliding()
-    given = np.zeros(motion.prediction.system.nu), motion.prediction.system.p_nominal
-    change = np.array(slid(q, *given) - slid(first.q, *given)).ravel()
-    return np.clip(first.friction + change, -1.0, 1.0)
+    return Posture(y[:n] * reach, y[n:] * motion.scales.u)
 
 
 def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:
@@ -106,11 +93,11 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     model, n, reach = motion.prediction, len(first.q), motion.reach
     y = ca.SX.sym("y", n + motion.nu)
     q, u = y[:n] * ca.DM(reach), y[n:] * ca.DM(motion.scales.u)
-    # A state at rest is affine in q and u, but for motors and friction.
+    # A state at rest is affine in q and u, but for motors.
     base = model.at_rest(np.zeros(n), np.zeros(motion.nu))
     by_q = np.array([model.at_rest(e, np.zeros(motion.nu)) - base for e in np.eye(n)]).T
     by_u = np.array([model.at_rest(np.zeros(n), e) - base for e in np.eye(motion.nu)]).T
-    x = _driven(motion, ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u), q, u, first)
+    x = _driven(motion, ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u), q, u)
     s = x / ca.DM(motion.scales.x)
     if motion.linear:
         s = ca.vertcat(s, y[n:])
@@ -131,23 +118,13 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
 
 
-def _driven(motion: Motion, x: ca.SX, q: ca.SX, u: ca.SX, first: Posture) -> ca.SX:
-    """States with motors and friction as they are where the finger bends from the first posture straight to q."""
+def _driven(motion: Motion, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
+    """States with winches and motors as they are at rest."""
     finger = motion.prediction.system.finger_model
-    x, count = ca.SX(x), len(finger.friction_names)
-    if not finger.structure.winches and not count:
+    if not finger.structure.winches:
         return x
-    inputs = ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel()))
-    history = []
-    if count:
-        slid = finger.sliding()
-        change = slid(q, inputs, finger.p_nominal) - slid(first.q, np.zeros(finger.nu), finger.p_nominal)
-        friction = clipped(ca.SX(ca.DM(first.friction)) + change)
-        x[finger.nx - count : finger.nx] = friction
-        history = [ca.vertcat(friction, 0.0)]
-    if finger.structure.winches:
-        drives = finger.drives_at_rest()(q, inputs, finger.p_nominal, *history)[0]
-        x[2 * finger.n : 2 * finger.n + drives.numel()] = drives
+    drives = finger.drives_at_rest()(q, ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel())), finger.p_nominal)[0]
+    x[2 * finger.n : 2 * finger.n + drives.numel()] = drives
     return x
 
 
@@ -197,8 +174,7 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
     q = first.q + blend * (last.q - first.q) + bump
     qd = (rate * (last.q - first.q) + side * reach * np.pi * np.sin(2.0 * np.pi * tau)) / time
     u = first.u + blend * (last.u - first.u)
-    rows = zip(q, u, strict=True)
-    x = np.array([model.at_rest(at, given, _slid(motion, first, at)) for at, given in rows])
+    x = np.array([model.at_rest(*row) for row in zip(q, u, strict=True)])
     x[:, n : 2 * n] += qd
     x[0] = x0
     return Path(x, u, time)
@@ -206,9 +182,9 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
     """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
-    u, finger = scene.initial_input, model.system.finger_model
+    u, n = scene.initial_input, model.system.finger_model.n
     x = start_state(scene, model, scene.initial, u, scene.loads)
-    return x, Posture(x[: finger.n], np.array(u), x[finger.nx - len(finger.friction_names) : finger.nx])
+    return x, Posture(x[:n], np.array(u))
 
 
 def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None]:
