@@ -18,7 +18,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
@@ -277,6 +277,18 @@ class Prediction(Remade):
         finger = self.system.finger_model
         found = finger.tensions()(x[: finger.nx], ca.SX.zeros(finger.nu), p[: finger.np])[0]
         return self._function("tensions", tensions=found)
+
+    @property
+    def servo_torques(self) -> ca.SX:
+        """Torques that position servos ask for, as shares of what their motors have; none without such servos [1]."""
+        found: list[ca.SX] = []
+        drives = self.scene.finger.winches
+        for k, (drive, at) in enumerate(zip(drives, self.driven if drives else (), strict=True)):
+            if isinstance(drive, MotorDrive) and drive.position_gain is not None:
+                angle, rate = self.x[at.state], self.x[at.state + 1]
+                asked = drive.position_gain * (self.u[k] - angle) - drive.rate_gain * rate
+                found.append(asked / drive.torque_max)
+        return ca.vertcat(ca.SX(0, 1), *found)
 
     # -- states -------------------------------------------------------------------------------------------------------
 

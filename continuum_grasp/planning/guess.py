@@ -66,10 +66,10 @@ def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hi
         np.concatenate([np.full(n, side), np.array(limit) / motion.scales.u])
         for side, limit in zip((-2.0, 2.0), motion.scene.input_limits, strict=True)
     )
-    starts = [Posture(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
+    starts = [(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
     if near is not None:
-        starts = [Posture(_with_bends(motion, first, near.bends), near.u)]
-    points = [np.concatenate([start.q / reach, start.u / motion.scales.u]) for start in starts]
+        starts = [(_with_bends(motion, first, near.bends), near.u)]
+    points = [np.concatenate([q / reach, u / motion.scales.u]) for q, u in starts]
     found = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
     # A later start has to be clearly better: the first one is nearest.
     _, y = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, found)
@@ -93,11 +93,11 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     model, n, reach = motion.prediction, len(first.q), motion.reach
     y = ca.SX.sym("y", n + motion.nu)
     q, u = y[:n] * ca.DM(reach), y[n:] * ca.DM(motion.scales.u)
-    # A state at rest is affine in q and u.
+    # A state at rest is affine in q and u, but for motors.
     base = model.at_rest(np.zeros(n), np.zeros(motion.nu))
     by_q = np.array([model.at_rest(e, np.zeros(motion.nu)) - base for e in np.eye(n)]).T
     by_u = np.array([model.at_rest(np.zeros(n), e) - base for e in np.eye(motion.nu)]).T
-    x = ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u)
+    x = _driven(motion, ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u), q, u)
     s = x / ca.DM(motion.scales.x)
     if motion.linear:
         s = ca.vertcat(s, y[n:])
@@ -116,6 +116,16 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     away = y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])
     residual = ca.vertcat(*errors, rate * (_BALANCE_HELD if held else _BALANCE), _NEAR_FIRST * away)
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
+
+
+def _driven(motion: Motion, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
+    """States with winches and motors as they are at rest."""
+    finger = motion.prediction.system.finger_model
+    if not finger.structure.winches:
+        return x
+    drives = finger.drives_at_rest()(q, ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel())), finger.p_nominal)[0]
+    x[2 * finger.n : 2 * finger.n + drives.numel()] = drives
+    return x
 
 
 def _spring_forces(motion: Motion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:

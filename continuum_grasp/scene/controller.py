@@ -107,7 +107,7 @@ Range = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
 class InputLimits(Value):
-    """Limits of the input; tensions, torques and currents are limited by ``finger.tendons`` alone."""
+    """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
 
     moment_max: Annotated[Positive, Field(examples=[0.3, "0.3 N m"]), Unit("N m")] | None = None
     """Greatest magnitude of the tip moment of a finger without tendons [N m]."""
@@ -115,6 +115,11 @@ class InputLimits(Value):
     """Least and greatest commanded length of every winch [m]; needed for tendons with drive.kind: length."""
     angles: Annotated[Range, Field(examples=[[-1.5, 1.5], ["-90 deg", "90 deg"]]), Unit("rad")] | None = None
     """Least and greatest commanded angle of every drum [rad]; needed for motors with a position_gain."""
+    torques: Annotated[Range, Field(examples=[[-0.01, 0.2]]), Unit("N m")] | None = None
+    """Least and greatest commanded torque of every motor [N m]; None: torque_max of its drive both ways. A motor with
+    one tendon needs no more against it than its dry friction."""
+    currents: Annotated[Range, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
+    """The same as currents, of motors with a torque_constant [A]."""
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
@@ -127,17 +132,18 @@ class InputLimits(Value):
         for name in ("moment_max", "time_constant"):
             if finger.tendons is not None and getattr(self, name) is not None:
                 raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
-        self._check_ranges(finger.input_key, key)
+        self._check_ranges(finger, key)
         lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
         if any(lagging) and not all(lagging):
             raise ValueError(
                 f"finger.tendons[{lagging.index(False)}].time_constant is needed: under control all tendons lag or none"
             )
 
-    def _check_ranges(self, taken: str, key: str) -> None:
-        for name in ("lengths", "angles"):
+    def _check_ranges(self, finger: Finger, key: str) -> None:
+        taken = finger.input_key
+        for name in ("lengths", "angles", "torques", "currents"):
             given = getattr(self, name)
-            if name == taken and given is None:
+            if name == taken and given is None and name in ("lengths", "angles"):
                 raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
             if given is None:
                 continue
@@ -145,6 +151,9 @@ class InputLimits(Value):
                 raise ValueError(f"{key}.{name} is not what this finger takes, which is {taken.replace('_', ' ')}")
             if given[0] >= given[1]:
                 raise ValueError(f"{key}.{name}: the least, {given[0]}, must be below the greatest, {given[1]}")
+            most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)
+            if max(map(abs, given)) > most:
+                raise ValueError(f"{key}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
 
     def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each input, in its unit."""
@@ -153,7 +162,7 @@ class InputLimits(Value):
             return (-most,), (most,)
         if not finger.winches:
             return finger.tension_limits
-        given = self.lengths or self.angles
+        given = self.lengths or self.angles or self.torques or self.currents
         ranges = [given or (-(drive.limit or 0.0), drive.limit or 0.0) for drive in finger.winches]
         return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
 

@@ -149,3 +149,18 @@ def test_a_moment_lifts_the_rod():
     found = checked(run("nitinol_moment", 1.2))
     assert found.tip[0, 1] == pytest.approx(-0.28, abs=0.02)
     assert np.linalg.norm(found.tip[-10:] - found.tip_reference[-10:], axis=1).max() < 0.015
+
+
+def test_winches_follow_although_tendons_rub_half_as_much_again():
+    found = checked(run("winches", 1.0))
+    assert found.scene.plant.tendon_friction == pytest.approx(1.5 * found.scene.finger.tendon_friction)
+    error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
+    assert error.max() < 0.012
+    assert "tripped" not in found.health
+
+
+def test_a_servo_turns_the_tip_to_its_angle_and_holds_it():
+    found = checked(run("motor_servo", 1.0))
+    angle = [name.startswith("tip_angle") for name in found.r_names].index(True)
+    error = found.tracked[:, angle] - found.r[:, angle]
+    assert np.abs(error[60:]).max() < 0.03

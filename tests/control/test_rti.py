@@ -12,6 +12,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, stages_of, step_function
@@ -21,7 +22,7 @@ from continuum_grasp.core import compiler as compilers
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene import Fidelity
-from tests.control_cases import hand_scene, rod_scene
+from tests.control_cases import driven_scene, hand_scene, rod_scene
 from tests.export_cases import loop_scene
 from tests.marks import few
 from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
@@ -154,6 +155,32 @@ def test_iterations_of_a_finger_end_at_the_optimum():
     np.testing.assert_allclose(x, found[0], atol=1e-6 * np.abs(found[0]).max())
 
 
+@pytest.mark.parametrize("name", ["winches", "servo"])
+def test_iterations_with_drives_and_tendon_friction_end_at_the_optimum(name):
+    """No better cost is found by single shooting and the search of J. A. Nelder and R. Mead, without derivatives."""
+    cost = {"tip": 2e4, "speed": 0.02, "effort": 50.0, "input_rate": 0.01}
+    s = stages_of(driven_scene(name, controller={"horizon": {"stages": 3, "stage": 0.01}, "cost": cost}))
+    rti = RealTimeIteration(s)
+    x0, refs = np.zeros(s.nx), np.zeros(s.nr)
+    refs[:2] = -0.004, 0.1795
+    converged(rti, x0, refs, 40)
+
+    def total(flat):
+        x, found = ca.DM(x0), 0.0
+        for u in np.reshape(flat, (s.stages, s.nu)):
+            found += float(s.cost(x, u, s.p_nominal, refs, s.weights)[0])
+            x = s.step(x, u, s.p_nominal, s.stage)[0]
+        return found
+
+    ours = rti.plan[1].ravel()
+    assert s.substeps == 1
+    assert np.abs(ours).max() > 1e-4
+    start = 0.8 * ours
+    best = minimize(total, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-14, "maxiter": 3000})
+    assert total(ours) <= best.fun * (1 + 1e-6)
+    np.testing.assert_allclose(ours, best.x, atol=2e-3 * np.abs(ours).max())
+
+
 def test_single_precision_ends_near_the_same():
     for precision in ("double", "float"):
         converged(shared(precision), START, REFS)
@@ -174,18 +201,21 @@ def test_lanes_change_nothing_but_rounding():
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
-def test_products_over_what_differs_from_zero_are_those_of_loops(substeps):
+def test_products_over_what_differs_from_zero_are_those_of_loops(substeps, monkeypatch):
     """Drives with lag and limited rates: many entries of the Jacobian are zero, some states are read by none."""
     problem = replace(stages_of(hand_scene(fidelity=Fidelity(family="arc", elements=2))), substeps=substeps)
     plans = []
-    for lanes in (False, True):
+    for lanes, loops in ((False, False), (True, False), (True, True)):
+        if loops:
+            monkeypatch.setattr("continuum_grasp.control.rti.source.row_products", lambda stages: "")
         rti = RealTimeIteration(problem, lanes=lanes)
-        assert ("RTI_UNROLLED_CONGRUENCE 1" in iteration_source(problem, lanes=lanes)) is not lanes
+        assert ("RTI_UNROLLED_CONGRUENCE 1" in iteration_source(problem, lanes=lanes)) is not loops
         rti.reset(np.zeros(problem.nx), problem.u_min)
         for _ in range(4):
             rti.step(np.full(problem.nx, 0.1), np.full(problem.nr, 0.05))
         plans.append(np.concatenate([part.ravel() for part in (*rti.plan, *(rti.qp()[name] for name in "AB"))]))
-    np.testing.assert_allclose(plans[0], plans[1], rtol=1e-6, atol=1e-8 * np.abs(plans[1]).max())
+    for plan in plans[:2]:
+        np.testing.assert_allclose(plan, plans[2], rtol=1e-6, atol=1e-8 * np.abs(plans[2]).max())
 
 
 # ---- the plan ----

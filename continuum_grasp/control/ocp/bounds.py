@@ -76,7 +76,7 @@ def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
 
 
 def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
-    """List the rows of the state alone: curvatures, bending rates, and distances from zones."""
+    """List the rows of the state alone: curvatures, bending rates, tensions under winches, and distances from zones."""
     found = BoundedRows()
     penalty = _penalty(bounds.penalty)
     given = (model.x, model.u, model.p)
@@ -90,6 +90,11 @@ def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
         rate = model.bending_rate(*given)
         names = [f"bending_rate_{k + 1}" for k in range(rate.numel())]
         found.add(names, rate / bounds.speed, -1.0, 1.0, penalty)
+    if model.scene.finger.winches:
+        # What drives leave, not an input: where the model has a higher tension than allowed, the plan must lower it.
+        most = model.scene.finger.tension_limits[1]
+        names = [f"tension_{k + 1}" for k in range(len(most))]
+        found.add(names, model.tensions(*given) / ca.DM(most), -ABSENT, 1.0, penalty)
     _add_zones(found, bounds, model)
     return found
 

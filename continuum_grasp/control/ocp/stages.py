@@ -175,6 +175,9 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     if limits.rate_max is not None and change is not None:
         # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
         bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
+    # A servo that saturates moves within milliseconds, which a stage does not resolve: plans do without.
+    torque = model.servo_torques
+    bounded.add([f"torque_{k + 1}" for k in range(torque.numel())], torque, -1.0, 1.0, HARD)
     rows = function("rows", "c", bounded.column)
     dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
     u_min, u_max = (np.array(limit) for limit in scene.input_limits)
