@@ -55,7 +55,9 @@ def scene(
     )
 
 
-def plant(friction, *, stiffness=1.0, dry=1.0, payload=0.0, pushed=None, hinges=20, time_step=5e-4) -> ServoedChain:
+def plant(
+    friction, *, stiffness=1.0, dry=1.0, payload=0.0, pushed=None, hinges=20, time_step=5e-4, **motor
+) -> ServoedChain:
     """A chain of guides on its motor, other than the detector knows it by factors and a payload [kg]."""
     chain = MovingFinger(
         LENGTH,
@@ -68,14 +70,14 @@ def plant(friction, *, stiffness=1.0, dry=1.0, payload=0.0, pushed=None, hinges=
         tip_mass=0.002 + payload,
         pushed=pushed,
     )
-    return ServoedChain(chain, 0.0, dry=2e-3 * dry)
+    return ServoedChain(chain, 0.0, dry=2e-3 * dry, **motor)
 
 
 def trial(
-    found: ContactDetector, driven: ServoedChain, *, back=False, speed=0.0, at=0.8, seed=0
+    found: ContactDetector, driven: ServoedChain, *, back=False, speed=0.0, jump=0.0, at=0.8, seed=0
 ) -> list[tuple[float, float, DetectedContact]]:
     """Instants, forces and reports of a finger that is bent, ``back`` a little, and pushed from ``at`` [s] on with
-    ``speed`` [N/s].
+    ``speed`` [N/s], after a ``jump`` [N].
     """
     rng, step = np.random.default_rng(seed), driven.chain.time_step
     found.reset()
@@ -84,7 +86,7 @@ def trial(
     for k in range(1, round(1.2 / step) + 1):
         t = k * step
         turned = (1.0 + over) * t / 0.4 if t < 0.4 else 1.0 + over * max(0.0, 1.0 - (t - 0.4) / 0.2)
-        force = speed * max(0.0, t - at)
+        force = (jump + speed * (t - at)) if t > at else 0.0
         driven.advance(0.8 * turned, force)
         if k % round(found.period / step) == 0:
             rows.append((t, force, found.step(driven.readings(STEP, NOISE, rng))))

@@ -79,10 +79,20 @@ def test_a_push_is_detected_early(pushed, back, speed):
     threshold = before[-1].threshold[place]
     detected = next(t for t, force, feels in rows if force != 0.0 and feels.detected)
     assert detected <= next(t for t, force, _ in rows if abs(force) > 3.0 * threshold) + 0.05
-    # Where it is cannot be told, and what it is only where it is supposed to be there.
+    # Where it is cannot be seen; how strong, within an interval for each place.
     strong = [(force, feels) for _, force, feels in rows if threshold < abs(force) < 3.0 * threshold]
     assert all(feels.place is None for _, feels in strong)
     assert all(feels.forces[place, 0] - 0.005 < force < feels.forces[place, 1] + 0.005 for force, feels in strong)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_blow_is_detected_in_time(way):
+    """Three times the threshold at once, and as the loop of friction is widest: within 50 ms."""
+    own = detector(0.3, coulomb_friction=0.1, bending_stiffness=0.02, tendon_friction=0.1)
+    calm = trial(own, plant(0.3), back=True, at=9.0)
+    threshold = next(feels for t, _, feels in calm if t > 0.795).threshold[1]
+    rows = trial(own, plant(0.3), back=True, jump=3.0 * way * threshold)
+    assert next(t for t, force, feels in rows if force and feels.detected) <= 0.8 + 0.05
 
 
 @pytest.mark.parametrize(
