@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.control.rti.source import load_library
 from continuum_grasp.core.call import pointer
 from continuum_grasp.core.source import filled, generated, template
 from continuum_grasp.errors import NumericalError
@@ -27,8 +28,6 @@ class ChainIntegration(Remade):
     compiled = True
 
     def __init__(self, model: PlantModel) -> None:
-        from continuum_grasp.control.rti.source import load_library
-
         if not isinstance(model.system, ChainSystem):
             raise TypeError("the plant is no chain of guides")
         self._model, self._system = model, model.system

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -182,3 +184,90 @@ def test_guides_have_no_elements_and_no_presliding():
     for other in ({"fidelity": {"elements": 4}}, {"presliding": 1e-5}):
         with pytest.raises(ValueError, match="guides"):
             scene({**MOVING, "tendons": PAIR}, {"guides": 20, **other})
+
+
+def wound(guides, friction, finger=STILL, tendons=single, **drive):
+    """A plant of guides whose tendons are wound up by lengths."""
+    own = {"kind": "length", "time_constant": 0.02, **drive}
+    cable = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5, "drive": own}
+    given = tendons(friction)
+    given = [one | cable for one in given] if isinstance(given, list) else given | cable
+    asked = {
+        "horizon": {"stages": 5},
+        "cost": {"tip": {"running": 1.0}, "effort": 1.0},
+        "input": {"lengths": [-0.02, 0.02]},
+    }
+    damping = finger.get("damping", {"material": 1e-12})
+    made = Chain.__new__(Chain)
+    made.model = PlantModel(
+        scene({**finger, "damping": damping, "tendons": given}, {"guides": guides}, controller=asked)
+    )
+    made.steps, made.x, made.n = ChainIntegration(made.model), made.model.start, guides
+    return made
+
+
+def test_a_winch_has_the_tension_of_the_closed_form():
+    chain = wound(40, 0.1)
+    for length in np.linspace(0.0005, 13.8255721e-3, 28):
+        chain.go([length], 20.0)  # the servo must not overshoot, which friction would remember
+    read = chain.model.function("t", t=chain.model.tensions)
+    tension = float(np.array(read(chain.x, [0.0], chain.model.forces(0.0)[0])).item())
+    assert tension == pytest.approx(20.0, rel=1e-3)
+
+
+def test_the_work_of_winches_is_found_again():
+    """In motion, elasticity, damping, and what slides at the capstan limit; the less so the longer the steps."""
+    missing = []
+    for parts in (4, 16):
+        n, h = 12, LENGTH / 12
+        chain = wound(n, 0.2, MOVING, pair, pretension=3.0)
+        read = chain.model.function("t", t=chain.model.tensions)
+        names = chain.model.x_names
+        lengths = [names.index(f"length_{k} [m]") for k in (1, 2)]
+        pieces = np.append(np.full(n - 1, h), 0.5 * h) / 1e4
+        first = 0.5 * h / 1e4 + 3e-5
+        stiffness = STIFFNESS / h
+
+        def tensions(x, chain=chain, read=read, n=n):
+            base = np.array(read(x, [0.0, 0.0], chain.model.forces(0.0)[0])).ravel()
+            along = x[2 * n : 2 * n + 2 * (n + 1)].reshape(2, n + 1)[:, :n]
+            return np.hstack([base[:, None], along])
+
+        def energy(x, tensions=tensions, pieces=pieces, first=first, stiffness=stiffness, n=n):
+            t, b, v = tensions(x), x[:n], x[n : 2 * n]
+            angle, spin = np.cumsum(b), np.cumsum(v)
+            lengths = np.append(np.full(n - 1, LENGTH / n), 0.5 * LENGTH / n)
+            steps = np.stack([-np.cos(angle), -np.sin(angle)]) * (lengths * spin)
+            ends = np.cumsum(steps, axis=1)
+            before = ends - steps
+            # Of a bar whose velocity is linear along it.
+            square = (before**2 + before * ends + ends**2).sum(axis=0) / 3.0
+            moving = 0.5 * (0.034 * lengths * square).sum() + 0.5 * 0.002 * (ends[:, -1] ** 2).sum()
+            stretched = 0.5 * (first * t[:, 0] ** 2).sum() + 0.5 * (pieces * t[:, 1:] ** 2).sum()
+            return moving + 0.5 * stiffness * (b**2).sum() + stretched
+
+        def slid(x, tensions=tensions, pieces=pieces, n=n):
+            t, b = tensions(x), x[:n]
+            beyond = np.cumsum(b[::-1])[::-1] - 0.5 * b
+            elongated = np.cumsum((pieces * t[:, 1:])[:, ::-1], axis=1)[:, ::-1]
+            return np.array([[1.0], [-1.0]]) * OFFSET * beyond + elongated
+
+        rows = [chain.x]
+        for k in range(60):
+            u = 0.004 * np.sin(0.15 * k)
+            rows += list(chain.steps.advance(rows[-1], np.array([u, -u]), 0.0, 2e-3, 2 * parts)[1:])
+        work = lost = 0.0
+        for a, b in pairwise(rows):
+            ta, tb = tensions(a), tensions(b)
+            work += float(0.5 * (ta[:, 0] + tb[:, 0]) @ (b[lengths] - a[lengths]))
+            drop = 0.5 * ((ta[:, :-1] - ta[:, 1:]) + (tb[:, :-1] - tb[:, 1:]))
+            slid_away = float((drop * (slid(b) - slid(a))).sum())
+            assert slid_away > -1e-7
+            lost += slid_away + 2e-3 / (2 * parts) * float(
+                0.5 * 3e-5 / h * (a[n : 2 * n] ** 2 + b[n : 2 * n] ** 2).sum()
+            )
+        assert work > 5e-3
+        assert lost > 0.1 * work
+        missing.append(abs(energy(rows[-1]) - energy(rows[0]) + lost - work) / work)
+    assert missing[1] < 0.01
+    assert missing[1] < 0.6 * missing[0]

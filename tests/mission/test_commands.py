@@ -1,0 +1,74 @@
+"""Commands of drives for the tensions of a grasp, against lengths of arcs and compliances by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.mission import trials
+from continuum_grasp.mission.commands import Commands, check_commands
+from continuum_grasp.scene.mission import Trials
+
+LENGTH, OFFSET, CABLE = 0.18, 0.005, {"axial_stiffness": 1e4, "series_stiffness": 2e4}
+S = np.linspace(0.0, LENGTH, 2001)
+BEND = 1.5
+
+
+def finger(friction=0.0, **drive):
+    own = {"offset": OFFSET, "max_tension": 60.0, "friction": friction}
+    return cg.Finger(
+        rod={"length": LENGTH, "linear_density": 0.034, "bending_stiffness": 6.11e-3},
+        tendons=own | (CABLE | {"drive": drive} if drive else {}),
+    )
+
+
+def test_tensions_are_their_own_commands():
+    assert Commands(finger(), S).of([20.0, 2.0], BEND * S / LENGTH) == pytest.approx([20.0, 2.0])
+
+
+def test_winches_wind_up_the_path_of_an_arc_and_its_elongation():
+    found = Commands(finger(kind="length", time_constant=0.02, pretension=3.0), S).of([20.0, 2.0], BEND * S / LENGTH)
+    give = 1.0 / 2e4 + LENGTH / 1e4
+    assert found == pytest.approx([OFFSET * BEND + give * 17.0, -OFFSET * BEND - give * 1.0])
+
+
+def test_friction_leaves_less_of_a_tension_to_elongate():
+    mu = 0.3
+    found = Commands(finger(mu, kind="length", time_constant=0.02), S).of([20.0, 2.0], BEND * S / LENGTH)
+    # The mean of exp(-mu bend) along an arc; what is let out has more tension at its end.
+    pulled, let_out = ((1.0 - np.exp(-sign * mu * BEND)) / (sign * mu * BEND) for sign in (1.0, -1.0))
+    expected = [OFFSET * BEND + 20.0 * (5e-5 + 1.8e-5 * pulled), -OFFSET * BEND + 2.0 * (5e-5 + 1.8e-5 * let_out)]
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_servo_turns_further_by_its_torque():
+    drive = {"kind": "motor", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.5, "position_gain": 2.0}
+    found = Commands(finger(**drive, arrangement="one_pulley", pretension=3.0), S).of([20.0, 0.0], BEND * S / LENGTH)
+    give = 1.0 / 2e4 + LENGTH / 1e4
+    # The second tendon is slack: 20 N are more than twice the pretension.
+    assert found == pytest.approx([(OFFSET * BEND + give * 17.0) / 0.008 + 0.008 * 20.0 / 2.0])
+
+
+def test_torques_are_no_commands_of_a_mission():
+    drive = {"kind": "motor", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.5}
+    with pytest.raises(cg.InputError, match="torques") as error:
+        check_commands(finger(**drive), "tendons.drive")
+    assert error.value.key == "tendons.drive"
+
+
+def test_friction_of_tendons_is_drawn_beside_what_was_drawn_before():
+    plain, with_friction = (trials.variations(Trials(count=50, tendon_friction=reach)) for reach in (0.0, 0.5))
+    drawn = np.array([one.tendon_friction for one in with_friction])
+    assert np.all(np.array([one.tendon_friction for one in plain]) == 1.0)
+    assert 0.5 <= drawn.min() < 0.6
+    assert 1.4 < drawn.max() <= 1.5
+    for one, other in zip(plain, with_friction, strict=True):
+        assert (one.stiffness, one.damping, one.mass, one.friction, one.shift, one.seed) == (
+            other.stiffness,
+            other.damping,
+            other.mass,
+            other.friction,
+            other.shift,
+            other.seed,
+        )
