@@ -342,8 +342,8 @@ def _wound(setup: Any, arrays: Mapping[str, Any]) -> Array:
                 # Mean of an exponential along the cell.
                 mean += share * (1.0 if x == 0.0 else -math.expm1(-x) / x) * h / count
                 share *= math.exp(-x)
-        stretch = 1.0 / tendon.series_stiffness + mean / tendon.axial_stiffness
-        found.append(side * tendons.offset * turned + stretch * tension)
+        given = 1.0 / tendon.series_stiffness + mean / tendon.axial_stiffness
+        found.append(side * tendons.offset * turned + given * tension)
     return np.array(found)
 
 

@@ -405,6 +405,7 @@ def test_certificate_shares_nothing_with_the_optimizer():
     own = {
         "certificate",
         "check",
+        "drives",
         "held",
         "model_error",
         "recomputed",

@@ -177,7 +177,7 @@ def test_a_motor_that_is_too_weak_is_the_reason():
     assert reason.limit == pytest.approx((0.2 - 2e-3) / 0.008)
     needed = optimize_grasp(mug(MOTOR)).fingers["finger"].tensions.max()
     assert reason.needed == pytest.approx(needed, rel=1e-3)
-    assert f"torque_max = {0.008 * needed + 2e-3:.3g}" in reason.repair
+    assert f"torque_max = {0.008 * needed + 2e-3:.4g}" in reason.repair
 
 
 @pytest.mark.parametrize("pretension", [2.0, 25.0])

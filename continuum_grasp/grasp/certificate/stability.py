@@ -134,7 +134,7 @@ class _Chain:
             beyond = beyond + np.where(middle < mass.at, mass.mass, 0.0)
         matrix[np.diag_indices(ds.size)] += beyond * (self.tangent @ finger.gravity) * ds
         if finger.wound is not None and finger.wound.law.locks:
-            # What a motion draws in stretches the tendons that pull: a spring on the path.
+            # What a motion draws in elongates the tendons that pull: a spring on the path.
             (channel,) = finger.finger.channels
             arms = abs(channel.arms[0]) * channel.shape(self.edges[:-1])
             path = arms - np.append(arms[1:], 0.0)

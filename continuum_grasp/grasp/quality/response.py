@@ -53,7 +53,7 @@ class GraspResponse:
         self._stiffness = np.zeros((size, size))
         self._jacobian = np.zeros((2 * count, size))
         self._turn_of_normal = np.zeros((count, size))
-        # Difference of the tensions per path drawn in, of tendons that drives hold; infinite where they do not stretch.
+        # Difference of the tensions per path drawn in while drives hold; infinite where tendons do not elongate.
         self._springs = [np.inf if f.wound is None else f.wound.stiffness for f in self._fingers]
         # Change of a tendon's path per its offset, and the work of its tension: with tendon friction, which the motion
         # leaves as it is, the two differ and locked tendons make the system unsymmetric.
