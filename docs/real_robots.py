@@ -128,9 +128,9 @@ def loops(title: str, fit: Fit, where: Path) -> None:
         steps = read_table(where / f"{name}.csv").numbers("motor_steps")
         own = slice(start, start + count)
         start += count
-        seen, told = np.degrees(fit.measured[own]), np.degrees(fit.predictions[own])
-        wide, model = (width(steps, one) for one in (seen, told))
-        left = np.sqrt(np.mean((seen - told) ** 2)) / wide
+        seen, modeled = np.degrees(fit.measured[own]), np.degrees(fit.predictions[own])
+        wide, model = (width(steps, one) for one in (seen, modeled))
+        left = np.sqrt(np.mean((seen - modeled) ** 2)) / wide
         print(f"{title}, {name}: {wide:.2f} deg wide, predicted {model:.2f}; misfit {100 * left:.0f} % of the width")
 
 
