@@ -1,9 +1,10 @@
-"""The figures of real_robots.md: python docs/real_robots.py [wrist|joints|probe|trunk]."""
+"""The figures of real_robots.md: python docs/real_robots.py [wrist|joints|probe|trunk|pictures]."""
 
 from __future__ import annotations
 
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,34 +43,64 @@ def sections(widths: list[float], gap: float, moments: list[float]) -> list[dict
     return found
 
 
+def scene_c(scene: cg.Scene) -> cg.Scene:
+    """Wrist C: its geometry and its bends at rest, with the material of the scene of wrist A."""
+    plain = cg.Scene(**{name: getattr(scene, name) for name in cg.Scene.model_fields})
+    rest = [2.450, 2.858, 3.035, 3.830]  # deg, means of what was photographed below 0.03 N
+    strain = 0.022  # where nitinol softens; 0.138 and 0.105 mm from the neutral axis at base and tip
+    widths = [1e-3] * 8
+    changes = {
+        "finger.rod": {
+            "length": 0.008,
+            "sections": sections([1e-3] * 4, 1e-3, [8.40e-16, 6.40e-16, 4.76e-16, 3.44e-16]),
+        },
+        "finger.rest_curvature": {
+            "breaks": [1e-3 * k for k in range(1, 8)],
+            "values": [v for angle in rest for v in (np.radians(angle) / 1e-3, 0.0)],
+        },
+        "finger.softening.curvature": [strain / 0.138e-3, strain / 0.105e-3],
+        "finger.stops.curvature": np.radians(37.9) / 1e-3,
+        "finger.tendons.offset": 1.388e-3,
+        "fidelity.elements": widths,
+    }
+    return plain.changed(changes)
+
+
+def bends(name: str, scene: cg.Scene, most: float = 9.0, trial: str | None = None, **keys) -> Poses:
+    """Bends of the notches of a wrist up to a tension [N], of one trial or all."""
+    table = read_table(folder() / "niti_notched_wrist" / f"{name}.csv")
+    if trial is not None:
+        table = table.chosen("trial", (trial,))
+    pull = table.in_si("tension_N", "N")
+    there = (pull >= 0.0) & (pull <= most)
+    notches = 5 if name == "wrist_A" else 4
+    readings = [
+        Reading("bend", table.in_si(f"notch{k + 1}_deg", "rad", "deg")[there], (k + 1) * 0.002, None, k * 0.002)
+        for k in range(notches)
+    ]
+    own = Poses(readings, {"tension_1": pull[there]}, name=f"{name} {trial or ''}".strip(), scene=scene)
+    return replace(own, fitted=np.zeros(own.rows, bool)) if keys.get("held") else own
+
+
 def wrist() -> None:
-    """Wrist A as shipped and below 0.9 N; wrist C by itself, and predicted from A."""
-    where = folder() / "niti_notched_wrist"
-    scene = cg.load(CONFIGS / "notched_wrist.yaml")
-    show("wrist A, all tensions", cg.identify(scene, where / "wrist_A.csv"))
-
-    def poses(name: str, notches: int, pitch: float, most: float, own: cg.Scene | None = None, **keys) -> Poses:
-        table = read_table(where / f"{name}.csv")
-        pull = table.in_si("tension_N", "N")
-        there = pull <= most
-        readings = [
-            Reading("bend", table.in_si(f"notch{k + 1}_deg", "rad", "deg")[there], (k + 1) * pitch, None, k * pitch)
-            for k in range(notches)
-        ]
-        return Poses(readings, {"tension_1": pull[there]}, name=name, scene=own, **keys)
-
-    def scene_c() -> cg.Scene:
-        plain = cg.Scene(**{name: getattr(scene, name) for name in cg.Scene.model_fields})
-        rod = {"length": 0.008, "sections": sections([1e-3] * 4, 1e-3, [8.40e-16, 6.40e-16, 4.76e-16, 3.44e-16])}
-        changes = {"finger.rod": rod, "finger.tendons.offset": 1.388e-3, "fidelity.elements": [1e-3] * 8}
-        return plain.changed(changes)
-
-    a = poses("wrist_A", 5, 0.002, 0.9)
-    show("wrist A below 0.9 N", cg.identify(scene, a, parameters=scene.estimate))
-    c = poses("wrist_C", 4, 0.002, 0.9, scene_c())
-    show("wrist C below 0.9 N", cg.identify(c.scene, c, parameters=scene.estimate))
-    held = poses("wrist_C", 4, 0.002, 0.9, scene_c(), fitted=np.zeros(c.rows, bool))
-    show("wrist C predicted from A", cg.identify(scene, [a, held], parameters=scene.estimate))
+    """Wrist A by both materials; wrist C by itself, and predicted from A; one trial of A from the other."""
+    a = cg.load(CONFIGS / "notched_wrist.yaml")
+    c = scene_c(a)
+    linear = a.changed({"finger.softening": None, "estimate": [{"name": "bending_stiffness"}, a.estimate[1]]})
+    show("wrist A, linear material", cg.identify(linear, bends("wrist_A", linear)))
+    show("wrist A, that softens", cg.identify(a, bends("wrist_A", a)))
+    show("wrist C, that softens", cg.identify(c, bends("wrist_C", c), parameters=a.estimate))
+    for most in (0.9, 9.0):
+        data = [bends("wrist_A", a), bends("wrist_C", c, most, held=True)]
+        show(f"wrist C up to {most} N predicted from A", cg.identify(a, data))
+    factor = [a.estimate[1], a.estimate[2]]
+    known = a.changed({"finger.rod.factors.bending_stiffness": 1.2055})
+    stiffer = c.changed({"finger.rod.factors.bending_stiffness": 1.2055 * 1.07})
+    data = [bends("wrist_A", known), bends("wrist_C", stiffer, held=True)]
+    show("wrist C, 7 % stiffer, predicted from A", cg.identify(known, data, parameters=factor))
+    for one, other in (("1", "2"), ("2", "1")):
+        data = [bends("wrist_A", a, trial=one), bends("wrist_A", a, trial=other, held=True)]
+        show(f"wrist A, trial {other} predicted from trial {one}", cg.identify(a, data))
 
 
 def joints() -> None:
@@ -78,18 +109,72 @@ def joints() -> None:
 
 
 def probe() -> None:
-    """The loop of each motor, and the tip's place over its angle."""
+    """The loop of each motor: bends, and how far the way up and the way down are apart."""
     where = folder() / "tee_probe_hysteresis"
-    files = [where / f"motor1_loop{k}.csv" for k in (1, 2)]
-    show("motor 1", cg.identify(CONFIGS / "probe_loop.yaml", files))
-    other = cg.load(CONFIGS / "probe_loop.yaml", ["data[0].file=motor2_loop1.csv", "data[0].conditions[0].zero=1900"])
-    only = other.model_copy(update={"data": other.data[:1]})
-    show("motor 2", cg.identify(only, where / "motor2_loop1.csv"))
+    fit = cg.identify(CONFIGS / "probe_loop.yaml", [where / f"motor1_loop{k}.csv" for k in (1, 2)])
+    show("motor 1", fit)
+    loops("motor 1", fit, where)
+    changes = ["data[0].file=motor2_loop1.csv", "data[0].conditions[0].zero=1960", "finger.tendons.drive.slack=2 mm"]
+    other = cg.load(CONFIGS / "probe_loop.yaml", changes)
+    fit = cg.identify(other.model_copy(update={"data": other.data[:1]}), where / "motor2_loop1.csv")
+    show("motor 2", fit)
+    loops("motor 2", fit, where)
+
+
+def loops(title: str, fit: Fit, where: Path) -> None:
+    """Mean width of each loop, and the misfit per width."""
+    start = 0
+    for name, count in fit.blocks:
+        steps = read_table(where / f"{name}.csv").numbers("motor_steps")
+        own = slice(start, start + count)
+        start += count
+        seen, modeled = np.degrees(fit.measured[own]), np.degrees(fit.predictions[own])
+        wide, model = (width(steps, one) for one in (seen, modeled))
+        left = np.sqrt(np.mean((seen - modeled) ** 2)) / wide
+        print(f"{title}, {name}: {wide:.2f} deg wide, predicted {model:.2f}; misfit {100 * left:.0f} % of the width")
+
+
+def width(steps: np.ndarray, bend: np.ndarray) -> float:
+    """Mean difference between the way down and the way up at equal steps, 120 steps from the ends."""
+    top, low = int(np.argmax(steps)), int(np.argmin(steps))
+    grid = np.linspace(steps[low] + 120, steps[top] - 120, 60)
+
+    def along(part: slice) -> np.ndarray:
+        order = np.argsort(steps[part])
+        return np.interp(grid, steps[part][order], bend[part][order])
+
+    down, first, last = (along(part) for part in (slice(top, low + 1), slice(0, top + 1), slice(low, None)))
+    return float(np.mean(down - np.where(grid >= steps[-1], first, last)))
 
 
 def trunk() -> None:
     """Releases with 200 g fitted, with 400 g predicted."""
     show("trunk", cg.identify(CONFIGS / "trunk_releases.yaml", folder() / "hose_trunk_release"))
+
+
+def pictures() -> None:
+    """The loops of the probe, and the commands and the fit of the finger on two winches."""
+    from matplotlib.figure import Figure
+
+    from continuum_grasp.identification import design_excitation
+    from continuum_grasp.results.animation import save_picture
+
+    target = Path(__file__).parent / "pictures"
+    where = folder() / "tee_probe_hysteresis"
+    fit = cg.identify(CONFIGS / "probe_loop.yaml", [where / f"motor1_loop{k}.csv" for k in (1, 2)])
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    axes, start = figure.subplots(1, 2, sharey=True), 0
+    for ax, (name, count), title in zip(axes, fit.blocks, ("fitted", "predicted"), strict=True):
+        steps, own = read_table(where / f"{name}.csv").numbers("motor_steps"), slice(start, start + count)
+        start += count
+        ax.plot(steps, np.degrees(fit.measured[own]), color="0.6", linewidth=3.0, label="measured")
+        ax.plot(steps, np.degrees(fit.predictions[own]), color="C0", linewidth=1.2, label=title)
+        ax.set(xlabel="motor steps", title=f"{name}, {title}")
+        ax.legend(frameon=False)
+    axes[0].set_ylabel("bend of the tip [deg]")
+    save_picture(figure, target / "real_robots_loops.png")
+    scene = cg.load(CONFIGS / "winch_finger.yaml")
+    save_picture(design_excitation(scene).plot(), target / "identify_excitation.png")
 
 
 if __name__ == "__main__":

@@ -31,9 +31,9 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 30
 """Of the shares of time of the segments, which settle to a percent in a dozen."""
-_LEAST = {"hold": 0.3, "loop": 1.1, "steps": 0.5, "sweep": 0.5}
+_LEAST = {"hold": 0.3, "loop": 1.1, "steps": 0.5, "sweep": 0.9}
 """Least share of time of a segment, per equal shares [1]: none is left out, since the values at which the information
-is taken are guesses, and a loop must stay slow."""
+is taken are guesses, a loop must stay slow, and a sweep swing."""
 _LESS, _TRIES = 0.85, 12
 """Factor on the commands where the motion that they cause goes beyond a limit [1], and how often."""
 

@@ -34,7 +34,7 @@ _RISE = 2.0
 """Samples in which a step rises [1]."""
 _MIDDLE, _SWING = 0.4, 0.15
 """Command about which a sweep swings, and by how much, per greatest one [1]."""
-_BAND = 0.2, 1.5
+_BAND = 0.5, 1.5
 """Frequencies from which and up to which it goes, per first natural frequency [1]."""
 _NYQUIST = 0.1
 """Greatest frequency times the time between samples [1]."""

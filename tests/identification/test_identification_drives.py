@@ -213,3 +213,33 @@ def test_a_design_needs_readings_of_known_scatter():
     with pytest.raises(InputError, match="deviations cannot be predicted") as error:
         design_excitation(scene)
     assert error.value.key == "data[0].measured[0].sigma"
+
+
+# -- what reads the result --------------------------------------------------------------------------------------------
+
+
+def test_simulation_and_closed_loop_read_what_was_identified(tmp_path):
+    """A pull of commanded tensions with delay: the finger of the fit in a simulation, its delay in the estimator."""
+    tendons = {"offset": OFFSET, "max_tension": 40.0, "time_constant": 0.03}
+    pull = {"times": TIMES, "values": [1.0, 6.0, 2.0, 5.0]}
+    late = {"times": [at + 0.02 for at in TIMES], "values": pull["values"]}
+    scene = cg.Scene(
+        finger=FINGER | {"tendons": tendons},
+        gravity=(0.0, 0.0),
+        fidelity={"family": "clothoid", "elements": 1},
+        actuation={"tensions": [pull, 1.0]},
+        time={"duration": 0.3, "step": 0.005},
+    )
+    true = cg.simulate(scene.changed({"actuation.tensions": [late, 1.0]}))
+    path = TipPath(true.t[1:], true.tip[1:, 0], true.tip[1:, 1])
+    fit = cg.identify(scene, path, parameters=[Estimate(name="drive_time_constant", start=0.02), "drive_delay"])
+    assert fit["drive_delay"] == pytest.approx(0.02, abs=1e-4)
+    file = fit.save(tmp_path) / "identified_finger.yaml"
+    own = scene.changed({"finger": cg.load(file)})
+    assert own.finger.tendons.time_constant == fit["drive_time_constant"]
+    assert cg.simulate(own).tip == pytest.approx(cg.simulate(fit.apply(scene)).tip, abs=1e-9)
+    loop_scene = cg.load("configs/mpc/tip_arc.yaml")
+    applied = fit.apply(loop_scene)
+    assert applied.finger.tendons.time_constant == fit["drive_time_constant"]
+    assert applied.estimator.delay == pytest.approx(0.02)
+    assert cg.Controller(applied).step([0.0, 0.18, 1.0, 1.0]).status is not None

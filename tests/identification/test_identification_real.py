@@ -199,3 +199,37 @@ def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(
     fit = cg.identify(scene, path, parameters=estimates, loss="huber")
     assert fit["bending_stiffness"] == pytest.approx(1.026e-5, rel=0.01)
     assert fit.errors[0].rms == pytest.approx(0.0933, rel=0.01)
+
+
+# -- robots with friction that holds, slack, and materials that soften -------------------------------------------------
+
+
+def test_loops_of_the_probe_have_their_width():
+    """Dry friction and slack: the first loop is fitted, the second predicted."""
+    folder = FOLDER / "tee_probe_hysteresis"
+    if not folder.exists():
+        pytest.skip(f"{folder.name} is not in the folder that {VARIABLE} names, {FOLDER}")
+    files = [folder / f"motor1_loop{k}.csv" for k in (1, 2)]
+    fit = cg.identify(cg.load(CONFIGS / "probe_loop.yaml"), files)
+    # Loops are 8 degrees wide: within 20 % of that.
+    assert math.degrees(fit.errors[0].rms) < 1.6
+    assert math.degrees(fit.holdout_errors[0].rms) < 1.6
+    assert fit.warnings == ()
+
+
+@pytest.mark.slow
+def test_a_superelastic_wrist_fits_where_a_linear_one_does_not():
+    fit = identified("notched_wrist", "niti_notched_wrist/wrist_A.csv")
+    assert math.degrees(fit.errors[0].rms) < 1.0
+    assert 0.15 < fit["tendon_friction"] < 0.2
+    linear = ["finger.softening=null", "estimate=[{name: bending_stiffness}, {name: tendon_friction, start: 0.1}]"]
+    other = identified("notched_wrist", "niti_notched_wrist/wrist_A.csv", *linear)
+    assert math.degrees(other.errors[0].rms) > 2.5
+    assert any("softens where it is bent far" in one for one in other.warnings)
+
+
+def test_joints_soften_alike():
+    fit = identified("spirob_joints", "spirob_joint_static/static_load.csv")
+    assert 0.2 < fit["softening_ratio"] < 0.75
+    assert math.degrees(fit.errors[0].rms) < 1.2
+    assert math.degrees(fit.holdout_errors[0].largest) < 2.0
