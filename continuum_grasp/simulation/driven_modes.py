@@ -1,7 +1,7 @@
 """Small motions of a finger whose tendons have friction or are wound up.
 
 Three limits, between which a motion is: friction acts as it does and the drives are held; the tendons stick to their
-guides, so that each stretch of them elongates with the finger's bend and adds E A e^2 to its stiffness; the drives are
+guides, so that they elongate locally with the finger's bend and add E A e^2 to its stiffness; the drives are
 free to turn, with their inertia. Dry friction of motors is left out.
 """
 
@@ -71,16 +71,16 @@ def _condensed(stiffness: Array, heavy: NDArray[np.bool_]) -> Array:
     """A stiffness without the places that have no inertia, which follow the others."""
     if heavy.all():
         return stiffness
-    kept, light = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, ~heavy)]
+    own, light = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, ~heavy)]
     follow = np.linalg.solve(light, stiffness[np.ix_(~heavy, heavy)])
-    return np.asarray(kept - stiffness[np.ix_(heavy, ~heavy)] @ follow)
+    return np.asarray(own - stiffness[np.ix_(heavy, ~heavy)] @ follow)
 
 
 def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
     """Stiffness of taut tendons: of those with friction as if they were glued to the finger all along."""
     made, total = model.structure, np.zeros((model.n, model.n))
     tensions = np.array(model.tensions()(x, found.u, found.p)[0]).ravel()
-    rubbing = {tendon for cells in made.cell_sets for tendon in cells.tendons}
+    frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}
     for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
         if tension <= _TAUT or tendon.axial_stiffness is None:
             continue
@@ -91,8 +91,8 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
             for s, weights in nodes_of(made.mesh.panels(element, shape, made.mesh.stiffness)):
                 bent = arm * shape(s) * made.family.shapes_at(element, s)[:-1]
                 drawn[local] += bent @ weights
-                if k in rubbing:
+                if k in frictional:
                     total[np.ix_(local, local)] += tendon.axial_stiffness * (bent * weights) @ bent.T
-        if k not in rubbing:
+        if k not in frictional:
             total += np.outer(drawn, drawn) / compliance(tendon, made.length)
     return total

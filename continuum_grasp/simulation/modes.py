@@ -27,10 +27,10 @@ class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
     With friction of the tendons as it acts at rest, and drives that are held. Where tendons with friction are on
-    winches, ``stuck_frequencies_hz`` are those while they stick to their guides: each stretch of a taut tendon
-    elongates with the bend and adds E A e^2 to the finger's stiffness. A motion is between these two; larger ones
-    slide. Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia
-    among the modes, without their dry friction.
+    winches, ``stuck_frequencies_hz`` are those while they stick to their guides: a taut tendon elongates locally with
+    the bend and adds E A e^2 to the finger's stiffness. A motion is between these two; larger ones slide. Where motors
+    turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among the modes,
+    without their dry friction.
 
     Attributes
     ----------
