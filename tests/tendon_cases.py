@@ -29,15 +29,21 @@ def bend(model, q):
 
 
 class Loaded:
-    """A model that is moved from one shape at rest to the next, each with the friction that the way there leaves."""
+    """A model that is moved from one shape at rest to the next, each with the friction that the way there leaves.
 
-    def __init__(self, model):
-        self.model, self.q = model, np.zeros(model.n)
+    Without ``memory`` it is that of tendons that always slide towards their drives.
+    """
+
+    def __init__(self, model, *, memory=True):
+        self.model, self.q, self._memory = model, np.zeros(model.n), memory
         self.states = np.zeros(len(model.friction_names))
         self._slid = np.zeros_like(self.states)
 
     def move(self, tensions, force=(0.0, 0.0)):
-        history, model, q = np.append(self.states - self._slid, 1.0), self.model, self.q
+        model, q = self.model, self.q
+        history = (
+            np.append(self.states - self._slid, 1.0) if self._memory else np.append(np.ones_like(self.states), 0.0)
+        )
         for _ in range(100):
             missing, slope = (np.array(v) for v in model.statics(q, tensions, force, [], history))
             if np.abs(missing).max() < 1e-12:

@@ -47,7 +47,20 @@ def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -
         the finger's length; ``penetration``: greatest depth of a finger in object or walls, as a part of its length;
         ``limit``: tension, strain, bend, lengths and pose beyond their limits.
     """
-    return _Check(scene, arrays, count).worst
+    own = {key: value for key, value in arrays.items() if not key.startswith("held.")}
+    worst = _Check(scene, own, count).worst
+    # With other friction states of the tendons, the tensions being the same: where the object lies is theirs.
+    held = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
+    for k in range(len(held.get("object.pose", ()))):
+        there = {**own, **{key: value[k] for key, value in held.items()}}
+        for setup in scene.setups:
+            worst["limit"] = max(worst["limit"], _let_out(setup, own, there))
+        pose = tuple(float(v) for v in there["object.pose"])
+        lies = scene.object.model_copy(update={"position": pose[:2], "angle": pose[2], "free": None})
+        for key, value in _Check(scene.model_copy(update={"object": lies}), there, count).worst.items():
+            # The reserve of cones is known to 1e-4 there.
+            worst[key] = max(worst[key], 1e-2 * value if key == "cone" else value)
+    return worst
 
 
 class _Check:
@@ -61,6 +74,7 @@ class _Check:
         self.stations = np.asarray(arrays["contact_stations"], dtype=float)
         self.pose = tuple(float(v) for v in arrays["object.pose"])
         self.parts = scene.object.parts
+        self.states = {name: arrays.get(f"{name}.friction_states") for name in scene.named_fingers}
         self.loads = [n * v + f * _across(v) for (n, f, _), v in zip(self.forces, self.normals, strict=True)]
         greatest = float(np.abs(self.forces).max(initial=0.0))
         setups = scene.setups
@@ -208,7 +222,7 @@ class _Check:
         lean = ends - rest
         net = (tensions[0] - tensions[1]) * tendons.offset
         slope = np.zeros(2 * len(lengths))
-        pulled = _tendon_work(tendons, tensions, ends, lengths)
+        pulled = _tendon_work(tendons, tensions, ends, lengths, self.states[setup.name])
         for k, (length, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
             slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - pulled[k, 0]
             slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - pulled[k, 1]
@@ -255,11 +269,11 @@ def _ends(family: str, q: Array, lengths: Array, tip: float) -> Array:
     return np.stack([nodes[:-1], nodes[1:]], axis=1)
 
 
-def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array) -> Array:
+def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array, states: Array | None) -> Array:
     """Work of the tendons' moment with the curvatures at both ends of each element, past guides with friction.
 
-    As in the scene's contract: the tendons slid from the straight finger on, and along a cell of an element the tension
-    is linear.
+    As in the scene's contract: along a cell of an element the tension is linear, and friction acts as ``states`` say,
+    per cell from the base; None: the tendons slid from the straight finger on.
     """
     count, mu = tendons.friction_cells, tendons.friction
     found, loss = np.zeros((len(lengths), 2)), {1: 0.0, -1: 0.0}
@@ -274,7 +288,7 @@ def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array) -> 
             rest = h * (1.0 - u) * (a + (b - a) * 0.5 * (1.0 + u))
             beyond = rest + float((ends[k + 1 :].mean(axis=1) * lengths[k + 1 :]).sum())
             rounding = 1e-3 * h / count / float(lengths.sum())
-            way = min(max(beyond / 1e-3, -1.0), 1.0)
+            way = min(max(beyond / 1e-3, -1.0), 1.0) if states is None else float(states[k * count + c])
             for side, tension in zip((1, -1), tensions, strict=True):
                 x = side * way * mu * turned**2 / math.hypot(turned, rounding)
                 middle = tension * math.exp(-loss[side] - 0.5 * x)
@@ -284,6 +298,53 @@ def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array) -> 
                 mean, lean = 1.0 + x * x / 24.0, x / (12.0 * count)
                 found[k] += moment * np.array([(1.0 - u) * mean + lean, u * mean - lean])
     return found
+
+
+def _let_out(setup: Any, own: Mapping[str, Any], there: Mapping[str, Any]) -> float:
+    """By how much what the drives hold differs between two postures, as a part of the tensions or of the length."""
+    tensions, others = own[f"{setup.name}.tensions"], there[f"{setup.name}.tensions"]
+    tendon = setup.finger.tendon_list[0]
+    drive = tendon.drive
+    gain = getattr(drive, "position_gain", None)
+    if drive is None or (drive.kind == "motor" and gain is None):
+        off = tensions - others
+        if drive is not None and drive.arrangement == "one_pulley":
+            off = np.diff(off)
+        return float(np.abs(off).max() / np.abs(tensions).max())
+    servo = 0.0 if gain is None else drive.winch_radius**2 / gain
+    wound, moved = _wound(setup, own), _wound(setup, there)
+    if drive.arrangement == "per_tendon":
+        wound, moved = wound + servo * tensions, moved + servo * others
+    else:
+        wound, moved = (w - servo * np.diff(t) * [1.0, -1.0] for w, t in ((wound, tensions), (moved, others)))
+    taut = (tensions > 1.0) & (others > 1.0)
+    return float(np.abs(wound - moved)[taut].max(initial=0.0) / setup.finger.rod.length)
+
+
+def _wound(setup: Any, arrays: Mapping[str, Any]) -> Array:
+    """Cable wound up of each tendon: its path, and its elongation by the tension that friction leaves [m]."""
+    name, finger, tendons = setup.name, setup.finger, setup.tendons
+    tendon = finger.tendon_list[0]
+    lengths, tensions = arrays[f"{name}.lengths"], arrays[f"{name}.tensions"]
+    rest = float(finger.profile.rest_curvature(finger.rod.length))
+    ends = (
+        _ends(str(arrays[f"{name}.family"]), arrays[f"{name}.q"], lengths, float(arrays[f"{name}.tip_curvature"]))
+        + rest
+    )
+    turned = float(ends.mean(axis=1) @ lengths)
+    states, count, found = arrays.get(f"{name}.friction_states"), tendons.friction_cells, []
+    for side, tension in zip((1.0, -1.0), tensions, strict=True):
+        share, mean = 1.0, 0.0
+        for k, (h, (a, b)) in enumerate(zip(lengths, ends, strict=True)):
+            for c in range(count):
+                z = math.copysign(1.0, turned) if states is None else float(states[k * count + c])
+                x = side * z * tendons.friction * abs(a + (b - a) * (c + 0.5) / count) * h / count
+                # Mean of an exponential along the cell.
+                mean += share * (1.0 if x == 0.0 else -math.expm1(-x) / x) * h / count
+                share *= math.exp(-x)
+        stretch = 1.0 / tendon.series_stiffness + mean / tendon.axial_stiffness
+        found.append(side * tendons.offset * turned + stretch * tension)
+    return np.array(found)
 
 
 def _across(normal: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import SolverError
+from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
@@ -77,6 +77,11 @@ class Truth:
 
 def find_truth(scene: Scene) -> Truth:
     """Solve the exact rod in every load case of a scene; the equilibrium at time zero must be found."""
+    if scene.finger.has_dry_friction:
+        raise InputError(
+            "errors are measured against the elastic rod, which has no dry friction; leave it out",
+            key="finger.damping.dry_friction",
+        )
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
     found: list[TrueCase] = []
     omitted: list[str] = []

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from continuum_grasp.cli.options import Config, Json, Out, Pictures, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.document import Document
+    from continuum_grasp.scene.identify import IdentifyScene
 
 _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
@@ -18,9 +22,21 @@ _SHOWN = 12
 def identify(
     config: Config,
     data: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Option("--data", metavar="FILE", help="CSV file of measurements, or a folder of them; repeatable."),
-    ],
+    ] = None,
+    excitation: Annotated[
+        bool,
+        typer.Option("--excitation", help="Design commands that show the unknowns, before anything is measured."),
+    ] = False,
+    apply: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--apply",
+            metavar="CONFIG",
+            help="Write this configuration with the estimates in it, beside the result; repeatable.",
+        ),
+    ] = None,
     out: Out = None,
     changes: Set = None,
     pictures: Pictures = True,
@@ -28,26 +44,44 @@ def identify(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Estimate parameters from measurements, with confidence intervals."""
+    """Estimate parameters from measurements, with confidence intervals, or design the commands to measure."""
+    from continuum_grasp.results.atomic import write_text
+    from continuum_grasp.results.yaml_text import yaml_text
     from continuum_grasp.scene.identify import IdentifyScene
-    from continuum_grasp.scene.load import load_placed
+    from continuum_grasp.scene.load import load, load_placed
+    from continuum_grasp.scene.simulate import FingerScene
 
     output = Output(as_json, quiet, verbose)
     scene, document = load_placed(config, changes or ())
     if not isinstance(scene, IdentifyScene):
         raise InputError("expected a scene with parameters to estimate: [{name: ...}] and data", file=str(config))
+    if excitation == bool(data) or (excitation and apply):
+        raise InputError("expected --data FILE, or --excitation alone", key="data")
+    targets: list[tuple[Path, FingerScene]] = []
+    for path in apply or ():
+        target = load(path)
+        if not isinstance(target, FingerScene):
+            raise InputError("estimates go into scenes of one finger", file=str(path))
+        targets.append((path, target))
+    if excitation:
+        _design(scene, document, run_folder(out, config, "excitation"), output, pictures)
+        return
     folder = run_folder(out, config, "identify")
 
     from continuum_grasp.identification import identify as run
 
     try:
         with output.busy("identifying") as report:
-            fit = run(scene, data, progress=report)
+            fit = run(scene, data or (), progress=report)
     except InputError as error:
         if error.file is not None or error.key is None:
             raise
         raise document.placed_error(error) from None
+    applied = [(f"{path.stem}_identified.yaml", fit.apply(target)) for path, target in targets]
     files = output.save(fit, folder, pictures)
+    for name, changed in applied:
+        plain = changed.model_dump(mode="json", exclude_unset=True)
+        files.append(write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / name))
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
@@ -74,3 +108,33 @@ def identify(
     output.statistics({"singular values": " ".join(f"{v:.3g}" for v in fit.singular_values), **statistics})
     own = {"status": fit.status, "folder": folder, "files": files, "warnings": fit.warnings, "statistics": statistics}
     output.result(**own, **fit.summary())
+
+
+def _design(scene: IdentifyScene, document: Document, folder: Path, output: Output, pictures: bool) -> None:
+    """Commands that show the unknowns."""
+    from continuum_grasp.identification import design_excitation
+
+    try:
+        with output.busy("designing"):
+            plan = design_excitation(scene)
+    except InputError as error:
+        if error.file is not None or error.key is None:
+            raise
+        raise document.placed_error(error) from None
+    files = output.save(plan, folder, pictures)
+    output.warn(plan.warnings)
+    output.table(
+        ("segment", "from", "to", "shows"),
+        *((one.name, f"{one.start:.3g} s", f"{one.end:.3g} s", one.shows) for one in plan.segments),
+    )
+    output.table(
+        ("unknown", "assumed", "deviation to expect", "unit", "shown best by"),
+        *(
+            (name, f"{value:.4g}", f"{deviation:.2g}", unit, shown)
+            for name, value, deviation, unit, shown in zip(
+                plan.names, plan.values, plan.deviations, plan.units, plan.shown_in, strict=True
+            )
+        ),
+    )
+    output.pairs(saved_in(folder, files))
+    output.result(status=plan.status, folder=folder, files=files, warnings=plan.warnings, **plan.details())

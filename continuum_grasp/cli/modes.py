@@ -40,7 +40,7 @@ def modes(
         "frequency [Hz]": [f"{one:.5g}" for one in found.frequencies_hz],
         "damping ratio": ["-" if math.isnan(one) else f"{one:.3g}" for one in found.damping_ratios],
     }
-    others = {"tendons stuck [Hz]": found.stuck_frequencies_hz, "motors free [Hz]": found.free_frequencies_hz}
+    others = {"all stuck [Hz]": found.stuck_frequencies_hz, "motors free [Hz]": found.free_frequencies_hz}
     columns |= {name: [f"{one:.5g}" for one in values] for name, values in others.items() if values is not None}
     rows = zip_longest(*columns.values(), fillvalue="-")
     output.table(("mode", *columns), *((str(k + 1), *row) for k, row in enumerate(rows)))

@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.chain_integration import ChainIntegration
+from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
@@ -71,7 +74,7 @@ class Plant:
         self.period = scene.controller.step if period is None else period
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
-        self._integration = Integration(self.model, self.method.name)
+        self._integration = integration_of(self.model, self.method.name)
         self.compiled = self._integration.compiled
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
@@ -109,6 +112,12 @@ class Plant:
         self.x, self.t = states[-1], self.t + self.period
         return states
 
+    @property
+    def command(self) -> Array:
+        """Last command (nu)."""
+        found: Array = self._past_u[-1]
+        return found
+
     def replayed(self, x: Array, u: Array, start: float) -> Array:
         """Return the end of a period from state x with steps half as long; the plant stays as it is."""
         found: Array = self._integration.advance(x, u, start, self.period, 2 * self.method.substeps)[-1]
@@ -121,12 +130,17 @@ _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
 _CONTACT_STEP = 1e-4
 """Step of ros2, which must resolve contacts [s]."""
+_GUIDED_STEP = 1e-3
+"""Step of a chain of guides, which is implicit [s]."""
 _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
 class Method(NamedTuple):
-    """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s]."""
+    """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
+
+    ``guides``: the steps of a chain of guides, whatever its rates (0).
+    """
 
     name: str
     substeps: int
@@ -137,6 +151,8 @@ def choose_method(model: PlantModel, period: float) -> Method:
     """Choose the cheaper of explicit and implicit steps, from the largest eigenvalue over some shapes."""
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
+    if isinstance(system, ChainSystem):
+        return Method("guides", math.ceil(period / _GUIDED_STEP - 1e-9), radius)
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
@@ -150,6 +166,11 @@ def choose_method(model: PlantModel, period: float) -> Method:
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
     return Method("rodas", max(least, 1), radius)
+
+
+def integration_of(model: PlantModel, method: str) -> Integration | ChainIntegration:
+    """Return what integrates a plant."""
+    return ChainIntegration(model) if isinstance(model.system, ChainSystem) else Integration(model, method)
 
 
 class Integration(Remade):
@@ -225,7 +246,18 @@ def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:
     if measured.tip is not None:
         found |= zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True)
     if measured.tension is not None:
-        found |= zip(plant.u_names, ca.vertsplit(plant.drive), strict=True)
+        wound = plant.scene.finger.winches
+        names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names
+        found |= zip(names, ca.vertsplit(plant.tensions if wound else plant.drive), strict=True)
+    states = plant.named_states
+    for sensor, word in (("length", "length_"), ("angle", "motor_angle_")):
+        if getattr(measured, sensor) is not None:
+            found |= {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
+    if measured.torque is not None or measured.current is not None:
+        for k, winch in enumerate(plant.system.finger_model.structure.winches):
+            position, rate = (states[name] for name in winch.names(k + 1)[:2])
+            torque = ca.SX(winch.torque(plant.command[k], position, rate))
+            found[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, winch)
     if measured.bending is not None:
         angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
         found |= {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
@@ -237,14 +269,14 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     model.
 
     Angles of sections are affine in the bending coordinates, so that coordinates and rates are linear least squares
-    of them; all other states (drive, object) are those of the plant.
+    of them; friction states of tendons are means over their cells, all other states (drive, object) the plant's.
     """
     n, length = prediction.system.n, plant.scene.finger.rod.length
     edges = np.cumsum([0.0, *prediction.system.finger_model.lengths])
     parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
     at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
     angles = _angles(prediction, at)
-    own = plant.named_states
+    own = plant.named_states | _friction_states(plant, prediction)
     others = [own[name] for name in prediction.x_names[2 * n :]]
     # With zero coordinates: the base's angle, and what a tip moment alone bends where the tip's curvature matches it.
     offset, rate = angles(ca.vertcat(ca.SX(2 * n, 1), *others))
@@ -254,6 +286,20 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     q = ca.mtimes(inverse, plant.sections(at)[1] - offset)
     qd = ca.mtimes(inverse, plant.angle_rates(at) - rate)
     return ca.vertcat(q, qd, *others)
+
+
+def _friction_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.SX]:
+    """Friction states of a controller's cells by name: those at which friction acts as along the plant's."""
+    found: dict[str, ca.SX] = {}
+    for number, cells in enumerate(prediction.system.finger_model.structure.cell_sets):
+        edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
+        names, tendon, side = cells.names(number + 1), cells.tendons[0], cells.sides[0]
+        parts = [(0.0, edges[-1])] * (len(names) - len(cells.cells)) + list(pairwise(edges.tolist()))
+        for name, (a, b) in zip(names, parts, strict=True):
+            # The inverse of the cubic by which a state acts.
+            acts = side * plant.friction_along(tendon, a, b)
+            found[name] = 2.0 * ca.sin(ca.asin(acts) / 3.0)
+    return found
 
 
 def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:

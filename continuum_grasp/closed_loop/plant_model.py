@@ -9,10 +9,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.tendon_friction import direction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
@@ -41,13 +43,14 @@ def plant_scene(scene: ControlScene) -> Scene:
         material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
     if plant.tip_mass > 0.0:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
-    rest = None
+    rest, initial = None, scene.initial
     if finger.tendons is not None:
-        rest = Actuation(tensions=scene.input_limits[0])
-        own = {"friction": plant.tendon_friction, "time_constant": plant.time_constant}
-        finger = finger.with_tendons(**{k: v for k, v in own.items() if v is not None})
-    elif plant.tendon_friction is not None:
-        raise InputError("is for a finger with tendons", key="plant.tendon_friction")
+        finger = finger.with_tendons(**plant.tendon_changes(finger))
+        rest = Actuation.of(finger.input_key, scene.rest_input)
+        if not finger.has_tendon_friction:
+            initial = initial.replaced(reached_by=None, friction_states=None)
+    elif (given := plant.of_tendons) is not None:
+        raise InputError("is for a finger with tendons", key=f"plant.{given}")
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
     return Scene(
         **around,
@@ -61,7 +64,7 @@ def plant_scene(scene: ControlScene) -> Scene:
         contacts=scene.contacts if scene.object is not None else (),
         fidelity=scene.plant.fidelity,
         actuation=rest,
-        initial=scene.initial,
+        initial=initial,
         loads=scene.loads,
     )
 
@@ -136,13 +139,20 @@ class PlantModel(Remade):
         if self._order == 1 and self._lag is None:
             raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
-        self.system = System(
-            self.scene.replaced(finger=finger.with_tendons(time_constant=None)),
-            family=family,
-            input_rates=matches_tip or None,
-            parameters=parameters,
-            object_parameters=object_parameters,
-        )
+        own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
+        guides = scene.plant.guides
+        self.system: System | ChainSystem
+        if guides is not None:
+            self.system = ChainSystem(own, guides, scene.plant.axial_stiffness, parameters, object_parameters)
+        else:
+            self.system = System(
+                own,
+                family=family,
+                input_rates=matches_tip or None,
+                parameters=parameters,
+                object_parameters=object_parameters,
+            )
+        self.finger_parameters = len(parameters)
         self.u_names = tuple(self.system.u_names[: len(lags)])
         names: tuple[str, ...] = ()
         if self._lag is not None:
@@ -200,6 +210,61 @@ class PlantModel(Remade):
             found[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self.nu])
         return found
 
+    @cached_property
+    def tensions(self) -> ca.SX:
+        """Tension of each tendon at its drive [N]."""
+        x, u, p = self._of_system
+        finger = self.system.finger_model
+        found = self.drive
+        if isinstance(self.system, ChainSystem):
+            found = self.system.tensions(x, u, p)
+        elif finger.structure.own_tendons:
+            found = finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
+        return ca.SX(found)
+
+    def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
+        """Which way friction acts on a tendon between two positions [m], on average: 1 where it slides to the base."""
+        if isinstance(self.system, ChainSystem):
+            along: ca.SX = self.system.friction_along(self._x, self._u, tendon, start, end)
+            return along
+        made, names = self.system.finger_model.structure, self.named_states
+        for number, cells in enumerate(made.cell_sets):
+            if tendon not in cells.tendons:
+                continue
+            side = cells.sides[cells.tendons.index(tendon)]
+            edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
+            shares = np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0.0, None)
+            states = [names[name] for name in cells.names(number + 1)[-len(cells.cells) :]]
+            mean: ca.SX = ca.dot(ca.DM(shares), ca.vertcat(*map(direction, states))) / max(shares.sum(), 1e-9)
+            return side * mean
+        return ca.SX(0.0)
+
+    # -- a chain of guides --------------------------------------------------------------------------------------------
+
+    @property
+    def _guided(self) -> bool:
+        return isinstance(self.system, ChainSystem)
+
+    @property
+    def others(self) -> ca.SX:
+        """States of a chain of guides beside bends and tensions: drives, object, contacts."""
+        return self._x[self.system.first_other :] if isinstance(self.system, ChainSystem) else ca.SX(0, 1)
+
+    @property
+    def command(self) -> ca.SX:
+        """The input."""
+        return self._u
+
+    @property
+    def acting(self) -> ca.SX:
+        """What acts on the system."""
+        return self._acting
+
+    @property
+    def drive_rates(self) -> ca.SX:
+        """Rates of the states of a lag."""
+        return self._drive_rates
+
     # -- functions ----------------------------------------------------------------------------------------------------
 
     def function(self, name: str, **outputs: ca.SX) -> ca.Function:
@@ -214,7 +279,14 @@ class PlantModel(Remade):
     @cached_property
     def _rate(self) -> ca.SX:
         x, u, p = self._of_system
-        return ca.vertcat(self.system.forward_dynamics(x, u, self._w, p), self._drive_rates)
+        return ca.vertcat(self._elements.forward_dynamics(x, u, self._w, p), self._drive_rates)
+
+    @property
+    def _elements(self) -> System:
+        """The system of a plant that is no chain of guides, whose motion is decided step by step."""
+        if isinstance(self.system, ChainSystem):
+            raise TypeError("a chain of guides has no differential equation")
+        return self.system
 
     @cached_property
     def forward_dynamics(self) -> ca.Function:
@@ -234,7 +306,7 @@ class PlantModel(Remade):
     @cached_property
     def internal(self) -> ca.Function:
         """(x, u, p) -> mass matrix of the finger, its stiffness and its damping."""
-        values = [ca.densify(e) for e in self.system.internal(*self._of_system)]
+        values = [ca.densify(e) for e in self._elements.internal(*self._of_system)]
         return ca.Function("internal", [self._x, self._u, self._p], values, ["x", "u", "p"], ["M", "K", "D"])
 
     @cached_property
@@ -249,7 +321,10 @@ class PlantModel(Remade):
 
     def angle_rates(self, at: Sequence[float]) -> ca.SX:
         """Rates of the angles of sections [rad/s]."""
-        return ca.jtimes(self.sections(at)[1], self._x, self._rate)
+        # Angles are functions of the first n states alone.
+        n, angles = self.system.n, self.sections(at)[1]
+        rates = ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1)) if self._guided else self._rate
+        return ca.jtimes(angles, self._x, rates)
 
     @cached_property
     def curvature(self) -> ca.SX:
@@ -292,14 +367,18 @@ class PlantModel(Remade):
     @cached_property
     def start(self) -> Array:
         """State at time zero (nx)."""
-        model = self.system.finger_model
-        x = initial_state(self.scene, model)
-        n = model.n
-        given = np.zeros(self.system.nu)
-        given[: self.nu] = self.rest_input
+        model, pose = self.system.finger_model, self._start_pose
+        finger = initial_state(self.scene, model)
         own = np.zeros(self.nx - self.system.nx)
         own[: self.nu] = self.rest_input[: own.size]
-        return np.array([*self.system.state(q=x[:n], qd=x[n : 2 * n], u=given, pose=self._start_pose), *own])
+        if isinstance(self.system, ChainSystem):
+            q, qd = finger[: model.n], finger[model.n : 2 * model.n]
+            drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
+            x = self.system.start(q, qd, drives, self.rest_input, self.scene.initial)
+            if pose is not None:
+                x[self.system.object_states] = pose
+            return np.concatenate([x, own])
+        return np.concatenate([finger, self.system.state(pose=pose)[model.nx :], own])
 
     @property
     def _start_pose(self) -> list[float] | None:

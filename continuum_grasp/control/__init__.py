@@ -7,6 +7,9 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 if TYPE_CHECKING:
     from continuum_grasp.control.command import Command as Command
     from continuum_grasp.control.controller import Controller as Controller
+    from continuum_grasp.control.estimation.contact_detector import Contact as Contact
+    from continuum_grasp.control.estimation.contact_detector import ContactDetector as ContactDetector
+    from continuum_grasp.control.estimation.contact_detector import DetectedContact as DetectedContact
     from continuum_grasp.control.estimation.estimator import Estimator as Estimator
     from continuum_grasp.control.ocp.setpoints import Setpoints as Setpoints
     from continuum_grasp.control.ocp.stages import Stages as Stages

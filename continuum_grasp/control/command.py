@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.summary import Summarized, quoted
 
@@ -24,6 +25,7 @@ class Layout(NamedTuple):
     nd: int
     measurement_names: tuple[str, ...]
     sensor_names: tuple[str, ...]
+    places: tuple[float, ...]  # where contacts are considered [m]; none without a contact detector
 
 
 class Plan(NamedTuple):
@@ -185,6 +187,14 @@ class Command(Summarized):
     def anomalies(self) -> tuple[str, ...]:
         """Anomalies in words; those of measurements begin with their name."""
         return texts(int(self._number("anomalies")), self._part("verdict").tolist(), self._layout.measurement_names)
+
+    @property
+    def contact(self) -> DetectedContact | None:
+        """What the drives feel, by ``estimator.contact_detection``; None without."""
+        if not self._layout.places:
+            return None
+        parts = {name: self._out[part] for name, part in self._layout.parts.items()}
+        return detected_contact(parts, self._layout.places)
 
     @property
     def innovation(self) -> tuple[Array, Array]:

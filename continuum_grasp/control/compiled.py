@@ -9,6 +9,7 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,9 @@ from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.source import plain_source
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+
+if TYPE_CHECKING:
+    from continuum_grasp.control.estimation.contact_model import ContactModel
 
 Array = NDArray[np.float64]
 
@@ -87,11 +91,17 @@ def estimator_fields(
         Field("substeps", substeps, whole=True),
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
         Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
+        *([Field("friction", estimation.friction, whole=True)] if estimation.friction else []),
     ]
 
 
 def controller_fields(
-    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation | None, precision: str
+    scene: ControlScene,
+    model: Prediction,
+    stages: Stages,
+    estimation: Estimation | None,
+    precision: str,
+    contact: ContactModel | None = None,
 ) -> list[Field]:
     """List the members of ``controller_settings``, for C in double or float."""
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
@@ -116,6 +126,9 @@ def controller_fields(
     ]
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
+        if contact is not None:
+            felt = [estimation.measurement_names.index(name) for name in contact.measurement_names]
+            fields += [*_nested("contact", contact.fields), Field("felt", felt, whole=True)]
     return fields
 
 
@@ -151,8 +164,8 @@ def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimati
         # Without a weight of the command's rate there is nothing to raise.
         Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
         Field("sensor", sensor, whole=True),
-        # Tip and angles show the shape; a tension does not.
-        Field("shape", [int(name != "tension") for name in devices] or [0], whole=True),
+        # Tip and angles show the shape; drives do not.
+        Field("shape", [int(name in ("tip", "bending")) for name in devices] or [0], whole=True),
         # A tension moves with its own command, everything else with all of them.
         Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
         # Below zero: not tested.
@@ -184,7 +197,12 @@ def estimator_source(
 
 
 def controller_source(
-    stages: Stages, estimation: Estimation | None, periods: int, fields: Sequence[Field], real: str
+    stages: Stages,
+    estimation: Estimation | None,
+    periods: int,
+    fields: Sequence[Field],
+    real: str,
+    contact: ContactModel | None = None,
 ) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
@@ -200,16 +218,40 @@ def controller_source(
     parts += [
         f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
         f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
+        f"#define CONTROLLER_TOUCHES {int(contact is not None)}",
+        *([] if contact is None else ["#undef CASADI_PREFIX", *_detector(contact, real)]),
         _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", fields),
-        _templates("doubles.h", "controller_python.c"),
+        _templates("doubles.h", *(["contact_python.c"] if contact is not None else []), "controller_python.c"),
     ]
     return "\n".join(parts)
 
 
-def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
-    """Write dimensions, generated functions and templates of an estimator."""
-    sizes = {
+def detector_source(model: ContactModel, real: str) -> str:
+    """Write the C of a contact detector for Python: the functions of ``c/detector_python.c``."""
+    return "\n".join(
+        [
+            f"#include <stddef.h>\ntypedef {real} real;",
+            "#define CG_SINGLE" if real == "float" else "",
+            *_detector(model, real),
+            _setter("contact_settings", model.fields),
+            _templates("doubles.h", "contact_python.c", "detector_python.c"),
+        ]
+    )
+
+
+def _detector(model: ContactModel, real: str) -> list[str]:
+    """Write dimensions, generated functions and templates of a contact detector."""
+    return [
+        *[f"#define CONTACT_{name} {size}" for name, size in model.sizes.items()],
+        plain_source("contact", model.functions, real),
+        _templates("checks.h", "contact_detector.h", "contact_detector.c"),
+    ]
+
+
+def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> dict[str, int]:
+    """Dimensions of the C of an estimator."""
+    return {
         "NZ": estimation.nz,
         "NX": estimation.nx,
         "NU": nu,
@@ -218,8 +260,13 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
         "NS": len(estimation.sensor_names),
         "NM": estimation.nm,
         "DELAY": periods,
+        "NF": len(estimation.friction),
     }
-    lines = [f"#define EKF_{name} {size}" for name, size in sizes.items()]
+
+
+def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
+    """Write dimensions, generated functions and templates of an estimator."""
+    lines = [f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, nu, np_).items()]
     # The step without derivatives predicts over the delay, and is not needed without one.
     flow = [estimation.flow] if periods else []
     functions = [estimation.step, estimation.outputs, estimation.parameters, *flow]
@@ -232,7 +279,7 @@ def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: st
 
 def _templates(*names: str) -> str:
     """Join templates without their includes of one another."""
-    return "\n".join(re.sub(r'#include "\w+\.h"\n', "", rti.template(name)) for name in names)
+    return "\n".join(re.sub(r'#include "\w+\.[ch]"\n', "", rti.template(name)) for name in names)
 
 
 def _setter(structure: str, fields: Sequence[Field]) -> str:

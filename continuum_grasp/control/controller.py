@@ -16,6 +16,8 @@ from continuum_grasp.arguments import check_arguments, positive, shown
 from continuum_grasp.control.arguments import numbers, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled import Compiled, Field, controller_fields, controller_source, delay_periods
+from continuum_grasp.control.estimation.contact_detector import contact_parts
+from continuum_grasp.control.estimation.contact_model import contact_model_of
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
@@ -138,18 +140,23 @@ class Controller(Remade, Summarized):
         wanted = self.scene.controller.deadline or self.period if deadline is None else deadline
         # With an infinite deadline no command is late.
         self._deadline_ns = 1e9 * (wanted if wanted == math.inf else positive("deadline", wanted))
-        fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision)
+        asked = self.scene.estimator
+        contact = contact_model_of(self.scene) if asked is not None and asked.contact_detection is not None else None
+        fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision, contact)
         self._fields = {field.member: field for field in fields}
-        source = controller_source(self.stages, estimation, delay_periods(self.scene), fields, self.precision)
+        periods = delay_periods(self.scene)
+        source = controller_source(self.stages, estimation, periods, fields, self.precision, contact)
         s, n = self.stages, self.stages.stages
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
         given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
         parts = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         parts |= {"variance": nz, "innovation": ny, "innovation_variance": ny}
+        parts |= {} if contact is None else contact_parts(contact)
         parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._c = Compiled(source, fields, given, parts, "the controller")
-        self._layout = Layout(self._c.parts, s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names)
+        places = () if contact is None else contact.finger.places
+        self._layout = Layout(self._c.parts, s.nx, s.nu, s.nd, self.measurement_names, self.sensor_names, places)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step

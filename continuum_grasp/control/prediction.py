@@ -179,14 +179,14 @@ class Prediction(Remade):
         if isinstance(drive, LengthDrive):
             return DriveState(state, follows, reach, drive.time_constant)
         # The frequency of the drum on its servo and on cables that are held.
-        gain = (drive.position_gain or 0.0) + len(winch.tendons) * winch.radius**2 * winch.stiffness
+        gain = (drive.position_gain or 0.0) + len(winch.tendons) * winch.radius**2 * float(winch.stiffness)
         lag = math.sqrt(drive.inertia / gain)
         if not follows:
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)
             paths = [max(map(abs, ends(finger.tendon_list[k].offset))) * bend for k in winch.tendons]
-            stretch = drive.torque_max / (winch.radius * winch.stiffness)
-            reach = (max(paths) + stretch + abs(winch.start)) / winch.radius
+            stretch = drive.torque_max / (winch.radius * float(winch.stiffness))
+            reach = (max(paths) + stretch + abs(float(winch.start))) / winch.radius
         return DriveState(state, follows or (0.0,) * self.nu, reach, lag)
 
     # -- what the system takes ----------------------------------------------------------------------------------------

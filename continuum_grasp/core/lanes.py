@@ -23,7 +23,7 @@ OPERATORS = {
 }
 """C by operation, of scalars and vectors alike."""
 _FORMS = OPERATORS | {ca.OP_INV: "(cg_real)1 / {0}"}
-_NAMES = "sqrt exp fabs sin cos fmin fmax pow log lt le eq ne and or not sign"
+_NAMES = "sqrt exp fabs sin cos tanh fmin fmax pow log lt le eq ne and or not sign"
 _CALLS = {getattr(ca, f"OP_{name.upper()}"): f"cg_{name}" for name in _NAMES.split()}
 _CALLS |= {ca.OP_CONSTPOW: "cg_pow", ca.OP_IF_ELSE_ZERO: "cg_if"}
 """Functions of ``templates/lanes.h`` by operation."""
@@ -41,6 +41,7 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
     # ``constants`` hold scalars, which C's vector arithmetic spreads over the lanes, but function calls do not.
     values: dict[int, str] = {}
     constants: set[int] = set()
+    shared, inverted = _shared_divisors(function), set[str]()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         arguments, results = function.instruction_input(k), function.instruction_output(k)
@@ -64,11 +65,34 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
         else:
             operands = [values[a] for a in arguments]
             fixed = all(a in constants for a in arguments)
-            text = _expression(operation, operands, [a in constants for a in arguments])
+            if k in shared and arguments[1] not in constants:
+                inverse = f"inverse_{operands[1]}"
+                if inverse not in inverted:
+                    lines.append(f"  const cg_lanes {inverse} = (cg_real)1 / {operands[1]};")
+                    inverted.add(inverse)
+                text = f"{operands[0]} * {inverse}"
+            else:
+                text = _expression(operation, operands, [a in constants for a in arguments])
             (constants.add if fixed else constants.discard)(target)
         lines.append(f"  const {'cg_real' if target in constants else 'cg_lanes'} {name} = {text};")
         values[target] = name
     return "\n".join([*lines, "}", ""])
+
+
+def _shared_divisors(function: ca.Function) -> set[int]:
+    """Divisions by what others divide by too, as numbers of instructions.
+
+    One division of vectors takes as long as some ten products, and CasADi writes x (1 / y) as x / y.
+    """
+    holders: dict[int, int] = {}
+    found: dict[int, list[int]] = {}
+    for k in range(function.n_instructions()):
+        operation, arguments = function.instruction_id(k), function.instruction_input(k)
+        if operation == ca.OP_DIV:
+            found.setdefault(holders[arguments[1]], []).append(k)
+        if operation != ca.OP_OUTPUT:
+            holders[function.instruction_output(k)[0]] = k
+    return {k for same in found.values() if len(same) > 1 for k in same}
 
 
 def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:

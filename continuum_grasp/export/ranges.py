@@ -89,7 +89,7 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
         return winch.drive.limit
     tendon = model.finger.tendon_list[winch.tendons[0]]
     bend = max(map(abs, ends(tendon.offset))) * sum(model.ranges)
-    return (bend + tendon.max_tension / winch.stiffness) / winch.radius
+    return float((bend + tendon.max_tension / winch.stiffness) / winch.radius)
 
 
 def input_fields(model: FingerModel) -> tuple[Field, ...]:

@@ -24,6 +24,7 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
+    from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.closing.result import ClosingPath
     from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
@@ -157,9 +158,15 @@ class GraspResult(Result):
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
 
     def words(self) -> dict[str, list[str]]:
-        """Names of the fingers, and of the trials with errors where there are some."""
+        """Names of the fingers, of the trials with errors, and of postures with other friction where there are some."""
         trials = [] if self.robustness is None or self.robustness.robust is None else ["robust"]
-        return {"finger": list(self.scene.named_fingers), "trials": trials}
+        held = ["held"] if "held.object.pose" in self.arrays else []
+        return {
+            "finger": list(self.scene.named_fingers),
+            "trials": trials,
+            "held": held,
+            "held trials": trials if self.scene.state_columns else [],
+        }
 
     @property
     def contact_names(self) -> list[str]:
@@ -231,6 +238,12 @@ class GraspResult(Result):
             return FingerPosture(name, str(family), q, lengths, float(tip_curvature), *rest)
 
         return {name: posture(name) for name in (self.scene.named_fingers if self.arrays else ())}
+
+    @cached_property
+    def drives(self) -> dict[str, tuple[DriveState, ...]]:
+        """What the winches or motors of each finger are at; none of fingers whose tensions are commanded."""
+        grasp = None if self.certificate is None else self.certificate.grasp
+        return {f.name: f.wound.drives for f in (() if grasp is None else grasp.fingers) if f.wound is not None}
 
     @property
     def object_pose(self) -> Array:

@@ -245,7 +245,7 @@ class Search:
         if math.isnan(start.estimate):
             return True
         # Beyond the limits of the tensions, the estimate counts what is left of the balance.
-        most = 2.0 * sum(setup.tendons.max_tension for setup in self.scene.setups)
+        most = 2.0 * sum(setup.max_tension for setup in self.scene.setups)
         if best is None:
             return factor > 1.0 or start.estimate < 2.0 * most
         if self.scene.objective != "least_tension":
@@ -363,7 +363,7 @@ class Search:
     @property
     def _least_difference(self) -> float:
         """Tension below which differences are rounding [N]: grasps may take none at all."""
-        return LEAST_DIFFERENCE * sum(setup.tendons.max_tension for setup in self.scene.setups)
+        return LEAST_DIFFERENCE * sum(setup.max_tension for setup in self.scene.setups)
 
     def starts_of(self, mode: frozenset[str]) -> list[Start]:
         """The starts of a mode: of its basins, or rough ones."""

@@ -17,7 +17,7 @@ from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_cl
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.robust.solve import with_robust
+from continuum_grasp.grasp.robust.solve import is_robust, with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.stations import (
@@ -55,7 +55,7 @@ def optimize_grasp(
     fine : bool, optional
         Solve once more with a fine model and report in the result's ``fine`` what that changes, and of a scene with
         stations in ``statistics["fine_stations"]`` what twice as many change; takes some seconds. Not for a scene with
-        ``robust``.
+        ``robust`` or tendons whose friction states must not matter.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def optimize_grasp(
     if tolerance is None:
         first = _Verdict(scene, budget)
         result = _for_errors(first.result(), first.search, budget)
-        if fine and not scene.robust and result.solved and not result.statistics["interrupted"]:
+        if fine and not is_robust(scene) and result.solved and not result.statistics["interrupted"]:
             try:
                 result = with_fine(result, budget)
                 if any(setup.stations for setup in scene.setups):
@@ -109,14 +109,15 @@ def optimize_grasp(
 
 
 def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
-    """The grasp that holds for the errors of a scene that names some, next to the one found or others of its search."""
-    bounds = result.scene.robust
-    if bounds is None or not result.solved or result.statistics["interrupted"]:
+    """The grasp that holds for the errors of a scene that names some and for all friction states of its tendons, next
+    to the one found or others of its search.
+    """
+    if not is_robust(result.scene) or not result.solved or result.statistics["interrupted"]:
         return result
     try:
-        return with_robust(result, search, bounds, budget)
+        return with_robust(result, search, budget)
     except KeyboardInterrupt:
-        message = f"{result.message}; the search was interrupted before a grasp for all errors within robust was found"
+        message = f"{result.message}; the search was interrupted before a grasp for all errors and friction states"
         return replace(result, status=Status.FEASIBLE, message=message)
 
 

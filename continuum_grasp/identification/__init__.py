@@ -2,6 +2,7 @@
 
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
 from continuum_grasp.identification.fit import Error, Fit
 from continuum_grasp.identification.fitting import identify
 from continuum_grasp.identification.read import data_folder, read_data
@@ -12,6 +13,7 @@ __all__ = [
     "DampedSine",
     "Error",
     "Estimate",
+    "ExcitationPlan",
     "Fit",
     "Frequencies",
     "IdentifyScene",
@@ -20,6 +22,7 @@ __all__ = [
     "Table",
     "TipPath",
     "data_folder",
+    "design_excitation",
     "fit_damped_sine",
     "identify",
     "read_data",

@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import SolverError
+from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses
-from continuum_grasp.identification.rows import Rows, Shapes, observation, symbols
+from continuum_grasp.identification.observation import at_rest, check_tensions
+from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
@@ -46,7 +47,9 @@ class Block:
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
     horizons = False
-    """Whether a part from the start can be fitted before the whole."""
+    """Whether the entries go along a motion."""
+    free = False
+    """Whether that motion is free, so that a part from its start is fitted before the whole."""
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
@@ -68,17 +71,18 @@ class _RowsBlock(Block):
 
     def __init__(self, scene: Scene, data: Poses | Frequencies, unknowns: Sequence[Unknown]) -> None:
         self.name, self.entries = data.name, []
-        self._shapes = Shapes(Rows(scene, unknowns, data.name, data.conditions, data.rows))
+        rows = Rows(scene, unknowns, data.name, data.conditions, data.rows)
+        self._shapes = Shapes(rows, sequence=isinstance(data, Poses) and data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        found = [self._row(row, values) for row in range(len(self._fitted))]
+        found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         return self._shapes.warnings(values)
 
-    def _row(self, row: int, values: Array) -> tuple[Array, Array]:
+    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         raise NotImplementedError
 
     def _enter(self, row: int, what: str, group: str, unit: str, value: float, sigma: float | None = None) -> None:
@@ -92,19 +96,24 @@ class PosesBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        self._observe = observation(self._shapes.model, data.measured)
+        model = self._shapes.model
+        check_tensions(model, data.measured, data.name)
+        q, u, w, p = symbols(model)
+        history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))
+        given = (history,) if model.friction_names else ()
+        y = at_rest(model, data.measured, q, u, p, *given)
+        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history)
         for row in range(data.rows):
             for one in data.measured:
-                what, unit = f"{one.quantity} at {one.place}", UNIT_OF[one.quantity]
-                group = "angles of poses" if unit == "rad" else "positions of poses"
+                what, unit = one.what.replace(" of ", " at "), UNIT_OF[one.quantity]
+                group = f"{one.kind} of poses"
                 if one.sigma is not None:  # a reading of known deviation is a group of its own
                     group = f"{data.name}: {what}"
                 self._enter(row, what, group, unit, np.asarray(one.values)[row], one.sigma)
 
-    def _row(self, row: int, values: Array) -> tuple[Array, Array]:
-        z, dz, q, dq = self._shapes.shape(row, values)
-        y, by_q, by_z = (np.array(v) for v in self._observe(q, z))
-        return y.ravel(), (by_z + by_q @ dq) @ dz
+    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
+        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(resting.q, resting.z, resting.history))
+        return y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
 
 
 class VibrationBlock(_RowsBlock):
@@ -112,6 +121,12 @@ class VibrationBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
+        if any(not winch.follows for winch in self._shapes.model.structure.winches):
+            raise InputError(
+                "frequencies of a finger on motors are not predicted, since their inertia swings along: give a "
+                "trajectory",
+                key=data.name,
+            )
         self._matrices, self._gradient = _pencil(self._shapes.model)
         self._modes = np.asarray(data.mode, dtype=int)
         self._decays = data.decay_rate is not None
@@ -122,8 +137,8 @@ class VibrationBlock(_RowsBlock):
                     what = f"{quantity} of mode {mode}"
                     self._enter(row, what, what, unit, np.asarray(numbers)[row])
 
-    def _row(self, row: int, values: Array) -> tuple[Array, Array]:
-        z, dz, q, dq = self._shapes.shape(row, values)
+    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
+        z, q = resting.z, resting.q
         mass, damping, stiffness = (np.array(v) for v in self._matrices(q, z))
         pole, left, right = _mode(mass, damping, stiffness, int(self._modes[row]))
         # l* (s^2 M + s D + K) r = 0 differentiated: ds = l* (s^2 dM + s dD + dK) r / -(l* (2 s M + D) r); dl and dr
@@ -135,7 +150,7 @@ class VibrationBlock(_RowsBlock):
         # CasADi is real: real and imaginary part one after the other
         for unit, parts in ((1.0, [term.real for term in terms]), (1.0j, [term.imag for term in terms])):
             slope += unit * np.array(self._gradient(q, z, *parts)).ravel() / scale
-        change = (slope[q.size :] + slope[: q.size] @ dq) @ dz
+        change = slope[q.size :] @ resting.by_z + slope[: q.size] @ resting.by_q
         y, derivative = [pole.imag / (2.0 * np.pi)], [change.imag / (2.0 * np.pi)]
         if self._decays:
             y.append(-pole.real)

@@ -13,8 +13,20 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
-UNIT_OF = {"x": "m", "y": "m", "angle": "rad", "bend": "rad"}
-"""SI units of the quantities that are measured at a section."""
+UNIT_OF = {
+    "x": "m",
+    "y": "m",
+    "angle": "rad",
+    "bend": "rad",
+    "tension": "N",
+    "length": "m",
+    "motor_angle": "rad",
+    "torque": "N m",
+    "current": "A",
+}
+"""SI units of the quantities that are measured at a section, and of those at a drive."""
+KIND_OF = {"x": "positions", "y": "positions", "angle": "angles", "bend": "angles"}
+"""Quantities that share a standard deviation; those of drives have one each."""
 STARTS = ("scene", "measured", "estimated")
 """How the motion of a path starts."""
 START_SAMPLES = 7
@@ -24,12 +36,13 @@ the rate with a third of what two samples would."""
 
 @dataclass(frozen=True)
 class Reading:
-    """What was measured at one section, in every row.
+    """What was measured at one section or drive, in every row.
 
     Attributes
     ----------
-    quantity : {"x", "y", "angle", "bend"}
-        World position [m], angle of the section in the world [rad], angle between base and section [rad].
+    quantity : {"x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"}
+        World position [m], angle of the section in the world [rad], angle between base and section [rad]; tension at
+        the drive [N]; cable wound up [m]; angle [rad], torque [N m] and current [A] of a motor.
     values : (R,) array_like
     at : float, optional
         Position along the finger [m]; the tip where not given.
@@ -37,6 +50,8 @@ class Reading:
         Standard deviation, where known.
     since : float, optional
         Position from which a bend counts [m]; the base where not given.
+    of : int, optional
+        Number of the tendon or drive, from 1; the first where not given.
     """
 
     quantity: str
@@ -44,6 +59,22 @@ class Reading:
     at: float | None = None
     sigma: float | None = None
     since: float | None = None
+    of: int | None = None
+
+    @property
+    def of_drive(self) -> bool:
+        """Whether it was measured at a drive."""
+        return self.quantity not in KIND_OF
+
+    @property
+    def what(self) -> str:
+        """Quantity and place, for labels."""
+        return f"{self.quantity} {self.of or 1}" if self.of_drive else f"{self.quantity} of {self.place}"
+
+    @property
+    def kind(self) -> str:
+        """What shares its standard deviation."""
+        return KIND_OF.get(self.quantity, self.quantity)
 
     @property
     def place(self) -> str:
@@ -67,6 +98,8 @@ class Poses:
     scene : Scene, optional
         Where it differs from that of the identification.
     name : str
+    sequence : bool
+        Whether the rows follow one another, so that the friction of each comes from those before it.
     """
 
     measured: Sequence[Reading]
@@ -74,6 +107,7 @@ class Poses:
     fitted: ArrayLike | None = None
     scene: Scene | None = None
     name: str = "poses"
+    sequence: bool = False
 
     def __post_init__(self) -> None:
         if not self.measured:
@@ -106,6 +140,9 @@ class TipPath:
     start : {"scene", "measured", "estimated"}
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in the smoothest shape and
         rates through the first samples, which stay or are estimated with the parameters.
+    before : sequence of Reading
+        The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before a
+        measured start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
     fitted : bool
         False: predicted and not fitted.
     scene : Scene, optional
@@ -123,6 +160,7 @@ class TipPath:
     name: str = "path"
     measured: Sequence[Reading] = ()
     start: str = "scene"
+    before: Sequence[Reading] = ()
 
     def __post_init__(self) -> None:
         t = column(f"{self.name}.t", self.t)

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
-from continuum_grasp.identification.unknowns import LAG, OF_DRIVE
-from continuum_grasp.results.declared import Dimension, Picture, Stored
+from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
+from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.finger import PointMass, TipBody
 from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import FingerScene, Scene
 
 Array = NDArray[np.float64]
 
@@ -101,6 +102,7 @@ class Fit(Result):
         Dimension("measurement", "measured numbers, set by set", "measurement_names"),
         Dimension("set_parameter", "what each set has of its own", "set_names"),
     )
+    texts: ClassVar[tuple[File, ...]] = (File("identified_finger.yaml", "identification.fit:finger_text"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("residuals", "plotting.identification:plot_residuals"),
         Picture("predictions", "plotting.identification:plot_all_predictions", panels=True),
@@ -184,22 +186,32 @@ class Fit(Result):
                 found.append(Error(group, unit, rms, float(size.max()), int(size.size)))
         return tuple(found)
 
-    def apply(self, scene: Scene | None = None) -> Scene:
-        """A scene with the estimates in it; deadband and delay of the drive are none of a scene's values and left out.
+    def apply(self, scene: FingerScene | None = None) -> Any:
+        """A scene with the estimates in it.
+
+        The delay of the drives becomes ``estimator.delay`` of a closed loop, in whole periods, since the loop cannot
+        tell it from the age of a measurement; other scenes have no place for it, and none has one for the deadband.
 
         Parameters
         ----------
-        scene : Scene, optional
-            That of the identification where not given.
+        scene : FingerScene, optional
+            Any scene of one finger, such as a simulation or a closed loop; that of the identification where not given.
+
+        Returns
+        -------
+        Scene of the same class
 
         Raises
         ------
         InputError
             If the scene does not take a value.
         """
-        changed = self.scene if scene is None else scene
+        changed: Any = self.scene if scene is None else scene
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
-            if target == LAG or target not in OF_DRIVE:
+            if target == DELAY and getattr(changed, "estimator", None) is not None:
+                period = changed.controller.step
+                changed = changed.changed({"estimator.delay": period * round(float(value) / period)})
+            if target not in OF_DRIVE:
                 base = changed.finger.base.angle if added else 0.0
                 changed = _with_parameter(changed, target, base + factor * float(value))
         return changed
@@ -236,7 +248,19 @@ class Fit(Result):
         }
 
 
-def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
+def finger_text(fit: Fit) -> str:
+    """The identified finger as YAML, to which the ``finger`` of any configuration may refer by its path."""
+    try:
+        finger = fit.apply().finger.model_dump(mode="json", exclude_unset=True)
+    except InputError as error:
+        return f"# Not a finger: {error}\n"
+    head = f"# Identified from {', '.join(name for name, _ in fit.blocks)}.\n"
+    rows = zip(fit.names, fit.values, fit.deviations, fit.units, strict=True)
+    head += "".join(f"# {name}: {value:.6g} +/- {deviation:.2g} {unit}\n" for name, value, deviation, unit in rows)
+    return head + yaml_text({"schema_version": 1, **finger}, exact=True)
+
+
+def _with_parameter(scene: Any, target: str, value: float) -> Any:
     """The scene with one run-time parameter of the model, as in ``FingerModel(..., parameters=...)``, at another value.
 
     Raises
@@ -250,13 +274,21 @@ def _with_parameter(scene: Scene, target: str, value: float) -> Scene:
         changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
     elif target in ("material_damping", "per_arc_damping"):
         changes = {f"damping.{target.removesuffix('_damping')}": value}
+    elif target.startswith("dry_friction_"):
+        number, key = target.removeprefix("dry_friction_").split("_")
+        changes = {f"damping.dry_friction[{int(number) - 1}].{key}": value}
     elif target == "rest_curvature":
         changes = {target: value}
     elif target == "base_angle":
         changes = {"base.angle": value}
-    elif target in ("tendon_offset", "tendon_friction", LAG) and finger.tendons is not None:
+    elif target.startswith(("tendon_", "drive_")) and finger.tendons is not None:
         each = [f"[{k}]" for k in range(len(finger.tendon_list))] if isinstance(finger.tendons, tuple) else [""]
-        changes = {f"tendons{one}.{target.removeprefix('tendon_').removeprefix('drive_')}": value for one in each}
+        owner, _, key = target.partition("_")
+        key = f"drive.{key}" if owner == "drive" and finger.winches else key
+        changes = {f"tendons{one}.{key}": value for one in each}
+    elif target.startswith("softening_"):
+        key = {"softening_ratio": "stiffness_ratio", "softening_curvature": "curvature"}[target]
+        changes = {f"softening.{key}": value}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}

@@ -19,12 +19,13 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.data import UNIT_OF, Reading, TipPath, column
 from continuum_grasp.identification.driven import Driven
+from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Rows, Shapes, split_unit
 from continuum_grasp.identification.start import MeasuredStart
 from continuum_grasp.identification.unknowns import DEADBAND, START, Unknown
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
-from continuum_grasp.simulation.trajectory import limit_warnings
+from continuum_grasp.simulation.trajectory import acting_input, limit_warnings
 
 Array = NDArray[np.float64]
 
@@ -47,8 +48,11 @@ class PathBlock(Block):
         if self._measured is not None and data.start == "estimated":
             self.own = self._estimated_start(self._measured, plain, np.array([one.start for one in unknowns]))
         self._all = [*unknowns, *self.own]
-        self._driven = Driven(scene, self._all, readings) if self.own else plain
+        check_tensions(plain.model, readings, data.name)
+        passed = self._passed(plain, data.before) if plain.model.friction_names else []
+        self._driven = Driven(scene, self._all, readings, passed) if self.own or passed else plain
         self._driven.check(unknowns, data.name)
+        self.free = self._driven.signals.constant
         self._model = self._driven.model
         self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
         self._read = self._driven.readings.map(t.size)
@@ -65,43 +69,41 @@ class PathBlock(Block):
     def warnings(self, values: Array) -> tuple[str, ...]:
         states, p, delay = self._moved(values)
         n, t, size = self._model.n, self._t, self._driven.size
-        p = p[: self._model.np + len(self._driven.constants)]
+        p = p[: self._model.np]
         commands = self._driven.commands(t, delay)[:, : self._model.nu]
-        u = np.array(self._driven.inputs.map(t.size)(states[:, :size].T, commands.T, np.tile(p, (t.size, 1)).T))
-        use = self._model.range_use.map(t.size)(states[:, :n].T, u, np.tile(p[: self._model.np], (t.size, 1)).T)
+        u = acting_input(self._model, states[:, :size], commands)
+        use = self._model.range_use.map(t.size)(states[:, :n].T, u.T, np.tile(p, (t.size, 1)).T)
         return limit_warnings(self._model, np.array(use).T, t)
 
     def _moved(self, values: Array) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
         driven, shared = self._driven, values[: self._count]
         z, by_shared = self._rows.at(0, shared)
-        own = np.zeros((self._model.np, len(values)))
-        own[:, : self._count] = by_shared[len(z) - self._model.np :]
-        lag = driven.constants + driven.slope @ (values - np.array([one.start for one in self._all]))
-        p, slope = np.concatenate([z[len(z) - self._model.np :], lag]), np.vstack([own, driven.slope])
+        p, slope = z[len(z) - self._model.np :], np.zeros((self._model.np, len(values)))
+        slope[:, : self._count] = by_shared[len(z) - self._model.np :]
         delay = driven.delay(values)
-        start = self._begin(driven, values, delay)
+        start = self._begin(driven, values, delay, p, slope)
         acting = np.concatenate([p, slope.ravel(order="F")])
         return self._motion.at(*start, p, acting, delay), acting, delay
 
-    def _begin(self, driven: Driven, values: Array, delay: float) -> tuple[Array, Array]:
+    def _begin(self, driven: Driven, values: Array, delay: float, p: Array, by_values: Array) -> tuple[Array, Array]:
         """State where the motion starts, and its derivative by all values."""
         model, n, shared = driven.model, driven.model.n, values[: self._count]
         x, slope = np.zeros(driven.size), np.zeros((driven.size, len(values)))
-        drive, by_values = driven.begin(float(self._t[0]) if self._measured else 0.0, delay)
-        x[2 * n :], slope[2 * n :, : by_values.shape[1]] = drive, by_values
         if self._measured is not None and len(values) == self._count:
             x[: 2 * n], slope[: 2 * n] = self._read_start(self._measured, driven, shared)
         elif self._measured is not None:
             x[: 2 * n], slope[: 2 * n, self._count :] = values[self._count :], np.eye(2 * n)
         elif self._shape is not None:
-            _, by_shared, q, by_z = self._shape.shape(0, shared)
-            x[:n], slope[:n, : self._count] = q, by_z @ by_shared
+            resting = next(self._shape.all(shared))
+            x[:n], slope[:n, : self._count] = resting.q, resting.by_q
         elif self._initial.coordinates is not None:
             model.structure.check_initial(self._initial)
             x[:n] = self._initial.coordinates
         if self._measured is None and self._initial.qd is not None:
             x[n : 2 * n] = self._initial.qd
+        t = float(self._t[0]) if self._measured else 0.0
+        x[2 * n :], slope[2 * n :] = driven.begin(t, delay, x[:n], slope[:n], p, by_values)
         return x, slope
 
     def _read_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> tuple[Array, Array]:
@@ -112,6 +114,16 @@ class PathBlock(Block):
         state, by_z = measured.at(acting)
         return state, by_z[:, count:] @ by_shared[len(z) - driven.model.np :]
 
+    def _passed(self, driven: Driven, before: Sequence[Reading]) -> list[Array]:
+        """Shapes before a measured start, by the parameters that the search begins with."""
+        seen = [np.asarray(one.values, dtype=float) for one in before if not one.of_drive]
+        if self._measured is None or not seen:
+            return []
+        rows = np.stack(seen, axis=1)
+        t, z = self._t[:1], self._rows.at(0, np.array([one.start for one in self._all[: self._count]]))[0]
+        acting = [driven.signals.u(t)[0], driven.signals.w(t)[0], z[len(z) - driven.model.np :]]
+        return self._measured.before(rows[np.isfinite(rows).all(axis=1)], np.concatenate(acting))
+
     def _estimated_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> list[Unknown]:
         """Coordinates and rates at the first sample, to be estimated from those that are read there."""
         model = driven.model
@@ -119,7 +131,7 @@ class PathBlock(Block):
         sizes = [measured.reach] * model.n + [measured.reach / measured.slow] * model.n
         return [
             Unknown(*split_unit(label), START, 0.0, False, float(value), -math.inf, math.inf, size, True)
-            for label, value, size in zip(model.x_names, state, sizes, strict=True)
+            for label, value, size in zip(model.x_names[: 2 * model.n], state, sizes, strict=True)
         ]
 
 
@@ -128,11 +140,9 @@ def _entries(readings: Sequence[Reading], t: Array, data: TipPath) -> list[Entry
     found = []
     for k, at in enumerate(t):
         for one in readings:
-            unit = UNIT_OF[one.quantity]
-            kind = "positions" if unit == "m" else "angles"
-            group = f"{kind} on paths" if one.sigma is None else f"{data.name}: {kind}"
+            unit, what = UNIT_OF[one.quantity], one.what
+            group = f"{one.kind} on paths" if one.sigma is None else f"{data.name}: {one.kind}"
             value = float(np.asarray(one.values)[k])
-            what = f"{one.quantity} of {one.place}"
             found.append(Entry(f"{what} at {at:g} s", group, unit, value, data.fitted, one.sigma, float(at), what))
     return found
 
@@ -203,9 +213,8 @@ class _Motion:
             return
         signals, model = self._driven.signals, self._driven.model
         shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
-        own, lags = p[: model.np], p[model.np :]
-        radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], own)
-        rate = _FINER * max(radius, float((1.0 / lags).max(initial=0.0))) / TARGET_RADIUS
+        radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p)
+        rate = _FINER * radius / TARGET_RADIUS
         if not np.isfinite(rate):
             raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
         if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:

@@ -22,7 +22,7 @@ _HUBER = 1.345
 _ROUNDS = 25
 """Most rounds of weights; standard deviations settle in two or three, robust weights linearly."""
 _HORIZONS = (0.1, 0.25, 0.5)
-"""Parts of the paths that are fitted before the whole, so that a wrong start does not end in a wrong period."""
+"""Parts of free paths that are fitted before the whole, so that a wrong start does not end in a wrong period."""
 _LEAST_ROWS = 4
 """Fitted numbers per parameter from which a part of the data is fitted at all."""
 _FIRST, _EVALUATIONS = 12, 200
@@ -101,7 +101,7 @@ class Problem:
             If the search does not converge.
         """
         values, sigma = np.array([one.start for one in self.unknowns]), self._first_sigma()
-        for share in _HORIZONS if any(block.horizons for block in self.blocks) else ():
+        for share in _HORIZONS if any(block.free for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):
                 values = self._search(values, chosen, 1.0 / sigma, first=True).values
@@ -172,12 +172,12 @@ class Problem:
         return found
 
     def _early(self, share: float) -> NDArray[np.bool_]:
-        """Entries in the first part of each path; all of them elsewhere."""
+        """Entries in the first part of each path that is free; all of them elsewhere."""
         parts = []
         for block in self.blocks:
             at = np.array([entry.at for entry in block.entries])
             early = at <= at.min() + share * np.ptp(at)
-            parts.append(early if block.horizons else np.ones(at.size, dtype=bool))
+            parts.append(early if block.free else np.ones(at.size, dtype=bool))
         return np.concatenate(parts)
 
     def _first_sigma(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
+from continuum_grasp.identification.commands import InputNames
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.rows import split_unit
@@ -101,11 +102,17 @@ def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
             raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
 
 
+def plain_scene(scene: IdentifyScene) -> Scene:
+    """The scene without what is said of the data."""
+    return Scene(
+        **scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "excitation", "loss"})
+    )
+
+
 def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
     """The scene without what is said of the data, changed."""
-    plain = scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "loss"})
     try:
-        return Scene(**plain).changed(changes)
+        return plain_scene(scene).changed(changes)
     except InputError as error:
         where = ".".join(part for part in (key, error.key) if part)
         raise InputError(error.message, key=where) from None
@@ -116,7 +123,8 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
     if isinstance(one, StaticPoses):
         readings = _readings(one.measured, table, scene, key)
         chosen = _chosen(rows, fitted, one.holdout_rows, key)
-        return Poses(readings, _conditions(table, one.conditions, scene, key), chosen, scene, name)
+        conditions = _conditions(table, one.conditions, scene, key)
+        return Poses(readings, conditions, chosen, scene, name, one.sequence)
     if isinstance(one, FrequencyTable):
         mode = np.full(rows, one.mode) if isinstance(one.mode, int) else table.numbers(one.mode)
         decay = None if one.decay_rate is None else _column(table, one.decay_rate, "1/s")
@@ -131,16 +139,22 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
         raise InputError(message, file=table.file)
     if isinstance(one, RingDown):
         return _ring_downs(one, table, t, inside, scene, name)
-    x = None if one.x is None else _column(table, one.x, "m")[inside]
-    y = None if one.y is None else _column(table, one.y, "m")[inside]
-    further = [
-        replace(reading, values=np.asarray(reading.values)[inside])
-        for reading in _readings(one.measured, table, scene, key)
-    ]
+    if one.conditions:
+        scene = _commanded(scene, t, _conditions(table, one.conditions, scene, key), table.file, key)
+    x, y = (None if value is None else _column(table, value, "m") for value in (one.x, one.y))
+    measured = _readings(one.measured, table, scene, key)
+    points = [Reading(key, values, one.at) for key, values in (("x", x), ("y", y)) if values is not None]
+    earlier = [_of(reading, t < t[inside][0]) for reading in (*points, *measured)]
+    x, y = (None if values is None else values[inside] for values in (x, y))
+    further = [_of(reading, inside) for reading in measured]
     try:
-        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start)
+        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start, earlier)
     except InputError as error:
         raise InputError(error.message, file=table.file) from None
+
+
+def _of(reading: Reading, rows: NDArray[np.bool_]) -> Reading:
+    return replace(reading, values=np.asarray(reading.values)[rows])
 
 
 def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key: str) -> list[Reading]:
@@ -150,8 +164,27 @@ def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key
             if at is not None and at > length * (1 + 1e-9):
                 message = f"{at:g} m is beyond the finger's length of {length:g} m"
                 raise InputError(message, key=f"{key}.measured[{k}].{name}")
-        readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma, m.since))
+        readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma, m.since, m.of))
     return readings
+
+
+def _commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
+    """The scene under commands that were logged, smooth between their instants."""
+    names = InputNames.of(scene)
+    unknown = [name for name in commands if name not in names.entries]
+    if unknown:
+        message = f"{unknown[0]} is no command of the drives; expected {', '.join(names.entries)}"
+        raise InputError(message, key=f"{key}.conditions")
+    missing = [name for name in names.entries if name not in commands]
+    if missing:
+        raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
+    if np.any(np.diff(t) <= 0.0):
+        raise InputError("instants must increase", file=file)
+    given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names.entries]
+    try:
+        return scene.changed({"actuation": {names.key: given if names.several else given[0]}})
+    except InputError as error:
+        raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
 
 
 def _ring_downs(

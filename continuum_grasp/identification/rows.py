@@ -5,14 +5,15 @@ Equilibria are followed while loads and parameters change.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import Reading, column
+from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
@@ -124,11 +125,23 @@ _SHORTEST = 1.0 / 1024.0
 """Step along the path to new parameters [1] below which it is lost: at a fold no step is short enough."""
 
 
+class Resting(NamedTuple):
+    """A row at rest: z (nz,), q (n,), friction history (states + 1,), and their derivatives by the unknowns."""
+
+    z: Array
+    q: Array
+    history: Array
+    by_z: Array
+    by_q: Array
+    by_history: Array
+
+
 class Shapes:
     """Equilibria of rows of measurements.
 
     Each is followed from the last one that was found for its row, in shorter steps of z where Newton's method fails:
-    a finger that can buckle keeps to its branch.
+    a finger that can buckle keeps to its branch. Rows in ``sequence`` are followed from one to the next instead, and
+    the friction states with them.
 
     Raises
     ------
@@ -136,65 +149,112 @@ class Shapes:
         If the scene has no equilibrium.
     """
 
-    def __init__(self, rows: Rows) -> None:
-        self.rows, self.model = rows, rows.model
+    def __init__(self, rows: Rows, *, sequence: bool = False) -> None:
+        self.rows, self.model, self._sequence = rows, rows.model, sequence
         self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
-        initial, signals = rows.scene.initial, Signals(rows.scene, self.model)
+        model, initial, signals = self.model, rows.scene.initial, Signals(rows.scene, rows.model)
         # Measured shapes were pulled, unless the scene says otherwise.
-        own = {} if initial.reached_by is None else friction_of(initial, self.model)
-        start = equilibrium_under(self.model, signals.u(0.0)[0], signals.w(0.0)[0], **own)
+        own = {} if initial.reached_by is None else friction_of(initial, model)
+        start = equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **own)
+        self._history = start.history
         self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * rows.count
-        q, u, w, p = symbols(self.model)
-        still = ca.SX(self.model.n, 1)
-        # (q, z) -> missing force and its derivatives with respect to q and z
-        friction = (start.history,) if start.history.size else ()
-        missing = self.model.inverse_dynamics(q, still, still, u, w, p, *friction)
-        self._balance = with_slopes("balance", missing, q, ca.vertcat(u, w, p))
+        self._first = start.q, rows.nominal
+        q, u, w, p = symbols(model)
+        z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
+        still, given = ca.SX(model.n, 1), (history,) if start.history.size else ()
+        # (q, z, history) -> missing force and its derivatives
+        missing = model.inverse_dynamics(q, still, still, u, w, p, *given)
+        self._balance = with_slopes("balance", missing, q, z, history)
+        # What the next row finds: where friction has come to, less the sliding since the finger was straight.
+        carried = ca.SX(start.history.size, 1)
+        if start.history.size:
+            slid = model.sliding()(q, u, p)
+            carried = ca.vertcat(ca.fmin(ca.fmax(history[:-1] + history[-1] * slid, -1.0), 1.0) - slid, 1.0)
+        self._carried = with_slopes("carried", carried, q, z, history)
 
-    def shape(self, row: int, values: Array) -> tuple[Array, Array, Array, Array]:
-        """Values z (nz,) of a row, dz/dvalues, the equilibrium q (n,) and dq/dz.
+    def all(self, values: Array) -> Iterator[Resting]:
+        """The rows, one by one.
 
         Raises
         ------
         SolverError
-            If it cannot be followed there.
+            If one cannot be followed there.
         """
-        z, by_values = self.rows.at(row, values)
-        q, before = self._last[row]
+        none = np.zeros((self._history.size, len(values)))
+        if not self._sequence:
+            for row in range(self.rows.count):
+                z, by_values = self.rows.at(row, values)
+                q, before = self._last[row]
+                resting = self._follow(q, before, z, by_values, self._history, none)
+                self._last[row] = resting.q, z
+                yield resting
+            return
+        # The first row from the scene's own start, whose history it has; each of the others from the one before.
+        z, by_values = self.rows.at(0, values)
+        resting = self._follow(*self._first, z, by_values, self._history, none)
+        self._first = resting.q, z
+        yield resting
+        for row in range(1, self.rows.count):
+            z, by_values = self.rows.at(row, values)
+            resting = self._next(resting, z, by_values)
+            yield resting
+
+    def _next(self, before: Resting, z: Array, by_values: Array) -> Resting:
+        """The row after another, in steps that each carry the friction on."""
+        done, step = 0.0, 1.0
+        state = before
+        while done < 1.0:
+            step = min(step, 1.0 - done)
+            share = 1.0 if step == 1.0 - done else done + step
+            target = before.z + share * (z - before.z)
+            slope = before.by_z + share * (by_values - before.by_z)
+            history, by_history = self._carry(state)
+            q = self._newton(state.q, target, history)
+            if q is None:
+                step *= 0.5
+                _check_step(step)
+                continue
+            state, done, step = self._resting(q, target, slope, history, by_history), done + step, 2.0 * step
+        return state
+
+    def _carry(self, state: Resting) -> tuple[Array, Array]:
+        history, by_q, by_z, by_history = (np.array(v) for v in self._carried(state.q, state.z, state.history))
+        return history.ravel(), by_q @ state.by_q + by_z @ state.by_z + by_history @ state.by_history
+
+    def _follow(
+        self, q: Array, before: Array, z: Array, by_values: Array, history: Array, by_history: Array
+    ) -> Resting:
+        """An equilibrium at z from one at ``before``, under one history."""
         done, step = 0.0, 1.0
         while done < 1.0:
             step = min(step, 1.0 - done)
             # the last step ends at z itself, not at a rounding of it
             target = z if step == 1.0 - done else before + (done + step) * (z - before)
-            found = self._newton(q, target)
+            found = self._newton(q, target, history)
             if found is None:
                 step *= 0.5
-                if step < _SHORTEST:
-                    raise SolverError(
-                        "the equilibrium cannot be followed to these parameters",
-                        status="path lost",
-                        advice="bound the parameters, or start nearer to their values; a finger that buckles has no "
-                        "single shape",
-                    )
+                _check_step(step)
                 continue
             q, done, step = found, done + step, 2.0 * step
-        self._last[row] = (q, z)
-        _, stiffness, slope = self._evaluate(q, z)
-        # implicit function theorem: Q(q(z), z) = 0
-        return z, by_values, q, np.asarray(-np.linalg.solve(stiffness, slope))
+        return self._resting(q, z, by_values, history, by_history)
+
+    def _resting(self, q: Array, z: Array, by_values: Array, history: Array, by_history: Array) -> Resting:
+        # implicit function theorem: Q(q, z, history) = 0
+        _, stiffness, by_z, by_past = self._evaluate(q, z, history)
+        slope = -np.linalg.solve(stiffness, by_z @ by_values + by_past @ by_history)
+        return Resting(z, q, history, by_values, np.asarray(slope), by_history)
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         """What the user must know of shapes beyond the bending range or the strain limit."""
         use = []
-        for row in range(self.rows.count):
-            z, _, q, _ = self.shape(row, values)
-            u, _, p = self.rows.split(z)
-            use.append(np.array(self.model.range_use(q, u, p)).ravel())
+        for resting in self.all(values):
+            u, _, p = self.rows.split(resting.z)
+            use.append(np.array(self.model.range_use(resting.q, u, p)).ravel())
         return limit_warnings(self.model, np.array(use))
 
-    def _newton(self, q: Array, z: Array) -> Array | None:
+    def _newton(self, q: Array, z: Array, history: Array) -> Array | None:
         for _ in range(_ITERATIONS):
-            missing, stiffness, _ = self._evaluate(q, z)
+            missing, stiffness, *_ = self._evaluate(q, z, history)
             try:
                 change = np.linalg.solve(stiffness, -missing)
             except np.linalg.LinAlgError:
@@ -208,42 +268,30 @@ class Shapes:
                 return q
         return None
 
-    def _evaluate(self, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        missing, stiffness, slope = self._balance(q, z)
-        return np.array(missing).ravel(), np.array(stiffness), np.array(slope)
+    def _evaluate(self, q: Array, z: Array, history: Array) -> tuple[Array, Array, Array, Array]:
+        missing, *slopes = self._balance(q, z, history)
+        by_q, by_z, by_history = (np.array(one) for one in slopes)
+        return np.array(missing).ravel(), by_q, by_z, by_history
 
 
-def observation(model: FingerModel, readings: Sequence[Reading]) -> ca.Function:
-    """What is measured, as `with_slopes` of (q, z).
-
-    Raises
-    ------
-    InputError
-        If a position is not on the finger.
-    """
-    q, u, w, p = symbols(model)
-    length, values = model.finger.rod.length, []
-    for one in readings:
-        quantity, s = one.quantity, length if one.at is None else one.at
-        if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
-            raise InputError(f"{quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
-        if quantity in ("x", "y"):
-            values.append(model.position(q, u, s, p)["xy".index(quantity)])
-        else:
-            base = model.orientation(q, u, one.since or 0.0, p) if quantity == "bend" else 0.0
-            values.append(model.orientation(q, u, s, p) - base)
-    return with_slopes("observation", ca.vertcat(*values), q, ca.vertcat(u, w, p))
+def _check_step(step: float) -> None:
+    if step < _SHORTEST:
+        raise SolverError(
+            "the equilibrium cannot be followed to these parameters",
+            status="path lost",
+            advice="bound the parameters, or start nearer to their values; a finger that buckles has no single shape",
+        )
 
 
-def with_slopes(name: str, y: ca.SX, q: ca.SX, z: ca.SX) -> ca.Function:
-    """Function (q, z) -> y, dy/dq, dy/dz."""
-    outputs = [ca.densify(v) for v in (y, ca.jacobian(y, q), ca.jacobian(y, z))]
-    return ca.Function(name, [q, z], ca.cse(outputs), ["q", "z"], ["y", "by_q", "by_z"])
+def with_slopes(name: str, y: ca.SX, *given: ca.SX) -> ca.Function:
+    """Function of some columns -> y, and its derivative by each of them."""
+    outputs = [ca.densify(v) for v in (y, *(ca.jacobian(y, one) for one in given))]
+    return ca.Function(name, list(given), ca.cse(outputs))
 
 
-def symbols(model: FingerModel) -> list[ca.SX]:
-    """Symbols q, u, w and p of a model."""
-    sizes = {"q": model.n, "u": model.nu, "w": model.nw, "p": model.np}
+def symbols(model: FingerModel, first: str = "q") -> list[ca.SX]:
+    """Symbols q, or x, and u, w and p of a model."""
+    sizes = {first: model.n if first == "q" else model.nx, "u": model.nu, "w": model.nw, "p": model.np}
     return [ca.SX.sym(name, size) for name, size in sizes.items()]
 
 

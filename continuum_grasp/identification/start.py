@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
-from continuum_grasp.identification.rows import observation, symbols
+from continuum_grasp.identification.observation import at_rest
+from continuum_grasp.identification.rows import symbols, with_slopes
 from continuum_grasp.model import FingerModel
 
 Array = NDArray[np.float64]
@@ -35,6 +36,7 @@ class MeasuredStart:
 
     def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, name: str) -> None:
         self._model, self._name = model, name
+        readings = [one for one in readings if not one.of_drive]
         self.inputs = model.nu + model.nw
         n, length = model.n, model.finger.rod.length
         self.reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
@@ -46,13 +48,16 @@ class MeasuredStart:
         parabola = np.linalg.lstsq(np.vander(after / after[-1], 3, increasing=True), first.T, rcond=None)[0]
         scale = np.array([1.0 / length if one.quantity in ("x", "y") else 1.0 for one in readings])
         value, slope = scale * parabola[0], scale * parabola[1] / after[-1]
+        self._scale, self._value = scale, value
         _, u, w, p = symbols(model)
         q, qd = ca.SX.sym("q", n), ca.SX.sym("qd", n)
         z = ca.vertcat(u, w, p)
-        y, by_q, _ = observation(model, readings)(q, z)
-        missed = ca.vertcat(scale * y - value, np.sqrt(_SMOOTH) / self.reach * q)
+        y, by_q, _ = with_slopes("observation", at_rest(model, readings, q, u, p), q, z)(q, z)
+        target = ca.SX.sym("target", value.size)
+        near = ca.vertcat(scale * y - target, np.sqrt(_SMOOTH) / self.reach * q)
+        missed = ca.substitute(near, target, ca.DM(value))
         moved = ca.vertcat(scale * (by_q @ qd) - slope, np.sqrt(_SMOOTH) * self.slow / self.reach * qd)
-        self._residuals = ca.Function("missed", [q, z], [missed, ca.jacobian(missed, q)])
+        self._residuals = ca.Function("missed", [q, z, target], [near, ca.jacobian(near, q)])
         state = ca.vertcat(q, qd)
         # qd minimizes the second sum alone: it has no say in q
         still = ca.vertcat(ca.gradient(0.5 * ca.sumsqr(missed), q), ca.gradient(0.5 * ca.sumsqr(moved), qd))
@@ -68,16 +73,8 @@ class MeasuredStart:
         SolverError
             If no shape of the finger comes near the readings.
         """
-        from scipy.optimize import least_squares
-
         n = self._model.n
-        found = least_squares(
-            lambda q: np.array(self._residuals(q, z)[0]).ravel(),
-            self._last,
-            lambda q: np.array(self._residuals(q, z)[1]),
-            x_scale=self.reach,
-        )
-        state = np.concatenate([found.x, np.zeros(n)])
+        state = np.concatenate([self._near(self._last, z, self._value), np.zeros(n)])
         size = np.concatenate([np.full(n, self.reach), np.full(n, self.reach / self.slow)])
         for _ in range(_ITERATIONS):
             still, by_state, by_z = (np.array(part) for part in self._still(state, z))
@@ -87,7 +84,30 @@ class MeasuredStart:
             if np.all(np.abs(change) <= _SETTLED * np.maximum(size, np.abs(state))):
                 self._last = state[:n]
                 return state, np.linalg.solve(by_state, -by_z)
-        raise SolverError(
+        raise self._lost()
+
+    def before(self, readings: Array, z: Array) -> list[Array]:
+        """Shapes (n,) through readings (K, readings) of sections before the start, at z = [u, w, p]."""
+        found: list[Array] = []
+        q = np.zeros(self._model.n)
+        for row in readings:
+            q = self._near(q, z, self._scale * row)
+            found.append(q)
+        return found
+
+    def _near(self, q: Array, z: Array, target: Array) -> Array:
+        from scipy.optimize import least_squares
+
+        found = least_squares(
+            lambda q: np.array(self._residuals(q, z, target)[0]).ravel(),
+            q,
+            lambda q: np.array(self._residuals(q, z, target)[1]),
+            x_scale=self.reach,
+        )
+        return np.asarray(found.x)
+
+    def _lost(self) -> SolverError:
+        return SolverError(
             f"{self._name}: no shape of the finger goes through the first samples",
             status="no start",
             advice="check units, signs and positions of the readings, and the base's position",

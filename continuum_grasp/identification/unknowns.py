@@ -17,16 +17,27 @@ from continuum_grasp.scene.simulate import Scene
 DEADBAND = "tension_deadband"
 """The difference of tensions that friction takes before the finger feels any."""
 LAG, DELAY = "drive_time_constant", "drive_delay"
-"""Time constant of the lag of the tendons, and the time before a command reaches their drive."""
-OF_DRIVE = {DEADBAND: "N", LAG: "s", DELAY: "s"}
-"""Unknowns of the drive, not of the model, and their units."""
+"""Time constant of the lag of the drives, and the time before a command reaches them."""
+OF_DRIVE = {DEADBAND: "N", DELAY: "s"}
+"""Unknowns of the drive that the model does not have, and their units."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
 _LEAST = 1e-9
 """Lower bound per typical size [1] of what must stay positive."""
 _UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", **OF_DRIVE}
 _SIGNED = ("rest_curvature", "clamp_angle", "base_angle", "tip_body_across", "tip_body_along")
-_POSITIVE = ("youngs_modulus", "bending_stiffness", "linear_density", "tendon_offset", LAG)
+_POSITIVE = (
+    "youngs_modulus",
+    "bending_stiffness",
+    "linear_density",
+    "tendon_offset",
+    "tendon_presliding",
+    "tendon_axial_stiffness",
+    "tendon_series_stiffness",
+    "drive_inertia",
+    "softening_curvature",
+    LAG,
+)
 """The model divides by these, or means nothing without them; the others may be zero, but not negative."""
 
 
@@ -91,8 +102,10 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     elif name in OF_DRIVE:
         if finger.tendons is None:
             raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
-        if name == LAG:
-            nominal = max(tendon.time_constant or 0.0 for tendon in finger.tendon_list)
+    elif name == LAG and not finger.winches:
+        if finger.tendons is None:
+            raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
+        nominal, unit = max(tendon.time_constant or 0.0 for tendon in finger.tendon_list), "s"
     elif name == "rest_curvature" and rod.own_rest_curvature:
         raise InputError(
             "state the rest_curvature of the finger, not that of its rod, to estimate it", key=f"{key}.name"
@@ -102,7 +115,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        lower = -math.inf if name in _SIGNED else _LEAST * typical if name in _POSITIVE else 0.0
+        positive = name in _POSITIVE or name.startswith("dry_friction_")
+        lower = -math.inf if name in _SIGNED else _LEAST * typical if positive else 0.0
     if upper is None:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside
@@ -148,7 +162,7 @@ def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
     try:
         # under friction, and with a body that turns, the moment at the tip depends on the motion, which a family that
         # matches it cannot have
-        bends_tip = name == "tendon_friction" or name.startswith("tip_body_")
+        bends_tip = name.startswith(("tendon_friction", "tip_body_"))
         stated = not bends_tip or scene.fidelity.family is not None
         family = None if stated else default_family(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
@@ -181,5 +195,9 @@ def _typical(scene: Scene, name: str) -> float:
         DEADBAND: 1.0,
         LAG: 0.02,
         DELAY: 0.02,
+        "drive_pretension": 1.0,
+        "drive_slack": 1e-3,
+        "drive_viscous_friction": 1e-3,
+        "drive_coulomb_friction": 1e-3,
     }
     return sizes.get(name, 0.1 * mass * length)  # point masses: a tenth of the finger's

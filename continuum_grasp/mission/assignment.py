@@ -11,6 +11,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.mission.commands import Commands, check_commands
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
@@ -32,6 +33,10 @@ _MARGIN = 1.5
 """Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
 _MOST_BEND = 20.0
 """Greatest bending range that a scene may declare [rad]."""
+_LEAST = 0.85
+"""Share of the grasp's tension that is retained while the object is held."""
+_OPPOSED = 3.0
+"""What the other tendon may pull meanwhile beyond its least tension [N]."""
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
 _STEPS = 200
@@ -48,11 +53,15 @@ class Assignment:
     control: ControlScene
     """Finger, object and controller of all phases."""
     tensions: Array
-    """Of the grasp (nu) [N]."""
+    """Of the grasp, of each tendon [N]."""
+    held: Array
+    """Inputs (nu) under which the finger holds the object with them."""
     before: Array
-    """With which the finger is about to touch (nu) [N]."""
+    """Inputs (nu) with which the finger is about to touch."""
     rest: Array
-    """Least tensions (nu) [N]."""
+    """Inputs (nu) that leave the finger alone."""
+    holding: tuple[Array, Array]
+    """Least and greatest inputs (nu) while the object is held: it is not let go to correct a force."""
     bends: Array
     """Bending angles of the controller's elements (N) when it is about to touch [rad]."""
     posture: Array
@@ -81,7 +90,9 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     force = (middle if mission.controller.held == "middle" else tip).normal_force
     given = mission.grasp.setups[0].finger
     base, pose = posture.base.tolist(), found.object_pose.tolist()
-    finger: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    placed: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
+    check_commands(finger, "tendons.drive")
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
@@ -92,17 +103,30 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
-    before, bends = _about_to_touch(control, body, tensions, edges)
+    own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
+    free, least = placed.with_tendons(**dict.fromkeys(own)), np.array(placed.tension_limits[0])
+    most = np.array(finger.tension_limits[1])
+    before, angles = _about_to_touch(control, free, body, tensions, (least, most), edges)
+    commands, ends = (
+        Commands(finger, edges),
+        np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
+    )
+    pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
+    firm = commands.of(np.where(pulls, _LEAST * tensions, least), ends)
+    loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
+    closing = np.resize(pulls, firm.size)  # of one pulley that of its first tendon
     factors = np.minimum(np.asarray(resistance.factors), _LARGEST)
     return Assignment(
         mission=mission,
         grasp=found,
         control=control,
         tensions=tensions,
-        before=before,
-        rest=np.array(control.input_limits[0]),
-        bends=bends,
-        posture=np.diff(np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))),
+        held=commands.of(tensions, ends),
+        before=commands.of(before, angles),
+        rest=np.array(control.rest_input),
+        holding=(np.where(closing, firm, -np.inf), np.where(closing, np.inf, loose)),
+        bends=np.diff(angles),
+        posture=np.diff(ends),
         force=force,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
@@ -132,7 +156,7 @@ def _control_scene(
         object=body,
         contact_law=mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
-        parameters=("bending_stiffness",) if mission.estimator.disturbances.bending_stiffness is not None else (),
+        parameters=tuple(sorted({"bending_stiffness", "tendon_friction"} & mission.estimator.disturbances.names)),
         controller=Controller(
             period=asked.period,
             horizon=asked.horizon,
@@ -158,15 +182,17 @@ def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
     return float(np.max(np.maximum(*sides) / finger.profile.bending_stiffness(s)))
 
 
-def _about_to_touch(control: ControlScene, body: GraspObject, tensions: Array, edges: Array) -> tuple[Array, Array]:
-    """Tensions (nu) [N], towards those of the grasp, at which the free finger comes close to the object, and its bends
-    between the edges [rad].
+def _about_to_touch(
+    control: ControlScene, finger: Finger, body: GraspObject, tensions: Array, limits: tuple[Array, Array], edges: Array
+) -> tuple[Array, Array]:
+    """Tensions [N], towards those of the grasp, at which the free finger comes close to the object, and angles of its
+    sections at the edges [rad].
     """
-    finger, least = control.finger, np.array(control.input_limits[0])
+    least, highest = limits
     free = FingerModel(
-        finger.with_tendons(time_constant=None),
+        finger,
         gravity=(0.0, 0.0),
-        family=control.fidelity.family,
+        family=control.fidelity.family if not finger.has_tendon_friction else default_family(free_tip=True),
         elements=control.fidelity.elements,
         bending_range=control.fidelity.bending_range,
         tip_force=False,
@@ -176,7 +202,7 @@ def _about_to_touch(control: ControlScene, body: GraspObject, tensions: Array, e
     half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
     away = tensions - least
     pulls = away > 0.0
-    most = float(np.min((np.array(control.input_limits[1]) - least)[pulls] / away[pulls]))
+    most = float(np.min((highest - least)[pulls] / away[pulls]))
     before, q = least, np.zeros(free.n)
     for share in np.linspace(0.0, most, _STEPS + 1):
         u = least + share * away
@@ -186,4 +212,4 @@ def _about_to_touch(control: ControlScene, body: GraspObject, tensions: Array, e
         if gap < _CLEARANCE:
             break
         before, q = u, shape
-    return before, np.diff(np.ravel(core.batch("orientation", q, before, edges[:, None])))
+    return before, np.ravel(core.batch("orientation", q, before, edges[:, None]))

@@ -36,6 +36,8 @@ class Outcome:
         """The plant and what became of the object, in one line."""
         v = self.variation
         shares = {"stiffness": v.stiffness, "damping": v.damping, "mass": v.mass, "friction": v.friction}
+        if v.tendon_friction != 1.0:
+            shares["tendon friction"] = v.tendon_friction
         plant = ", ".join(f"{name} {value:.3f}" for name, value in shares.items() if value is not None)
         x, y = (1e3 * value for value in v.shift)
         found = self.error.partition("\n")[0]

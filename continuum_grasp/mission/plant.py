@@ -16,16 +16,14 @@ from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.surroundings import Table
 
 Array = NDArray[np.float64]
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
-"""What of finger and object varies from plant to plant: run-time numbers, so that equations are compiled once."""
-_LEAST = 0.85
-"""Share of the grasp's tension that is retained while the object is held."""
-_OPPOSED = 3.0
-"""What the other tendon may pull meanwhile beyond its least tension [N]."""
+"""What of finger and object varies from plant to plant: run-time numbers, so that equations are compiled once. Friction
+of the tendons is one of them where they have any."""
 _SUNK = 0.05
 """How far the table sinks [m]."""
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
@@ -47,6 +45,8 @@ class Variation:
     """Of where the object stands, world x, y [m]."""
     seed: int | None = None
     """Of the measurement noise."""
+    tendon_friction: float = 1.0
+    """Friction of the tendons, per that of the plant [1]."""
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
@@ -64,7 +64,8 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
         out_of_plane_gravity=mission.gravity,
         table=Table(friction=mission.table_friction),
     )
-    return PlantModel(control, scene, _FINGER, _OBJECT)
+    of_tendons = ("tendon_friction",) * scene.finger.has_tendon_friction
+    return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT)
 
 
 def mission_plant(
@@ -75,7 +76,8 @@ def mission_plant(
     # The equations have the factors of the mission's ``plant`` already.
     stiffness = 1.0 if variation.stiffness is None else variation.stiffness / own.stiffness
     damping = 1.0 if variation.damping is None else variation.damping / own.damping
-    equations.p = nominal * np.array([stiffness, damping, variation.mass, variation.friction])
+    of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
+    equations.p = nominal * np.array([stiffness, damping, *of_tendons, variation.mass, variation.friction])
     equations.outside = timetable.outside()
     plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, variation.seed)
     plant.x = plant.x.copy()
@@ -93,14 +95,16 @@ class Span:
 
 
 class Timetable:
-    """Phases of a mission: approach, squeeze, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower,
-    release, end.
+    """Phases of a mission: approach, squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a
+    ``rest`` after each, lower, release, end.
     """
 
     def __init__(self, assignment: Assignment) -> None:
         self._of = assignment
         asked = assignment.mission.phases
-        lengths = [("approach", asked.approach), ("squeeze", asked.squeeze), ("lift", asked.lift), ("hold", asked.hold)]
+        lengths = [("approach", asked.approach), ("squeeze", asked.squeeze)]
+        lengths += [("settle", asked.settle)] * (asked.settle > 0.0)
+        lengths += [("lift", asked.lift), ("hold", asked.hold)]
         for k in range(len(assignment.pulls)):
             lengths += [(f"pull {k + 1}", asked.pull), ("rest", asked.rest)]
         # "end": nothing is asked any more, so that what still moves comes to rest.
@@ -132,16 +136,18 @@ class Timetable:
         # The posture goes from straight to touching, and from there to the grasp; release undoes both at once.
         closed = self._risen(t, "squeeze") - self._risen(t, "release")
         begun = self._risen(t, "approach") - self._risen(t, "release")
-        tensions = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.tensions - of.before)
+        inputs = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.held - of.before)
+        word, unit = COMMANDS[of.control.finger.input_key]
         bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
         columns: dict[str, Array] = {f"contact_force_{of.mission.controller.contact} [N]": closed * of.force}
         columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
-        columns |= {f"tension_{k + 1} [N]": column for k, column in enumerate(tensions.T)}
+        columns |= {f"{word}_{k + 1} [{unit}]": column for k, column in enumerate(inputs.T)}
         return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
 
     def phases(self, stages: Stages) -> list[Phase]:
         """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
-        begin = {name: self._weighing(stages, held=name == "lift") for name in ("approach", "lift", "release")}
+        begin = {name: self._weighing(stages) for name in ("approach", "release")}
+        begin |= {name: self._weighing(stages, followed=True, held=name == "lift") for name in ("settle", "lift")}
         found = []
         for span in self.spans:
             rows = partial(self._rows_since, span.start, stages.r_names)
@@ -151,18 +157,24 @@ class Timetable:
     def _rows_since(self, start: float, names: tuple[str, ...], since: Array) -> Array:
         return self.rows(start + since, names)
 
-    def _weighing(self, stages: Stages, *, held: bool) -> Callable[[Any, Any], None]:
-        """Gives the controller the weights and limits of a phase; what is held is not let go to correct a force."""
-        off = "bending_" if held else "contact_force"
+    def _weighing(self, stages: Stages, *, followed: bool = False, held: bool = False) -> Callable[[Any, Any], None]:
+        """Gives the controller the weights and limits of a phase, in which a force is ``followed`` or the posture; what
+        is ``held`` is not let go to correct a force.
+        """
+        off = "bending_" if followed else "contact_force"
         # One drive follows the posture or a force. Rates stay weighted, since they damp either.
         keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
         weights = np.where(keep, stages.weights, 0.0)
-        low, high = stages.u_min, stages.u_max
-        if held:
-            pulls = self._of.tensions > self._of.rest + 1.0  # [N]: the tendon that closes the finger
-            low = np.where(pulls, np.clip(_LEAST * self._of.tensions, low, high), low)
-            high = np.where(pulls, high, np.minimum(high, self._of.rest + _OPPOSED))
-        return lambda controller, plant: controller.change(weights=weights, u_min=low, u_max=high)
+
+        def begin(controller: Any, plant: Any) -> None:
+            low, high = stages.u_min, stages.u_max
+            if held:
+                # Positions hold where they are by now: friction and soft contacts move those of the grasp.
+                away = plant.command - self._of.held if self._of.control.finger.winches else 0.0
+                low, high = (np.clip(limit + away, low, high) for limit in self._of.holding)
+            controller.change(weights=weights, u_min=low, u_max=high)
+
+        return begin
 
     # -- the plant's ------------------------------------------------------------------------------------------------
 

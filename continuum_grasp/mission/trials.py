@@ -26,6 +26,7 @@ _SEEDS = 2**31
 def variations(trials: Trials) -> list[Variation]:
     """The plants that are drawn, the same for the same seed."""
     rng = np.random.default_rng(trials.seed)
+    of_tendons = np.random.default_rng((trials.seed, 1))  # a stream of its own: the others are what they are without it
 
     def factor(reach: float) -> float:
         return float(1.0 + reach * rng.uniform(-1.0, 1.0))
@@ -36,7 +37,8 @@ def variations(trials: Trials) -> list[Variation]:
         stiffness, damping = factor(trials.stiffness), factor(trials.damping)
         mass, friction = factor(trials.mass), factor(trials.friction)
         dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
-        found.append(Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(_SEEDS))))
+        own = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
+        found.append(Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(_SEEDS)), own))
     return found
 
 

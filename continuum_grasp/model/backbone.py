@@ -130,19 +130,30 @@ class Backbone:
         return point, angle
 
     def missing(self, masses: int = 0) -> ca.Function:
-        """``(q, u, w, m, p)``: generalized force (n,) that is missing for rest.
+        """``(q, u, w, m, p)``, or ``(q, u, w, m, history, p)`` of tendons with friction: generalized force (n,) that is
+        missing for rest.
 
-        ``m`` (2, masses) are masses and where they are, beside those of the finger. Tendons with friction slid all the
-        way from the straight finger on.
+        ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
+        `FingerModel`.
         """
         eq = self._eq
         m = ca.SX.sym("m", 2, masses)
         elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.actuation_at_rest))
-        if eq.history.numel():  # tendons with friction were pulled from straight
-            pulled = ca.vertcat(ca.SX.zeros(eq.z.numel()), 1.0)
-            driven = ca.substitute(driven, eq.history, pulled)
         force = elastic - driven - ca.gradient(self._work(m), eq.q)
-        return self._function("missing", [eq.w, m], [force])
+        history = [eq.history] if eq.history.numel() else []
+        return self._function("missing", [eq.w, m, *history], [force])
+
+    @cached_property
+    def mean_shares(self) -> ca.Function:
+        """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
+        eq, lengths = self._eq, column(self._eq.lengths)
+        found: list[Scalar] = []
+        for cells, passed in zip(eq.structure.cell_sets, eq.tendons_at_rest.shares, strict=True):
+            # Of all tendons of the set; cells are equal parts of their elements.
+            spans = [eq.lengths[cell.element] * (len(eq.lengths) / len(cells.cells)) for cell in cells.cells]
+            for mean in passed.mean:
+                found.append(sum((h * share for h, share in zip(spans, mean, strict=True)), 0.0) / ca.sum1(lengths))
+        return self._function("mean_shares", [eq.history], [ca.vertcat(*found)])
 
     def _work(self, masses: ca.SX) -> ca.SX:
         """Work of loads and weight, whose gradient are their generalized forces."""

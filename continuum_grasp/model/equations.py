@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.actuation import Drive
+from continuum_grasp.model.bending_friction import BendingFriction
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
@@ -23,12 +24,26 @@ from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_forces import Pulls, TendonForces
+from continuum_grasp.scene.graded_profile import line
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.profile import Curve
 
 _STOP_NODES = 3
 """Points per element at which links may touch [1]: as good as dense ones."""
 _STOP_ROUNDING = 0.005
 """Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
+
+
+@dataclass(frozen=True)
+class _Limit:
+    """A curvature from which on the finger is stiffer or softer."""
+
+    curvature: Curve  # [1/m]
+    signs: tuple[float, ...]  # to which sides
+    rounding: float  # of the corner, per curvature [1]
+    change: Scalar  # of the stiffness beyond it, per that before [1]
+    with_rest: bool  # whether the curvature at rest counts
+    scale: Scalar = 1.0  # of the curvature
 
 
 class Equations:
@@ -44,7 +59,7 @@ class Equations:
         self.lag = ca.SX.sym("lag", structure.drive_states)
         self.z = ca.SX.sym("z", structure.friction_states)
         self.x = ca.vertcat(self.q, self.qd, self.lag, self.z)
-        # Of what acts at rest: friction states, and whether the finger's sliding moves them (``TendonForces``).
+        # Of what acts at rest: friction states, and whether the finger's bending moves them (``TendonForces``).
         self.history = ca.SX.sym("history", self.z.numel() + 1 if self.z.numel() else 0)
         self.u = ca.SX.sym("u", len(structure.u_names))
         self.w = ca.SX.sym("w", len(structure.w_names))
@@ -89,7 +104,8 @@ class Equations:
                 found.append(0.0)
                 continue
             # Second order, because a known moment needs its rate and acceleration; critically damped: no overshoot.
-            pole = 1.0 / source.time_constant
+            runtime = self._par.is_runtime("drive_time_constant")
+            pole = 1.0 / (self._par["drive_time_constant"] if runtime else source.time_constant)
             moment, rate = self.lag[entry], self.lag[entry + 1]
             found.append(pole**2 * (commanded.moment - moment) - 2.0 * pole * rate)
             entry += 2
@@ -294,40 +310,59 @@ class Equations:
 
     @cached_property
     def elastic(self) -> list[Scalar]:
-        """Gradient of the elastic energy, that of stops included; equation (32)."""
+        """Gradient of the elastic energy, that of stops and softening included; equation (32)."""
         bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
-        if self._structure.finger.stops is None:
+        if not self._limits:
             return bent
         total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
         return list(ca.vertsplit(total))
 
+    @cached_property
+    def _limits(self) -> list[_Limit]:
+        """Curvatures from which on the finger is stiffer or softer."""
+        finger, found, runtime = self._structure.finger, list[_Limit](), self._par.is_runtime
+        if finger.stops is not None and finger.stop_curvature is not None:
+            more = finger.stops.stiffness_ratio - 1.0
+            found.append(_Limit(finger.stop_curvature, finger.stops.signs, _STOP_ROUNDING, more, True))
+        if finger.softening is not None:
+            soft = finger.softening
+            less = (self._par["softening_ratio"] if runtime("softening_ratio") else soft.stiffness_ratio) - 1.0
+            at = line(finger.rod.length, soft.curvature)
+            own: Scalar = 1.0
+            if runtime("softening_curvature"):
+                own = self._par["softening_curvature"] / self._par.nominal_of("softening_curvature")
+            found.append(_Limit(at, (1.0, -1.0), soft.rounding, less, False, own))
+        return found
+
     def touching(self) -> list[Array]:
-        """Per element where links may touch: rows of the shapes there, of the rest curvature, of the curvature at which
-        they do [1/m] and of the energy per square beyond it [m]; none without stops.
+        """Per element where links may touch, or the material softens: rows of the shapes there, of the rest curvature,
+        of the curvature at which they do [1/m] and of the energy per square beyond it and change of the stiffness [m].
+
+        None without stops and softening.
         """
-        finger, found = self._structure.finger, list[Array]()
-        limit = finger.stop_curvature
-        if finger.stops is None or limit is None:
-            return found
+        found = list[Array]()
         nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
-        for k, h in enumerate(self._structure.lengths):
+        for k, h in enumerate(self._structure.lengths if self._limits else ()):
             s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
-            extra = 0.5 * (finger.stops.stiffness_ratio - 1.0) * self._structure.mesh.stiffness(s)
-            found.append(np.vstack([self._family.shapes_at(k, s), limit(s), 0.5 * h * weights * extra]))
+            energy = 0.25 * h * weights * self._structure.mesh.stiffness(s)
+            shapes = self._family.shapes_at(k, s)
+            found.append(np.hstack([np.vstack([shapes, limit.curvature(s), energy]) for limit in self._limits]))
         return found
 
     def stop_energy(self, local: Sequence[Scalar], numbers: ca.SX) -> Scalar:
-        """Energy of links that touch on one element [J] of ``touching``, smooth within a share of the curvature."""
-        stops, total = self._structure.finger.stops, ca.SX(0.0)
-        runtime = self._par.is_runtime("rest_curvature")
-        for j in range(numbers.shape[1] if stops is not None else 0):
+        """Energy of links that touch on one element [J], and that which softening takes, of ``touching``."""
+        total, runtime = ca.SX(0.0), self._par.is_runtime("rest_curvature")
+        for j in range(numbers.shape[1]):
+            limit = self._limits[j // _STOP_NODES]
             *shapes, rest, touch, energy = ca.vertsplit(numbers[:, j])
-            kappa = _dot(shapes, local) + (self._par["rest_curvature"] if runtime else rest)
-            rounding = _STOP_ROUNDING * touch
-            for sign in stops.signs if stops is not None else ():
+            kappa, touch = _dot(shapes, local), limit.scale * touch
+            if limit.with_rest:
+                kappa += self._par["rest_curvature"] if runtime else rest
+            rounding = limit.rounding * touch
+            for sign in limit.signs:
                 beyond = sign * kappa - touch
                 share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
-                total += energy * share * share
+                total += limit.change * energy * share * share
         return self._par["bending_stiffness"] * total
 
     @cached_property
@@ -365,11 +400,11 @@ class Equations:
         if self._structure.winches:
             moving = list(zip(self._structure.winches, self._winch_states, strict=True))
             pulls = Pulls(wound=[y for winch, states in moving for y in winch.wound(winch.drum(states))])
-            tensions = self._tendons(pulls, self.z).tensions
+            tensions = self._tendons(pulls, self._of_tendons(self.z)).tensions
             rates = [winch.drum_rate(states, [tensions[k] for k in winch.tendons]) for winch, states in moving]
             every = [v for (winch, _), rate in zip(moving, rates, strict=True) for v in winch.wound_rates(rate)]
             pulls = replace(pulls, rates=every)
-        return self._tendons(pulls, self.z)
+        return self._tendons(pulls, self._of_tendons(self.z))
 
     @cached_property
     def tendons_at_rest(self) -> TendonForces:
@@ -389,15 +424,39 @@ class Equations:
                     )
                 ]
             )
-        return self._tendons(pulls, self.history[:count], self.history[count] if count else None)
+        return self._tendons(pulls, self._of_tendons(self.history), self.history[count] if count else None)
+
+    def _of_tendons(self, states: ca.SX) -> list[Scalar]:
+        return [states[k] for k in range(self._structure.tendon_friction_states)]
+
+    @cached_property
+    def dry_friction(self) -> BendingFriction:
+        """Dry friction in bending of a finger that moves."""
+        return self._dry_friction(self.z)
+
+    @cached_property
+    def dry_friction_at_rest(self) -> BendingFriction:
+        """The same of a finger at rest, by ``history``."""
+        count = self.z.numel()
+        return self._dry_friction(self.history, self.history[count] if count else None)
+
+    def _dry_friction(self, states: ca.SX, moved: Scalar | None = None) -> BendingFriction:
+        made = self._structure
+        own = [states[k] for k in range(made.tendon_friction_states, made.friction_states)]
+        return BendingFriction(made.family, made.bending_cells, made.parameters, self.lengths, self.full, own, moved)
+
+    @property
+    def slid(self) -> list[Scalar]:
+        """Per friction state what ``history`` counts: sliding of tendons, bending with dry friction."""
+        tendons = self.tendons_at_rest.slid if self._structure.cell_sets else []
+        return [*tendons, *self.dry_friction_at_rest.bent]
 
     def _own_tensions(self, drives: Sequence[Drive]) -> list[Scalar]:
         sources = zip(self._structure.sources, drives, strict=True)
         return [drive.moment for source, drive in sources if source.tendon is not None]
 
-    def _tendons(self, pulls: Pulls, states: ca.SX, moved: Scalar | None = None) -> TendonForces:
-        split = [states[k] for k in range(states.numel())]
-        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, split, moved)
+    def _tendons(self, pulls: Pulls, states: Sequence[Scalar], moved: Scalar | None = None) -> TendonForces:
+        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, states, moved)
 
     @cached_property
     def _winch_states(self) -> list[list[Scalar]]:
@@ -446,9 +505,9 @@ class Equations:
         return found
 
     @property
-    def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[float]]:
+    def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[Scalar]]:
         """Angles of motors and of drums behind a play, their rates, torques without dry friction [N m], inertias."""
-        angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[float]()
+        angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[Scalar]()
         for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
             own = winch.inertias
             angles += winch.turning(states)
@@ -529,20 +588,20 @@ class Equations:
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
-        return self._net_force(self.actuation)
+        return self._net_force(self.actuation, self.dry_friction)
 
     @property
     def force_but_tendons(self) -> list[Scalar]:
         """M qdd without what tendons and couples exert."""
-        return self._net_force([0.0] * self._family.size)
+        return self._net_force([0.0] * self._family.size, self.dry_friction)
 
     @property
     def net_force_by_history(self) -> list[Scalar]:
-        """The same with friction of tendons by ``history``."""
-        return self._net_force(self.actuation_at_rest)
+        """The same with friction by ``history``."""
+        return self._net_force(self.actuation_at_rest, self.dry_friction_at_rest)
 
-    def _net_force(self, actuation: Sequence[Scalar]) -> list[Scalar]:
-        bending = self._bending_force(actuation)
+    def _net_force(self, actuation: Sequence[Scalar], friction: BendingFriction) -> list[Scalar]:
+        bending = [b + f for b, f in zip(self._bending_force(actuation), friction.force, strict=False)]
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
@@ -553,7 +612,8 @@ class Equations:
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        bending = self._bending_force(self.actuation_at_rest)
+        friction = self.dry_friction_at_rest.force
+        bending = [b + f for b, f in zip(self._bending_force(self.actuation_at_rest), friction, strict=False)]
         return [acting[k] - bending[k] for k in range(self._structure.n)]
 
     @cached_property
@@ -564,20 +624,41 @@ class Equations:
 
     def implicit_rate(self, part: ca.SX) -> list[Scalar]:
         """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
-        n, rates = self._structure.n, self.state_rate
+        n = self._structure.n
         stiffness = ca.jacobian(column(self.elastic[:n]), self.q)
         slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
-        matrix = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
+        if self._structure.bending_cells:
+            # As if all branches stuck, whose states follow the velocity at the end of the step.
+            block = matrix([row[:n] for row in self._family.stiffness(self.lengths)[:n]])
+            slowed += part**2 * self.stuck_stiffness * block
+        slow = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
         pull = part * ca.mtimes(stiffness, self.qd)
-        found = solve_ldl(matrix, [f - pull[k] for k, f in enumerate(self.net_force)])
-        return [*[self.qd[k] + part * rate for k, rate in enumerate(found)], *found, *rates[2 * n :]]
+        found = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force)])
+        return [
+            *[self.qd[k] + part * rate for k, rate in enumerate(found)],
+            *found,
+            *self.implicit_drive_rates(part, ca.vertcat(*found)),
+        ]
 
     @cached_property
     def drive_rates(self) -> list[Scalar]:
         """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
         lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
-        return [*lag, *self._winch_rates, *self.tendons.state_rates]
+        return [*lag, *self._winch_rates, *self.tendons.state_rates, *self.dry_friction.state_rates(self.full_rates)]
+
+    def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
+        """The same as a step takes it that is implicit in ``part`` [s] where dry friction makes the finger stiff."""
+        ahead: list[Scalar] = [self.qd[k] + part * accelerations[k] for k in range(self._structure.n)]
+        own = self.dry_friction.state_rates(ahead, part)
+        return [*self.drive_rates[: self.lag.numel() + self.z.numel() - len(own)], *own]
+
+    @property
+    def stuck_stiffness(self) -> Scalar:
+        """Of the branches of dry friction while they stick, as a factor of the mesh's stiffness."""
+        if not self._structure.bending_cells:
+            return 0.0
+        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * self.dry_friction.stiffness
 
     @property
     def drives_feel_motion(self) -> bool:
@@ -610,6 +691,7 @@ class Equations:
         elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
         if self._structure.winches:
             elastic += self.tendons.stored_energy
+        elastic += self.dry_friction.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._structure.finger.base.position

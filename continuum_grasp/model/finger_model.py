@@ -79,7 +79,7 @@ class FingerModel(Functions):
     p_nominal : list of float
         Nominal values of ``p``.
     friction_names : list of str
-        The last of ``x_names``: states of tendon friction.
+        The last of ``x_names``: states of tendon friction, and of dry friction in bending.
     load_entries : list of (str, int)
         Per load, the vector ("u" or "w") and the index at which its value begins.
 
@@ -118,8 +118,9 @@ class FingerModel(Functions):
     x = [q, qd], and [q, qd, tip moment, its rate] where the tendons have a time constant (moment and rate per shape
     that tendons bend, tension and rate per tendon where they have friction); the functions of q then take what u
     commands. Friction states of the tendons follow, from base to tip, first that of a conduit: +1 where the tendons on
-    the -X side slide towards the base. Functions of q then take a ``history``, [friction states, h], by which friction
-    acts as clip(state + h slid), of the way that `sliding` gives: all zero for no friction, h = 1 alone for a finger
+    the -X side slide towards the base. Then those of dry friction in bending, cell by cell with one per branch: +1
+    where it slides towards positive curvature. Functions of q then take a ``history``, [friction states, h], by which
+    friction acts as clip(state + h slid), of what `sliding` gives: all zero for no friction, h = 1 alone for a finger
     that was pulled from straight. u = tensions, or the tip moment, then
     the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if
     any), then the loads.
@@ -234,6 +235,10 @@ class FingerModel(Functions):
         lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
         return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]
 
+    def drives_at_rest(self) -> ca.Function:
+        """``(q, u, p (, history)) -> lag, drawn``: states of lags, winches and motors, as `drives_at` gives them."""
+        return self._drives_at_rest
+
     def stiffness_of_drives(self) -> ca.Function:
         """``(x, u, w, p) -> K, D, inertia, passive``: small motions of a finger with winches, at rest.
 
@@ -266,6 +271,16 @@ class FingerModel(Functions):
         """
         return self._tensions
 
+    @cached_property
+    def _tensions_at_rest(self) -> ca.Function:
+        eq = self._equations
+        names = "q u p history" if eq.history.numel() else "q u p"
+        return self._function("tensions_at_rest", names, tensions=list(eq.tendons_at_rest.tensions))
+
+    def tensions_at_rest(self) -> ca.Function:
+        """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
+        return self._tensions_at_rest
+
     def tension_places(self) -> list[NDArray[np.float64]]:
         """Where tensions along the finger are, per tendon [m]: in the middle of friction cells, or where it ends."""
         ends = [self.structure.length if t.to is None else t.to for t in self.finger.tendon_list]
@@ -278,12 +293,13 @@ class FingerModel(Functions):
 
     @cached_property
     def _sliding(self) -> ca.Function:
-        return self._function("sliding", "q u p", slid=self._equations.tendons_at_rest.slid)
+        return self._function("sliding", "q u p", slid=self._equations.slid)
 
     def sliding(self) -> ca.Function:
-        """``(q, u, p) -> slid``: how far tendons have slid since the finger was straight, per presliding [1].
+        """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].
 
-        An entry per friction state, positive towards the base for tendons on the -X side.
+        An entry per state: how far tendons have slid, per presliding, positive towards the base for those on the -X
+        side; of dry friction in bending the curvature above rest, per that at which the branch slides.
         """
         return self._sliding
 

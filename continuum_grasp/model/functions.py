@@ -40,7 +40,7 @@ MATRICES = frozenset(
 def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
     """An attribute that is a function of space-separated inputs; each output is read off the model's equations.
 
-    ``history``: of that of tendon friction too, where there is any.
+    ``history``: of that of friction too, where there is any.
     """
 
     def build(model: Functions) -> ca.Function:
@@ -105,10 +105,16 @@ class Functions(Remade, Summarized):
 
     @property
     def drive_rates(self) -> ca.Function:
-        """(x, u, p) -> rates of the states of drives and of tendon friction."""
+        """(x, u, p) -> rates of the states of drives and of friction."""
         eq = self._equations
         value = ca.cse(ca.densify(column(eq.drive_rates)))
         return ca.Function("drive_rates", [eq.x, eq.u, eq.p], [value], ["x", "u", "p"], ["lagging"])
+
+    def _implicit_drive_rates(self, x: ca.MX, u: ca.MX, p: ca.MX, part: ca.MX, rates: ca.MX) -> ca.MX:
+        """The same in a step that is implicit in ``part``, by accelerations of the coordinates."""
+        eq, step = self._equations, ca.SX.sym("part")
+        value = ca.cse(ca.densify(column(eq.implicit_drive_rates(step, eq.qdd))))
+        return ca.Function("drive_rates", [eq.x, eq.u, eq.p, step, eq.qdd], [value])(x, u, p, part, rates)
 
     @property
     def sweeps(self) -> bool:
@@ -131,7 +137,7 @@ class Functions(Remade, Summarized):
         part, n = ca.MX.sym("part"), eq.q.numel()
         if self.sweeps:
             rates, lagging = sweep_function(Builder(eq, implicit=True))(x, u, w, p, part, x[n : 2 * n])
-            driven = self.drive_rates(x, u, p) if eq.drives_feel_motion else lagging
+            driven = self._implicit_drive_rates(x, u, p, part, rates) if eq.drives_feel_motion else lagging
             k = ca.vertcat(x[n : 2 * n] + part * rates, rates, driven)
         else:
             symbol = ca.SX.sym("part")

@@ -10,7 +10,7 @@ import casadi as ca
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.tendons import Tendons
+from continuum_grasp.scene.tendons import Tendon, Tendons
 
 _UNITS = {
     "base_angle": "rad",
@@ -24,6 +24,17 @@ _UNITS = {
     "rest_curvature": "1/m",
     "tendon_offset": "m",
     "tendon_friction": "1",
+    "tendon_presliding": "m",
+    "tendon_axial_stiffness": "N",
+    "tendon_series_stiffness": "N/m",
+    "softening_curvature": "1/m",
+    "softening_ratio": "1",
+    "drive_time_constant": "s",
+    "drive_pretension": "N",
+    "drive_slack": "m",
+    "drive_inertia": "kg m2",
+    "drive_viscous_friction": "N m s",
+    "drive_coulomb_friction": "N m",
     "tip_mass": "kg",
     "tip_body_mass": "kg",
     "tip_body_inertia": "kg m2",
@@ -32,6 +43,8 @@ _UNITS = {
 }
 FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
 """Parameters that are factors of the profile [1] where the rod is graded."""
+OF_TENDONS = tuple(name for name in _UNITS if name.startswith(("tendon_", "drive_")) and name != "tendon_offset")
+"""Parameters of every tendon, or of its drive, by the key there after the prefix."""
 
 
 class Parameters:
@@ -41,6 +54,7 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
+        self.branches = len(finger.damping.dry_friction)
         self._nominal = _nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -70,10 +84,14 @@ class Parameters:
         labels = []
         for name in self.names:
             count = len(self._nominal[name])
-            unit = "1" if self._graded and name in FACTORS else _UNITS.get(name, "kg")
+            unit = "1" if self._graded and name in FACTORS else _unit(name)
             tags = [name] if count == 1 else [f"{name}_{'xy'[k] if name == 'gravity' else k + 1}" for k in range(count)]
             labels += [f"{tag} [{unit}]" for tag in tags]
         return labels
+
+    def nominal_of(self, name: str) -> float:
+        """Value that the finger has."""
+        return self._nominal[name][0]
 
     def is_runtime(self, name: str) -> bool:
         """Whether a parameter is a run-time argument."""
@@ -88,6 +106,12 @@ class Parameters:
 
     def __getitem__(self, name: str) -> Scalar:
         return self.vector(name)[0]
+
+
+def _unit(name: str) -> str:
+    if name.startswith("dry_friction_"):
+        return "N m2" if name.endswith("_stiffness") else "N m"
+    return _UNITS.get(name, "kg")
 
 
 def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
@@ -112,12 +136,31 @@ def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Seque
             values[f"mass_{k}"] = [mass.mass]
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
-    frictions = sorted({tendon.friction for tendon in finger.tendon_list})
-    if len(frictions) == 1:
-        values["tendon_friction"] = frictions
+    if finger.softening is not None:
+        values["softening_ratio"] = [finger.softening.stiffness_ratio]
+        if not isinstance(finger.softening.curvature, tuple):
+            values["softening_curvature"] = [finger.softening.curvature]
+    for k, branch in enumerate(finger.damping.dry_friction):
+        values[f"dry_friction_{k + 1}_stiffness"] = [branch.stiffness]
+        values[f"dry_friction_{k + 1}_moment"] = [branch.moment]
+    for name in OF_TENDONS:
+        own = {_of_tendon(tendon, name) for tendon in finger.tendon_list}
+        if len(own) == 1 and own != {None}:
+            values[name] = [value for value in own if value is not None]
     if finger.profile.rest_curvature.constant is not None:
         values["rest_curvature"] = [finger.profile.rest_curvature.constant]
     return {name: [float(v) for v in value] for name, value in values.items()}
+
+
+def _of_tendon(tendon: Tendon, name: str) -> float | None:
+    """Value behind a name of ``OF_TENDONS``; None where the tendon has none."""
+    owner, _, key = name.partition("_")
+    if name == "drive_time_constant" and tendon.drive is None:
+        return tendon.time_constant
+    if key == "presliding" and tendon.friction == 0.0:
+        return None
+    value = getattr(tendon if owner == "tendon" else tendon.drive, key, None)
+    return None if value is None else float(value)
 
 
 def at_tip(at: float, length: float) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout, Source
+from continuum_grasp.model.bending_friction import BendingCell, bending_cells
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Family, Mesh, family_class
@@ -79,9 +80,10 @@ class Structure:
         self.sources = self._sources()
         self.mesh = self._mesh()
         self.family = self._make_family()
-        self.winches = winches_of(self.finger.tendon_list, self.length)
+        self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
+        self.bending_cells = self._bending_cells()
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
         for k, load in enumerate(self.loads):
@@ -300,19 +302,29 @@ class Structure:
         runtime = self.parameters.is_runtime("tendon_friction")
         return cell_sets(self.family, self.channels, self.finger.tendon_list, runtime)
 
+    def _bending_cells(self) -> tuple[BendingCell, ...]:
+        if not self.finger.has_dry_friction:
+            return ()
+        return bending_cells(self.family, self.finger.damping.friction_cells)
+
     @property
-    def friction_states(self) -> int:
-        """Number of states of tendon friction."""
+    def tendon_friction_states(self) -> int:
+        """Number of states of tendon friction, which come first."""
         return sum(cells.states for cells in self.cell_sets)
 
+    @property
+    def friction_states(self) -> int:
+        """Number of states of friction: of the tendons, and dry friction in bending."""
+        return self.tendon_friction_states + len(self.bending_cells) * len(self.finger.damping.dry_friction)
+
     def check_reached_by(self, initial: Initial) -> None:
-        """Raise InputError where a pose of a finger whose tendons have friction lacks its history."""
+        """Raise InputError where a pose of a finger with friction, of tendons or in bending, lacks its history."""
         if not self.friction_states:
             return
         if initial.reached_by is None:
             raise InputError(
-                "tendons with friction hold a finger anywhere between two shapes: state how it got there, pulling, "
-                "releasing, or state with friction_states",
+                f"{'dry friction holds' if self.bending_cells else 'tendons with friction hold'} a finger anywhere "
+                "between two shapes: state how it got there, pulling, releasing, or state with friction_states",
                 key="initial.reached_by",
             )
         given = initial.friction_states
@@ -367,6 +379,9 @@ class Structure:
         for k, winch in enumerate(self.winches):
             self.x_names += winch.names(k + 1)
         self.friction_names = [name for k, cells in enumerate(self.cell_sets) for name in cells.names(k + 1)]
+        branches = range(len(self.finger.damping.dry_friction))
+        cells = range(len(self.bending_cells))
+        self.friction_names += [f"dry_friction_{j + 1}_{k + 1} [1]" for k in cells for j in branches]
         self.x_names += self.friction_names
         self.u_names = self.inputs.labels
         self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]

@@ -58,7 +58,7 @@ class Kernels:
     of its start, ``turn`` its rotation, ``end`` what the inward sweep hands on, ``start``
     the accelerations at the start of a link, ``rates`` those of the coordinates that it does not share with the link
     before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load, and
-    per link where tendons with a tension of their own act. Inputs of no
+    per link where tendons with a tension of their own or dry friction act. Inputs of no
     use are empty.
 
     Attributes
@@ -195,13 +195,24 @@ class Builder:
         return ca.Function(f"{name}_{_digest(ca.Function(name, *arguments).serialize().encode())}", *arguments)
 
     @property
-    def _own_tendons(self) -> bool:
-        """Whether tendons with a tension of their own act: like loads, on the coordinates of every link."""
-        return bool(self._made.own_tendons)
+    def _on_elements(self) -> list[list[Scalar]]:
+        """Forces on the coordinates of every link that act like loads: of tendons with a tension of their own, and dry
+        friction.
+        """
+        made, eq = self._made, self.equations
+        found = list(eq.tendons.on_elements) if made.own_tendons else []
+        if made.bending_cells:
+            friction = [[-1.0 * force for force in own] for own in eq.dry_friction.on_elements]
+            found = (
+                friction
+                if not found
+                else [[a + b for a, b in zip(*both, strict=True)] for both in zip(found, friction, strict=True)]
+            )
+        return found
 
     @property
     def _loaded(self) -> tuple[int, ...]:
-        every = range(len(self._made.lengths) if self._own_tendons else 0)
+        every = range(len(self._made.lengths) if self._made.own_tendons or self._made.bending_cells else 0)
         return (*(load.place.link for load in self._loads), *every)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -284,7 +295,8 @@ class Builder:
             own += ca.mtimes(driven, drive)
         matrix = _lower(inertia.matrix)
         if self.implicit:
-            slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T)) + part**2 * (stiffness * block)
+            slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T))
+            slowed += part**2 * ((stiffness + self.equations.stuck_stiffness) * block)
             own -= part * stiffness * ca.mtimes(block, r)
             matrix = [m + k for m, k in zip(matrix, _lower(slowed), strict=True)]
         spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
@@ -316,7 +328,7 @@ class Builder:
             forces += [force.y, -force.x, section.position.cross(force) + load.couple]
             for arm, angle in zip(section.arms, section.angles, strict=True):
                 forces.append(arm.cross(force) + angle * load.couple)
-        for local in eq.tendons.on_elements if self._own_tendons else ():
+        for local in self._on_elements:
             forces += [0.0, 0.0, 0.0, *local]
         return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
 

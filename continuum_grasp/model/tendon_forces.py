@@ -22,7 +22,7 @@ from continuum_grasp.model.tendon_friction import (
     shares,
     state_rate,
 )
-from continuum_grasp.model.winches import compliance, soft, soft_integral
+from continuum_grasp.model.winches import compliance, soft, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -103,6 +103,9 @@ class TendonForces:
     def _arm_size(self, cells: CellSet) -> Scalar:
         return cells.sides[0] * self.arm(cells.tendons[0])
 
+    def _presliding(self, cells: CellSet) -> Scalar:
+        return self._par["tendon_presliding"] if self._par.is_runtime("tendon_presliding") else cells.presliding
+
     @cached_property
     def _friction(self) -> list[Scalar]:
         """Coefficient of each set."""
@@ -110,26 +113,44 @@ class TendonForces:
             return [self._par["tendon_friction"] for _ in self._made.cell_sets]
         return [self._made.finger.tendon_list[each.tendons[0]].friction for each in self._made.cell_sets]
 
-    @cached_property
-    def _bends(self) -> list[list[Scalar]]:
-        """Bend of each cell [rad], with that at rest, without sign."""
+    def _bends(self, cells: CellSet, scale: float) -> list[Scalar]:
+        """Bend of each cell [rad], with that at rest, without sign, times a scale."""
         return [
-            [rounded(self._on(c, self._full, c.bend) + self._rest(c, c.rest_bend), c.share) for c in each.cells]
-            for each in self._made.cell_sets
+            rounded(self._on(c, self._full, scale * c.bend) + scale * self._rest(c, c.rest_bend), scale * c.share)
+            for c in cells.cells
         ]
 
-    def _beyond(self, cells: CellSet, values: Sequence[Scalar], *, rest: bool) -> list[Scalar]:
-        """Per state the integral of the tendon's shape times a curvature, from the middle of the cell on."""
+    def _sliding(
+        self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
+    ) -> list[Scalar]:
+        """Per state the sliding per presliding that a curvature of ``values`` brings, of a tendon on the -X side.
+
+        It is that of the middle of the cell: the integral of the tendon's shape times the curvature from there on, and
+        what is ``grown`` in the half cells there.
+        """
+        per_path = self._arm_size(cells) / self._presliding(cells)
+        halves: list[tuple[Cell, Array, Scalar]] = []  # from base to tip
+        for cell in cells.cells:
+            late = self._rest(cell, cell.rest_late, 0.5) if rest else 0.0
+            early = self._rest(cell, cell.rest_work) - late if rest else 0.0
+            halves += [(cell, cell.work - cell.late, early), (cell, cell.late, late)]
         found: list[Scalar] = []
-        beyond: Scalar = 0.0
-        for cell in reversed(cells.cells):
-            late, whole = (self._on(cell, values, weights) for weights in (cell.late, cell.work))
-            if rest:
-                late += self._rest(cell, cell.rest_late, 0.5)
-                whole += self._rest(cell, cell.rest_work)
-            found.append(beyond + late)
-            beyond = beyond + whole
-        return [*([beyond] if cells.conduit_bend else []), *reversed(found)]
+        slid: Scalar = 0.0
+        # One step per cell: the halves on both sides of a boundary at once, of which neighbors share coordinates.
+        for k in range(len(cells.cells), -1, -1):
+            weights: dict[int, Scalar] = {}
+            change: Scalar = 0.0
+            for cell, half, own in halves[max(2 * k - 1, 0) : 2 * k + 1]:
+                change += per_path * own
+                for a, w, scale in zip(
+                    self._made.family.local(cell.element), half, self._scale(cell.element), strict=True
+                ):
+                    weights[a] = weights.get(a, 0.0) + per_path * float(w) * scale
+            for a, weight in weights.items():
+                change += weight * values[a]
+            slid = slid + (change + sum(grown[max(k - 1, 0) : k + 1]))
+            found.append(slid)
+        return found[::-1] if cells.conduit_bend else found[-2::-1]
 
     # -- friction -------------------------------------------------------------------------------------------------
 
@@ -138,8 +159,7 @@ class TendonForces:
         """Sliding of the tendons per presliding since the finger was straight, per friction state."""
         found: list[Scalar] = []
         for cells in self._made.cell_sets:
-            per_path = self._arm_size(cells) / cells.presliding
-            found += [per_path * u for u in self._beyond(cells, self._full, rest=True)]
+            found += self._sliding(cells, self._full, rest=True)
         return found
 
     @cached_property
@@ -162,12 +182,12 @@ class TendonForces:
     def shares(self) -> list[Shares]:
         """Shares of the tensions at the drives, per set."""
         found = []
-        for cells, mu, bends, ways in zip(
-            self._made.cell_sets, self._friction, self._bends, self.directions, strict=True
-        ):
-            inside = ways[-len(bends) :]
-            halves = [(-0.5 * mu) * (way * bend) for way, bend in zip(inside, bends, strict=True)]
-            conduit = ways[0] * (-cells.conduit_bend * mu) if cells.conduit_bend else None
+        for cells, mu, ways in zip(self._made.cell_sets, self._friction, self.directions, strict=True):
+            # Half of a coefficient that is a number goes into the weights of the bend.
+            scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
+            inside = ways[-len(cells.cells) :]
+            halves = [factor * (way * bend) for way, bend in zip(inside, self._bends(cells, scale), strict=True)]
+            conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
             found.append(shares(halves, conduit, cells.sides))
         return found
 
@@ -180,7 +200,10 @@ class TendonForces:
         drawn = sum((sum(column) * value for column, value in zip(zip(*works, strict=True), values, strict=True)), 0.0)
         if rest:
             drawn += self._drawn_at_rest(tendon)
-        return self.arm(tendon) * drawn
+        # Arms of a pair differ by their sign alone: one product serves both.
+        arm = self.arm(tendon)
+        negative = self._made.own_tendons[tendon].arms[tendon] < 0.0
+        return -(-arm * drawn) if negative else arm * drawn
 
     def _drawn_at_rest(self, tendon: int) -> Scalar:
         mesh, shape = self._made.mesh, self._made.own_tendons[tendon].shape
@@ -198,36 +221,30 @@ class TendonForces:
         """Cable wound up beyond taut, per tendon [m]."""
         return [y - self._path(k, self._full, rest=True) for k, y in enumerate(self._pulls.wound)]
 
-    def _elongations(self, tendon: int) -> tuple[float, list[Scalar]]:
-        """Elongation of the tendon along each of its cells per tension at the base, as a factor [m/N] and shares."""
-        own, passed = next(
-            each for each in zip(self._made.cell_sets, self.shares, strict=True) if tendon in each[0].tendons
-        )
-        unit, found = own.cells[0].length, list[Scalar]()
-        for cell, swell, middle in zip(own.cells, passed.swell, passed.middle[own.tendons.index(tendon)], strict=True):
-            share = swell * middle
-            if abs(cell.length - unit) > 1e-12 * unit:
-                share *= cell.length / unit
+    def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
+        """Length of the first cell [m], and those of all as its multiples."""
+        unit, found = cells.cells[0].length, list[Scalar]()
+        for cell in cells.cells:
+            share: Scalar = cell.length / unit if abs(cell.length - unit) > 1e-12 * unit else 1.0
             if self._par.is_runtime("element_lengths"):
                 share *= self._lengths[cell.element] / self._made.lengths[cell.element]
             found.append(share)
-        return unit / (self._made.finger.tendon_list[tendon].axial_stiffness or 1.0), found
+        return unit, found
 
     @cached_property
     def compliances(self) -> list[Scalar]:
         """Elongation of each tendon per tension at its drive [m/N]."""
-        found: list[Scalar] = []
-        for k, tendon in enumerate(self._made.finger.tendon_list):
-            if k in self._frictional:
-                unit, shares = self._elongations(k)
-                found.append(unit * sum(shares) + 1.0 / (tendon.series_stiffness or 1.0))
-            else:
-                found.append(compliance(tendon, self._made.length))
+        tendons, length = self._made.finger.tendon_list, self._made.length
+        found: list[Scalar] = [
+            0.0 if k in self._frictional else compliance(tendon, length, self._par) for k, tendon in enumerate(tendons)
+        ]
+        for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
+            unit, lengths = self._lengths_of(cells)
+            for tendon, means in zip(cells.tendons, passed.mean, strict=True):
+                axial, series = stiffnesses(tendons[tendon], self._par)
+                passing = sum(a * b for a, b in zip(lengths, means, strict=True))
+                found[tendon] = (unit / axial) * passing + 1.0 / series
         return found
-
-    @cached_property
-    def _stiffnesses(self) -> list[Scalar]:
-        return [1.0 / c for c in self.compliances]
 
     @cached_property
     def tensions(self) -> Sequence[Scalar]:
@@ -236,7 +253,7 @@ class TendonForces:
         if callable(given):
             paths = [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
             return given(self.compliances, paths)
-        return given or [k * soft(slack) for slack, k in zip(self._slack, self._stiffnesses, strict=True)]
+        return given or [soft(slack) / c for slack, c in zip(self._slack, self.compliances, strict=True)]
 
     def drawn(self, tendon: int, tension: Scalar) -> Scalar:
         """Cable that a taut tendon of a tension [N] is drawn in [m]."""
@@ -257,38 +274,42 @@ class TendonForces:
         slacks = zip(self._slack, self.compliances, strict=True)
         return sum((soft_integral(slack) / c for slack, c in slacks), 0.0)
 
-    def _elongating(self, cells: CellSet) -> list[Scalar]:
-        """Per state of a set the sliding by elongation beyond it per presliding [1/s]: on average, by tensions."""
+    @cached_property
+    def _pulled(self) -> list[list[list[Scalar]]]:
+        """Mean tension [N] along each cell, per set and tendon of it."""
+        return [
+            [
+                [self.tensions[tendon] * mean for mean in means]
+                for tendon, means in zip(cells.tendons, passed.mean, strict=True)
+            ]
+            for cells, passed in zip(self._made.cell_sets, self.shares, strict=True)
+        ]
+
+    def _elongating(self, cells: CellSet, pulled: Sequence[Sequence[Scalar]]) -> list[Scalar]:
+        """Per cell the sliding by elongation of half of it per presliding [1/s]: on average, by tensions."""
+        unit, lengths = self._lengths_of(cells)
         # Nothing elongates where a tendon is slack: there its tension, and with it the weight, is none.
-        least = 1.0 / (sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE)
-        each: list[list[Scalar]] = []
-        for tendon, side in zip(cells.tendons, cells.sides, strict=True):
+        weight = (0.5 * unit / self._presliding(cells)) / (
+            sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE
+        )
+        found: list[Scalar] = [0.0] * len(cells.cells)
+        for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):
+            axial, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
             moving = self._pulls.rates[tendon] - self._path(tendon, self._rates, rest=False)
-            unit, shares = self._elongations(tendon)
-            weight = (side * unit / cells.presliding) * (least * self.tensions[tendon])
-            rate = weight * (self._stiffnesses[tendon] * moving)
-            each.append([rate * share for share in shares])
-        found: list[Scalar] = []
-        beyond: Scalar = 0.0
-        for grown in reversed([sum(parts) for parts in zip(*each, strict=True)]):
-            found.append(beyond + 0.5 * grown)
-            beyond = beyond + grown
-        return [*([beyond] if cells.conduit_bend else []), *reversed(found)]
+            # Of the tension at the base, per itself and second.
+            rate = ((1.0 / axial) * weight) * (moving / self.compliances[tendon])
+            for k, tension in enumerate(tensions):
+                found[k] = found[k] + rate * tension if side > 0.0 else found[k] - rate * tension
+        return [grown * length for grown, length in zip(found, lengths, strict=True)]
 
     @cached_property
     def state_rates(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
-        rates, entry = list[Scalar](), 0
-        for cells in self._made.cell_sets:
-            # Per presliding, which saves products.
-            arm = self._arm_size(cells) / cells.presliding
-            sliding = [arm * slid for slid in self._beyond(cells, self._rates, rest=False)]
-            if self._pulls.wound:
-                sliding = [u + v for u, v in zip(sliding, self._elongating(cells), strict=True)]
-            for slid in sliding:
-                rates.append(state_rate(self._states[entry], slid))
-                entry += 1
-        return rates
+        sliding: list[Scalar] = []
+        for cells, pulled in zip(self._made.cell_sets, self._pulled, strict=True):
+            grown = self._elongating(cells, pulled) if self._pulls.wound else ()
+            sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
+        return [state_rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
 
     # -- forces ---------------------------------------------------------------------------------------------------
 
@@ -304,19 +325,20 @@ class TendonForces:
                     work = made.family.work(k, self._lengths, source.shape)
                     for i, a in enumerate(made.family.local(k)):
                         forces[i] += pull * work[a]
-        for cells, passed in zip(made.cell_sets, self.shares, strict=True):
+        for cells, passed, pulled in zip(made.cell_sets, self.shares, self._pulled, strict=True):
             size = self._arm_size(cells)
-            pulls = [size * self.tensions[tendon] for tendon in cells.tendons]
-            for k, cell in enumerate(cells.cells):
+            for k, (cell, half) in enumerate(zip(cells.cells, passed.halves, strict=True)):
                 # Of all tendons of the set together: they bend by the same shapes.
-                parts = [pull * own[k] for pull, own in zip(pulls, passed.middle, strict=True)]
-                mean = passed.swell[k] * sum(side * part for side, part in zip(cells.sides, parts, strict=True))
-                lean = passed.halves[k] * sum(parts)
+                parts = [tensions[k] for tensions in pulled]
+                mean = sum(side * part for side, part in zip(cells.sides, parts, strict=True))
+                lean = half * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
+                most = max(cell.lean.tolist(), key=abs)
                 for i, (work, first) in enumerate(zip(cell.work.tolist(), cell.lean.tolist(), strict=True)):
-                    forces[i] += scale[i] * work * mean
+                    forces[i] += (size * work * scale[i]) * mean
                     if first != 0.0:
-                        forces[i] += (2.0 * first * scale[i]) * lean
+                        # Of two nodes they often differ by their sign alone: one product serves both.
+                        forces[i] += round(first / most, 12) * scale[i] * ((-2.0 * most * size) * lean)
         return total
 
     @cached_property

@@ -145,6 +145,11 @@ def direction(z: Scalar) -> Scalar:
     return y * (1.5 - 0.5 * (y * y))
 
 
+def state_of(way: Array) -> Array:
+    """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
+    return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
+
+
 def clipped(z: Scalar) -> Scalar:
     """A state within its range."""
     return ca.fmin(ca.fmax(z, -1.0), 1.0)
@@ -163,29 +168,28 @@ def rounded(bend: Scalar, share: float) -> Scalar:
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of the tensions at the drives of tendons that slide alike: with half the gain of each cell in logarithms.
+    """Shares of the tensions at the drives of tendons that slide alike: with half the loss of each cell in logarithms.
 
-    ``middle`` has those in the middle of the cells, per tendon; the means along the cells are these times ``swell``.
+    Per tendon ``middle`` has those in the middle of the cells, and ``mean`` those along them on average.
     """
 
     halves: list[Scalar]
-    swell: list[Scalar]
     middle: list[list[Scalar]]
+    mean: list[list[Scalar]]
 
 
 def shares(halves: Sequence[Scalar], conduit: Scalar | None, sides: Sequence[float]) -> Shares:
-    """Shares by half the gains across the cells, in logarithms, and by the gain across a conduit before them.
+    """Shares by half the losses across the cells, in logarithms, and by the loss across a conduit before them.
 
     All are those of a tendon on the -X side; on the other one friction acts the other way.
     """
-    passed = [ca.exp(half) for half in halves]
-    before = 1.0 if conduit is None else ca.exp(conduit)
-    middle: list[list[Scalar]] = []
-    for side in sides:
-        entering, own = before if side > 0.0 else 1.0 / before, list[Scalar]()
-        for share in passed:
-            own.append(entering * share if side > 0.0 else entering / share)
-            entering = own[-1] * share if side > 0.0 else own[-1] / share
-        middle.append(own)
+    gained: list[Scalar] = []
+    passed: Scalar = 0.0 if conduit is None else conduit
+    for k, half in enumerate(halves):
+        passed = passed + (half if k == 0 else halves[k - 1] + half)
+        gained.append(ca.exp(passed))
+    middle = [[1.0 / share for share in gained] if side > 0.0 else gained for side in sides]
     # sinh(x / 2) / (x / 2): the mean of the exponential over its value in the middle.
-    return Shares(list(halves), [1.0 + half * half * (1.0 / 6.0) for half in halves], middle)
+    swell = [1.0 + half * half * (1.0 / 6.0) for half in halves]
+    mean = [[a * b for a, b in zip(swell, own, strict=True)] for own in middle]
+    return Shares(list(halves), middle, mean)

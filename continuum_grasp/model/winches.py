@@ -17,9 +17,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.tendon_friction import RETURN_TIME, clipped, direction, state_rate
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
 from continuum_grasp.scene.tendons import Tendon
 
 SLOW = 0.05
@@ -34,10 +35,16 @@ class Winch:
 
     drive: LengthDrive | MotorDrive
     tendons: tuple[int, ...]
-    start: float
+    start: Scalar
     """Cable wound up of the straight finger while the drive is at zero [m], counted from where a tendon is taut."""
-    stiffness: float
+    stiffness: Scalar
     """Tension per length wound up, of a tendon without friction [N/m]."""
+    parameters: Parameters | None = None
+    """Of which some may be run-time arguments; None: all numbers are those of the drive."""
+
+    def _own(self, key: str) -> Scalar:
+        """A number of the drive, which may be a run-time argument."""
+        return _number(self.drive, key, self.parameters)
 
     @property
     def radius(self) -> float:
@@ -146,20 +153,22 @@ class Winch:
         return (1.0 / (RETURN_TIME * stiff)) * (self._of_gear(states) - self._pull(tensions))
 
     @property
-    def inertias(self) -> list[float]:
+    def inertias(self) -> list[Scalar]:
         """Inertia of a motor, and none of a drum behind the play of its gear [kg m2]; a winch that follows has none."""
-        return [self.drive.inertia, *[0.0] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
+        return [self._own("inertia"), *[0.0] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
 
     def turning(self, states: Sequence[Scalar]) -> list[Scalar]:
         """Angles that have these inertias."""
         return [states[0], *[states[-1]] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
 
-    def balance(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
-        """Torques that turn them [N m], without dry friction."""
+    def balance(
+        self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
+    ) -> list[Scalar]:
+        """Torques that turn them [N m], without dry friction but for what is ``slowed`` by it [N m s]."""
         if not isinstance(self.drive, MotorDrive):
             return []
         position, speed, pull = states[0], states[1], self._pull(tensions)
-        driven = self.torque(command, position, speed) - self.drive.viscous_friction * speed
+        driven = self.torque(command, position, speed) - (self._own("viscous_friction") + slowed) * speed
         gear = self._of_gear(states) if self.has_backlash else pull
         return [driven - gear, *[gear - pull] * self.has_backlash]
 
@@ -167,17 +176,19 @@ class Winch:
         """Rates of the states under a command and the tensions of its tendons [N]."""
         drive, (position, speed, *rest) = self.drive, states
         if isinstance(drive, LengthDrive):
-            pole = 1.0 / drive.time_constant
+            pole = 1.0 / self._own("time_constant")
             wanted = (0.5 * pole) * (command - position)
             if drive.rate_max is not None:
                 wanted = drive.rate_max * tanh((1.0 / drive.rate_max) * wanted)
             return [speed, (2.0 * pole) * (wanted - speed)]
-        torque = self.balance(states, command, tensions)[0]
+        dry: Scalar = self._own("coulomb_friction")
+        slowed: Scalar = 0.0
+        if drive.presliding_angle is None and (not isinstance(dry, float) or dry > 0.0):
+            slowed = dry / ca.sqrt(speed * speed + SLOW**2)
+        torque = self.balance(states, command, tensions, slowed)[0]
         if drive.presliding_angle is not None:
-            torque -= drive.coulomb_friction * direction(rest[0])
-        elif drive.coulomb_friction > 0.0:
-            torque -= drive.coulomb_friction * speed / ca.sqrt(speed * speed + SLOW**2)
-        found = [speed, (1.0 / drive.inertia) * torque]
+            torque -= dry * direction(rest[0])
+        found = [speed, (1.0 / self._own("inertia")) * torque]
         if drive.presliding_angle is not None:
             found.append(state_rate(rest[0], (1.0 / drive.presliding_angle) * speed))
         return found + [self.drum_rate(states, tensions)] * self.has_backlash
@@ -217,7 +228,7 @@ class Winch:
 
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
         """Kinetic energy [J]."""
-        return 0.5 * self.drive.inertia * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
+        return 0.5 * self._own("inertia") * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
 
 
 def tanh(x: Scalar) -> Scalar:
@@ -227,11 +238,11 @@ def tanh(x: Scalar) -> Scalar:
 
 def soft(length: Scalar) -> Scalar:
     """Elongation of a tendon [m] of what is wound up beyond taut [m]: nothing below zero, and smooth."""
-    v = clipped((1.0 / SOFT) * length)
-    square = v * v
-    unit = SOFT / 16.0
-    inside = 3.0 * unit + (8.0 * unit) * v + square * (6.0 * unit - unit * square)
-    return inside + ca.fmax(length - SOFT, 0.0)
+    # Half beyond the range of the softness, and within it w (v + 1)^3 (3 - v) / 16 of v = length / w.
+    above = ca.fmax(length + SOFT, 0.0)
+    within = ca.fmin(above, 2.0 * SOFT)
+    unit = 1.0 / (16.0 * SOFT**3)
+    return above - within + (within * within) * (within * (4.0 * SOFT * unit - unit * within))
 
 
 def soft_integral(length: Scalar) -> Scalar:
@@ -243,7 +254,7 @@ def soft_integral(length: Scalar) -> Scalar:
     return inside + beyond * (SOFT + 0.5 * beyond)
 
 
-def winches_of(tendons: Sequence[Tendon], length: float) -> tuple[Winch, ...]:
+def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters | None = None) -> tuple[Winch, ...]:
     """The drives of tendons on a finger of a length [m]; none where tensions are commanded."""
     found: list[Winch] = []
     for k, tendon in enumerate(tendons):
@@ -251,13 +262,29 @@ def winches_of(tendons: Sequence[Tendon], length: float) -> tuple[Winch, ...]:
         if drive is None or (found and drive.arrangement == "one_pulley"):
             continue
         own = (0, 1) if drive.arrangement == "one_pulley" else (k,)
-        given = compliance(tendon, length)
-        found.append(Winch(drive, own, drive.pretension * given - drive.slack, 1.0 / given))
+        given = compliance(tendon, length, parameters)
+        start = _number(drive, "pretension", parameters) * given - _number(drive, "slack", parameters)
+        found.append(Winch(drive, own, start, 1.0 / given, parameters))
     return tuple(found)
 
 
-def compliance(tendon: Tendon, length: float) -> float:
+def _number(drive: WinchDrive, key: str, parameters: Parameters | None) -> Scalar:
+    name = f"drive_{key}"
+    return parameters[name] if parameters and parameters.is_runtime(name) else float(getattr(drive, key))
+
+
+def stiffnesses(tendon: Tendon, parameters: Parameters | None = None) -> tuple[Scalar, Scalar]:
+    """Those of a tendon whose tension is not commanded: along the finger [N], and in series [N/m]."""
+    found: list[Scalar] = []
+    for key, stated in (("axial", tendon.axial_stiffness), ("series", tendon.series_stiffness)):
+        if stated is None:
+            raise TypeError("a tendon whose tension is commanded has no stiffness")
+        name = f"tendon_{key}_stiffness"
+        found.append(parameters[name] if parameters and parameters.is_runtime(name) else stated)
+    return found[0], found[1]
+
+
+def compliance(tendon: Tendon, length: float, parameters: Parameters | None = None) -> Scalar:
     """Elongation per tension of a tendon without friction [m/N]."""
-    if tendon.axial_stiffness is None or tendon.series_stiffness is None:
-        raise TypeError("a tendon whose tension is commanded has no compliance")
-    return 1.0 / tendon.series_stiffness + (length if tendon.to is None else tendon.to) / tendon.axial_stiffness
+    axial, series = stiffnesses(tendon, parameters)
+    return 1.0 / series + (length if tendon.to is None else tendon.to) / axial

@@ -15,6 +15,7 @@ from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from continuum_grasp.identification.excitation import ExcitationPlan
     from continuum_grasp.identification.fit import Fit
 
 
@@ -88,3 +89,33 @@ def plot_all_predictions(fit: Fit, *, ax: Sequence[Axes] | None = None) -> list[
         figure = new_figure(4.6 * columns, 5.3 * rows)
         ax = [quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(len(groups))]
     return [plot_predictions(fit, group, ax=one) for group, one in zip(groups, ax, strict=False)]
+
+
+def plot_excitation(plan: ExcitationPlan, *, ax: Axes | None = None) -> Axes:
+    """Draw the commands over time, with the segments."""
+    ax = new_axes(ax, 9.0, 3.8)
+    looks = zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False)
+    for values, name, color in looks:
+        ax.plot(plan.t, values, color=color, linewidth=1.2, label=name.partition(" [")[0])
+    for k, one in enumerate(plan.segments):
+        if k % 2:
+            ax.axvspan(one.start, one.end, color=GRAY, alpha=0.12, linewidth=0)
+        middle = 0.5 * (one.start + one.end)
+        ax.annotate(
+            one.name,
+            (middle, 0.98),
+            xycoords=("data", "axes fraction"),
+            rotation=90,
+            ha="center",
+            va="top",
+            fontsize=7,
+            color="0.35",
+        )
+    low, high = float(plan.commands.min()), float(plan.commands.max())
+    span = max(high - low, 1e-12)
+    ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
+    ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
+    ax.legend(loc="lower right", fontsize=8, frameon=False, ncols=4)
+    label(ax, "time [s]", f"command [{plan.command_names[0].partition('[')[2].rstrip(']')}]")
+    head(ax, "Commands that show the unknowns")
+    return ax

@@ -51,13 +51,14 @@ class Stored:
         return np.array(found, dtype=str) if self.unit == "text" and found is not None else found
 
     def each(self, words: Mapping[str, Iterable[str]]) -> list[Stored]:
-        """One for each name of the word in its name; itself where there is no such word."""
+        """One for each name of each word in its name; itself where there is no such word."""
         for word, names in words.items():
             if f"{{{word}}}" in self.name:
-                return [
+                given = [
                     replace(self, **{key: getattr(self, key).replace(f"{{{word}}}", name) for key in ("name", "shape")})
                     for name in names
                 ]
+                return [one for each in given for one in each.each(words)]
         return [self]
 
 

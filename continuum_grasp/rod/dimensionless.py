@@ -212,6 +212,8 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
     actuation, tensions, wound = scene.actuation, None, None
+    if scene.finger.softening is not None:
+        raise InputError("the exact rod knows a linear material, and stops: leave it out", key="finger.softening")
     if scene.initial.reached_by == "state":
         raise InputError(
             "the exact rod has no friction cells: reached_by must be pulling or releasing", key="initial.reached_by"

@@ -28,13 +28,14 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.cost import RowSamples as RowSamples
     from continuum_grasp.scene.cost import ShapeWeight as ShapeWeight
     from continuum_grasp.scene.cost import Weight as Weight
+    from continuum_grasp.scene.damping import Damping as Damping
+    from continuum_grasp.scene.damping import DryFriction as DryFriction
     from continuum_grasp.scene.design import Design as Design
     from continuum_grasp.scene.design import DesignSolver as DesignSolver
     from continuum_grasp.scene.design import DesignVariable as DesignVariable
     from continuum_grasp.scene.design import QuantityLimit as QuantityLimit
     from continuum_grasp.scene.design import Tolerance as Tolerance
     from continuum_grasp.scene.finger import BasePose as BasePose
-    from continuum_grasp.scene.finger import Damping as Damping
     from continuum_grasp.scene.finger import Finger as Finger
     from continuum_grasp.scene.finger import PiecewiseCurvature as PiecewiseCurvature
     from continuum_grasp.scene.finger import PointMass as PointMass

@@ -118,10 +118,15 @@ class ControlScene(FingerScene):
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
     def _check_estimator(self, estimator: Estimator) -> None:
+        estimator.measured.check(self.finger, "estimator.measured")
+        if estimator.contact_detection is not None:
+            asked, delay = estimator.measured, estimator.delay
+            estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
             self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
-        if estimator.disturbances.bending_stiffness is not None and "bending_stiffness" not in self.parameters:
-            raise ValueError("estimator.disturbances.bending_stiffness needs parameters: [bending_stiffness]")
+        for name in ("bending_stiffness", "tendon_friction"):
+            if getattr(estimator.disturbances, name) is not None and name not in self.parameters:
+                raise ValueError(f"estimator.disturbances.{name} needs parameters: [{name}]")
         if estimator.disturbances.contact_force is not None and not self.contacts:
             raise ValueError("estimator.disturbances.contact_force needs contacts")
         if estimator.disturbances.object_position is not None and (self.object is None or self.object_moves):

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.contact_detection import ContactDetection
 from continuum_grasp.scene.cost import Cost
-from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
@@ -239,12 +241,36 @@ class Measured(Value):
     one it is the input itself."""
     bending: BendingSensors | None = None
     """Angles of sections; None: not measured."""
+    length: Annotated[Positive, Field(examples=[2e-5, "20 um"]), Unit("m")] | None = None
+    """Of the cable that each winch has wound up, with ``drive.kind: length`` [m]; of an encoder, a step over the root
+    of 12."""
+    angle: Annotated[Positive, Field(examples=[4e-4, "0.4 mrad"]), Unit("rad")] | None = None
+    """Of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
+    torque: Annotated[Positive, Field(examples=[1e-4]), Unit("N m")] | None = None
+    """Of the torque of each motor at its drum [N m]."""
+    current: Annotated[Positive, Field(examples=[5e-3]), Unit("A")] | None = None
+    """Of the current of each motor with a ``torque_constant`` [A]."""
 
     def _check(self) -> None:
-        if self.tip is None and self.bending is None:
+        shows = ("tip", "bending", "length", "angle")
+        if all(getattr(self, name) is None for name in shows):
             raise ValueError(
-                "measure the tip, the bending, or both: the shape cannot be estimated from a tension alone"
+                "measure the tip, the bending, or what winches have wound up (length, angle): the shape cannot be "
+                "estimated from a tension alone"
             )
+        if self.torque is not None and self.current is not None:
+            raise ValueError("torque and current exclude each other: the current times torque_constant is the torque")
+
+    def check(self, finger: Finger, key: str) -> None:
+        """Refuse sensors of drives that the finger lacks; ``key`` is where they are in the scene."""
+        drive = finger.winches[0] if finger.winches else None
+        kind = None if drive is None else drive.kind
+        for name, needed in (("length", "length"), ("angle", "motor"), ("torque", "motor"), ("current", "motor")):
+            if getattr(self, name) is not None and kind != needed:
+                got = "commanded tensions" if kind is None else f"drive.kind: {kind}"
+                raise ValueError(f"{key}.{name} is that of drive.kind: {needed}, got {got}")
+        if self.current is not None and isinstance(drive, MotorDrive) and drive.torque_constant is None:
+            raise ValueError(f"{key}.current needs drive.torque_constant; without one measure the torque")
 
 
 class Disturbed(Value):
@@ -260,6 +286,8 @@ class Disturbed(Value):
     """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
     bending_stiffness: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
     """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
+    tendon_friction: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
+    """Friction coefficient of the tendons, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
     @property
     def names(self) -> frozenset[str]:
@@ -274,6 +302,8 @@ class Estimator(Value):
     """What is measured, and how noisy it is."""
     disturbances: Disturbed = Disturbed()
     """Unknowns that are estimated with the state."""
+    contact_detection: ContactDetection | None = None
+    """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
     """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
     initial_std: Annotated[Positive, Unit("rad")] = 0.05
@@ -299,8 +329,19 @@ class Plant(Value):
     """Damping per that of the controller's finger [1]."""
     tip_mass: Mass = 0.0
     """Mass at the tip that the controller does not know [kg]."""
+    guides: Annotated[int, Field(ge=8, le=200)] | None = None
+    """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or
+    slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
     tendon_friction: Friction | None = None
     """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
+    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
+    """Sliding of the tendons within which friction turns from one direction to the other, halved [m]; None: as the
+    controller knows it."""
+    axial_stiffness: Annotated[Positive, Unit("N")] | None = None
+    """Stiffness EA of the tendons [N]; None: as the controller knows it. Needed for ``guides`` where the tension is
+    commanded."""
+    series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
+    """Stiffness between drive and finger [N/m]; None: as the controller knows it."""
     time_constant: TimeConstant | None = None
     """Time constant of the drive [s]; None: as the controller knows it."""
     drive_order: Literal[1, 2] = 2
@@ -312,3 +353,27 @@ class Plant(Value):
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
+
+    def _check(self) -> None:
+        if self.guides is not None and "fidelity" in self.model_fields_set:
+            raise ValueError("guides and fidelity exclude each other: a chain of guides has no elements")
+        if self.guides is not None and self.presliding is not None:
+            raise ValueError("presliding has no effect under guides, at which tendons stick without any")
+
+    @property
+    def of_tendons(self) -> str | None:
+        """First of the given keys that are of tendons."""
+        keys = ("guides", "tendon_friction", "presliding", "axial_stiffness", "series_stiffness")
+        return next((key for key in keys if getattr(self, key) is not None), None)
+
+    def tendon_changes(self, finger: Finger) -> dict[str, float]:
+        """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""
+        own = {"friction": self.tendon_friction, "presliding": self.presliding, "time_constant": self.time_constant}
+        if finger.winches:
+            if self.time_constant is not None:
+                raise InputError("is that of commanded tensions", key="plant.time_constant")
+            own |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}
+        elif self.series_stiffness is not None or (self.axial_stiffness is not None and self.guides is None):
+            key = "series_stiffness" if self.series_stiffness is not None else "axial_stiffness"
+            raise InputError("has no effect where the tension is commanded", key=f"plant.{key}")
+        return {key: value for key, value in own.items() if value is not None}

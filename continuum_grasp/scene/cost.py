@@ -153,7 +153,7 @@ class Reference(Value):
     contact_force: Annotated[Rows, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
     input: Annotated[Rows, Unit("unit of the input")] | None = None
-    """Input that costs no effort: tip moment [N m], tensions [N], or what drives take [unit of the input]; where not
+    """Input that costs no effort: tip moment, tensions, or what drives take [unit of the input]; where not
     given, none, the least tensions, or the pretension of drives."""
 
     def _check(self) -> None:

@@ -122,9 +122,16 @@ class DesignSpace:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of the scene's file, which has been read
             try:
-                return GraspScene.model_validate(data)
+                found = GraspScene.model_validate(data)
             except ValidationError as error:
                 raise input_error(error, GraspScene, Document(data, document.places)) from error
+        if found.state_columns:
+            raise InputError(
+                "must be pulled in a design: its derivatives are those of one posture, not of the tightest grasp for "
+                "all friction states of the tendons; try the result with friction_states: any",
+                key="friction_states",
+            )
+        return found
 
     @property
     def start(self) -> list[float]:

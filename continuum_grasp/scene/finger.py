@@ -6,10 +6,11 @@ import math
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import Varying, ends
@@ -35,16 +36,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from continuum_grasp.scene.profile import Array, Channel, Curve, Profile
-
-
-class Damping(Value):
-    """Internal damping; both kinds may be given and add up."""
-
-    material: Annotated[NonNegative, Unit("N m2 s")] = 0.0
-    """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh;
-    of a graded rod that at the base, and along it in the ratio of its bending stiffness."""
-    per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
-    """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
 
 
 class PointMass(Value):
@@ -82,6 +73,21 @@ class Stops(Value):
     def signs(self) -> tuple[float, ...]:
         """Signs of the curvatures that are stopped."""
         return {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[self.side]
+
+
+class Softening(Value):
+    """A material that softens where it is bent far, as superelastic and printed ones do; it unloads as it was loaded.
+
+    The bending moment is EI (k - (1 - ratio) c(k)) of the curvature k above that at rest, where c is k less
+    ``curvature`` beyond it, and rounded off there, to either side alike.
+    """
+
+    curvature: Varying[Annotated[Positive, Unit("1/m")]]
+    """Curvature above that at rest from which on it is softer [1/m], a magnitude, or its values at base and tip."""
+    stiffness_ratio: Annotated[float, Field(ge=0.01, lt=1.0, examples=[0.2]), Unit("1")]
+    """Bending stiffness beyond it per that before it [1]."""
+    rounding: Annotated[float, Field(ge=0.001, le=2.0), Unit("1")] = 0.1
+    """Width of the transition per ``curvature`` [1]."""
 
 
 class PiecewiseCurvature(Value):
@@ -132,6 +138,8 @@ class Finger(Value):
     """A body fastened to the tip; None: none."""
     stops: Stops | None = None
     """Where links of the finger touch; None: nowhere."""
+    softening: Softening | None = None
+    """Where its material softens; None: it is linear."""
     tendons: Tendons | TendonList | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
     itself."""
@@ -269,6 +277,16 @@ class Finger(Value):
         return self.tendon_friction > 0.0
 
     @property
+    def has_dry_friction(self) -> bool:
+        """Whether its bending has dry friction."""
+        return bool(self.damping.dry_friction)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether tendons or bending have friction, so that a shape depends on how it was reached."""
+        return self.has_tendon_friction or self.has_dry_friction
+
+    @property
     def winches(self) -> tuple[LengthDrive | MotorDrive, ...]:
         """Winches and motors of the tendons, those on one pulley once; none where tensions are commanded."""
         found = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
@@ -295,18 +313,40 @@ class Finger(Value):
                 "leave it out"
             )
 
+    def check_without_dry_friction(self, key: str, what: str) -> None:
+        """Refuse dry friction in bending for ``what``, of a finger at ``key``."""
+        if self.has_dry_friction:
+            raise ValueError(
+                f"{key}.damping.dry_friction: {what} know no finger that rests anywhere between two shapes; leave it "
+                "out"
+            )
+
+    def check_linear(self, key: str, what: str) -> None:
+        """Refuse a material that softens for ``what``, of a finger at ``key``."""
+        if self.softening is not None:
+            raise ValueError(f"{key}.softening: {what} know a linear material alone, and stops; leave it out")
+
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        return bool(self.has_tendon_friction or self.winches or self.stops is not None or self._tip_bears_moments)
+        return bool(
+            self.has_tendon_friction
+            or self.has_dry_friction
+            or self.winches
+            or self.stops is not None
+            or self.softening is not None
+            or self._tip_bears_moments
+        )
 
     @property
     def why_free_tip(self) -> str:
         """What a matched tip cannot carry, where the finger has it."""
         why = {
             "tendon friction": self.has_tendon_friction,
+            "dry friction in bending": self.has_dry_friction,
             f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
             "stops": self.stops is not None,
+            "a material that softens": self.softening is not None,
         }
         return next((word for word, there in why.items() if there), "a body at the tip that turns with it")
 
@@ -323,7 +363,7 @@ class Finger(Value):
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
             raise ValueError(f"{key}: {family} cannot carry {self.why_free_tip}; use {free}")
 
-    def with_tendons(self, **changes: float | None) -> Self:
+    def with_tendons(self, **changes: Any) -> Self:
         """The same with changes of every tendon; of a finger without tendons, itself."""
         tendons = self.tendons
         if isinstance(tendons, tuple):

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
+from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -78,9 +79,25 @@ class FingerSetup:
         )
 
     @property
+    def drive(self) -> DriveLaw | None:
+        """What winds up its tendons; None where tensions are commanded."""
+        return DriveLaw.of(self.finger)
+
+    @property
+    def max_tension(self) -> float:
+        """Greatest tension that a tendon bears and that its own motor pulls up [N]."""
+        law, most = self.drive, self.tendons.max_tension
+        return most if law is None or law.pulley else min(most, law.greatest)
+
+    @property
     def graded(self) -> bool:
         """Whether something of the finger changes along it."""
         return is_graded(self.finger)
+
+    @property
+    def friction_states(self) -> int:
+        """Number of friction states of its tendons, which run alike."""
+        return self.elements * self.tendons.friction_cells if self.tendons.friction > 0.0 else 0
 
     @property
     def stiffness(self) -> float:
@@ -146,6 +163,9 @@ class GraspScene(Value):
     stability: Literal["require", "ignore"] = "require"
     """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""
+    friction_states: Literal["any", "pulled"] = "any"
+    """Of tendons with friction. any: the grasp, reached by pulling, holds with these tensions whatever the friction
+    states become; pulled: it need only hold as it is reached."""
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
     robust: Robust | None = None
@@ -189,6 +209,16 @@ class GraspScene(Value):
     def places(self) -> tuple[Place, ...]:
         """All walls and pegs."""
         return (*self.walls, *self.pegs)
+
+    @property
+    def state_columns(self) -> dict[str, slice]:
+        """Where the friction states of each finger are among all those that must not matter; empty where none do."""
+        found, start = dict[str, slice](), 0
+        for setup in self.setups if self.friction_states == "any" else ():
+            if setup.friction_states:
+                found[setup.name] = slice(start, start + setup.friction_states)
+                start += setup.friction_states
+        return found
 
     @property
     def weights(self) -> ObjectiveWeights:
@@ -308,7 +338,9 @@ class GraspScene(Value):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
-        finger.check_commands_tensions(where, "grasps")
+        self._check_drive(setup, where)
+        finger.check_without_dry_friction(where, "grasps")
+        finger.check_linear(where, "grasps")
         if isinstance(finger.tendons, tuple) and not _are_pair(finger):
             raise ValueError(
                 f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
@@ -374,6 +406,23 @@ class GraspScene(Value):
         if gap < 0 and self.object.free is None and finger.base_free is None:
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
+            )
+
+    def _check_drive(self, setup: FingerSetup, where: str) -> None:
+        law, key = setup.drive, f"{where}.tendons"
+        if law is None:
+            return
+        if not law.greatest > 0.0:
+            raise ValueError(f"{key}.drive.torque_max is no more than coulomb_friction: the motor pulls nothing")
+        if law.pulley and setup.finger.tendons_used != "both":
+            raise ValueError(
+                f"{key}.drive.arrangement: one_pulley moves both tendons, with tendons_used: "
+                f"{setup.finger.tendons_used} there is one: use per_tendon"
+            )
+        if law.locks and setup.finger.channels[0].shape.constant is None:
+            raise ValueError(
+                f"{key}.offset must be the same all along to the tip where a drive locks lengths: how far tendons at "
+                "changing distances are drawn in is not modeled in grasps"
             )
 
     def _check_bases(self) -> None:

@@ -8,9 +8,10 @@ from pydantic import Field
 
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Interval, Length, Positive, Real, Value
+from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
 
-Quantity = Literal["x", "y", "angle", "bend"]
+Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"]
+_OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
 _Window = Annotated[Interval, Unit("s")]
 
@@ -45,20 +46,28 @@ _Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
 
 
 class ReadingColumn(Column):
-    """A column with what was measured at a section."""
+    """A column with what was measured at a section, or at the drive of a tendon."""
 
     quantity: Quantity
-    """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad]."""
+    """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad];
+    tension: of a tendon at its drive [N]; length: cable that a winch has wound up [m]; motor_angle [rad], torque
+    [N m], current [A]: of a motor."""
+    of: Annotated[int, Field(ge=1, le=16)] | None = None
+    """Number of the tendon or of the drive, from 1; None: the first."""
     at: Annotated[float, Field(ge=0.0, le=1e4), Unit("m")] | None = None
     """Position along the finger [m]; None: the tip."""
     since: Length | None = None
     """Position from which a bend counts [m], such as the near side of a joint; None: the base."""
-    sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("m or rad")] | None = None
-    """Standard deviation [m or rad], where known: weights of unlike quantities; None: from the residuals."""
+    sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the quantity")] | None = None
+    """Standard deviation [unit of the quantity], where known: weights unlike quantities; None: from the residuals."""
 
     def _check(self) -> None:
         if self.since is not None and self.quantity != "bend":
             raise ValueError(f"since goes with bend, not with {self.quantity}")
+        if self.of is not None and self.quantity not in _OF_DRIVE:
+            raise ValueError(f"of goes with {', '.join(_OF_DRIVE)}, not with {self.quantity}")
+        if self.at is not None and self.quantity in _OF_DRIVE:
+            raise ValueError(f"at goes with what is measured along the finger, not with {self.quantity}")
 
 
 class RowsEqual(Value):
@@ -92,6 +101,9 @@ class StaticPoses(_Data):
     """Columns with loads, inputs and parameters of each row."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
     """Columns with what was measured."""
+    sequence: bool = False
+    """Whether the rows follow one another, so that the friction of each comes from those before it; the first is
+    reached as ``initial.reached_by`` says. False: each row is reached by itself."""
     holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
     """Rows, counted from 1 among those read, that are predicted and not fitted."""
 
@@ -103,6 +115,9 @@ class TipTrajectory(_Data):
     """Path of a point in time."""
     t: ColumnLike = "t"
     """Column of the instants [s]."""
+    conditions: _Conditions = ()
+    """Columns with the commands of the drives at these instants, smooth between them, by their names in the model
+    (tension_1, length_1, angle_1, ...); they replace ``actuation``."""
     x: ColumnLike | None = "x"
     """Column of the world position x [m]; None: not measured."""
     y: ColumnLike | None = "y"
@@ -165,7 +180,10 @@ class Estimate(Value):
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, rest_curvature, tip_mass,
     mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added to the base angle),
-    tendon_offset, tendon_friction, tension_deadband, drive_time_constant or drive_delay."""
+    softening_curvature, softening_ratio, tendon_offset, tendon_friction, tendon_presliding, tendon_axial_stiffness,
+    tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]), tension_deadband,
+    drive_time_constant, drive_delay, drive_pretension, drive_slack, drive_inertia, drive_viscous_friction or
+    drive_coulomb_friction."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
     """Where the search starts [SI unit of the parameter]; None: the scene's value."""
     min: Annotated[Estimated | None, Field(examples=[0.0])] = None
@@ -185,6 +203,21 @@ class Estimate(Value):
             raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
 
 
+class Excitation(Value):
+    """Commands over time from which a finger with its drives is to be identified."""
+
+    duration: Duration = 20.0
+    """How long they last [s]."""
+    sample: Annotated[Duration, Field(examples=[0.01, "10 ms"])] = 0.01
+    """Time between two samples of what is measured [s]."""
+    reach: Annotated[float, Field(ge=0.01, le=1.0), Unit("1")] = 0.8
+    """Greatest share of bending range, tensions and torques that is used [1]."""
+
+    def _check(self) -> None:
+        if self.duration < 200 * self.sample:
+            raise ValueError(f"duration = {self.duration} s is shorter than 200 samples of {self.sample} s")
+
+
 class IdentifyScene(Scene):
     """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
 
@@ -192,11 +225,12 @@ class IdentifyScene(Scene):
     """Parameters that are to be found."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
     """How to read the files that are given beside this one."""
+    excitation: Excitation = Excitation()
+    """Commands that ``identify --excitation`` designs."""
     loss: Literal["squares", "huber"] = "squares"
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
     def _check(self) -> None:
-        self.finger.check_commands_tensions("finger", "identifications")
         if self.object is not None:
             raise ValueError("object has no place here: measurements are of the finger alone")
         names = [one.name for one in self.estimate]

@@ -9,6 +9,7 @@ from pydantic import Field
 from continuum_grasp.scene.controller import Bounds, Estimator, Horizon, InputLimits, Plant
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.surroundings import ContactLaw
+from continuum_grasp.scene.tendons import TendonList, Tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Duration, Friction, Length, NonNegative, Positive, Value
 
@@ -23,6 +24,8 @@ class Phases(Value):
     """From the straight finger until it is about to touch [s]."""
     squeeze: Duration = 0.8
     """Until the contact forces are those of the grasp [s]."""
+    settle: Annotated[NonNegative, Unit("s")] = 0.0
+    """While the force is followed and the object still stands on the table [s]; 0: it is followed from the lift on."""
     lift: Duration = 0.3
     """While the table under the object sinks away [s]."""
     hold: Duration = 1.0
@@ -84,6 +87,8 @@ class Trials(Value):
     """Range of the object's mass [1]."""
     friction: _Spread = 0.10
     """Range of all friction coefficients between finger, object and supports [1]."""
+    tendon_friction: _Spread = 0.0
+    """Range of the friction of the tendons [1]."""
     position: Distance = 0.001
     """Range of each coordinate of where the object stands [m]."""
     seed: Annotated[int, Field(ge=0)] = 0
@@ -112,6 +117,8 @@ class MissionScene(Value):
     """What is measured, and what is estimated."""
     plant: Plant = Plant()
     """How the plant differs from the controller's model."""
+    tendons: Tendons | TendonList | None = None
+    """Tendons of the finger that carries the grasp out, with what drives them; None: those of the grasp."""
     drive_tension: Annotated[Positive, Field(examples=[60.0, "60 N"]), Unit("N")] | None = None
     """Greatest tension of the drive [N], where the grasp keeps some in reserve; None: that of the grasp."""
     object_mass: Annotated[Positive, Unit("kg")] | None = None
@@ -136,7 +143,10 @@ class MissionScene(Value):
         if len(fingers[0].middles) != 1 or "off" in (fingers[0].middles[0], fingers[0].tip):
             raise ValueError("grasp.contacts must have one middle contact and the tip: a mission closes with both")
         length = fingers[0].finger.rod.length
-        if fingers[0].tendons.time_constant is None:
+        own = fingers[0].finger if self.tendons is None else fingers[0].finger.replaced(tendons=self.tendons)
+        if self.tendons is not None and self.drive_tension is not None:
+            raise ValueError("drive_tension has no effect beside tendons, which have a max_tension")
+        if not own.winches and any(tendon.time_constant is None for tendon in own.tendon_list):
             raise ValueError("grasp.finger.tendons needs a time_constant: tensions that jump throw a fine finger")
         # The tip is a contact already, and a contact at the clamped base could not move.
         if any(not 0.0 < at < length for at in self.more_contacts):

@@ -73,7 +73,7 @@ class Goal(Value):
     contact_force: Annotated[Aim, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
     input: Annotated[Aim, Unit("unit of the input")] | None = None
-    """Last input: tip moment [N m], tensions [N], or what drives take [unit of the input]."""
+    """Last input: tip moment, tensions, or what drives take [unit of the input]."""
     grasp_weight: Annotated[Positive, Unit("1/N2")] = 1e4
     """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 

@@ -72,11 +72,11 @@ class Initial(Value):
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "state"] | None = None
-    """How the finger came to be where it is, for tendons with friction. pulling: from straight, its tendons slid all
-    the way; releasing: it was bent further, and they slid back; state: by ``friction_states``. None: they never slid,
-    and friction is zero; an equilibrium needs one of the others."""
+    """How the finger came to be where it is, where tendons or bending have friction. pulling: from straight, tendons
+    slid and the finger was bent all the way; releasing: it was bent further, and all that slid back; state: by
+    ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
-    """State of each friction cell, -1 to 1 where it slides [1]: as ``x_names`` of the model lists them."""
+    """Which way friction acts in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q", "q_above_rest")
@@ -95,8 +95,8 @@ class Initial(Value):
 
     def check_history(self, finger: Finger) -> None:
         """Refuse a history of a finger that has none."""
-        if self.reached_by is not None and not finger.has_tendon_friction:
-            raise ValueError("initial.reached_by has no effect: the tendons have no friction")
+        if self.reached_by is not None and not finger.has_friction:
+            raise ValueError("initial.reached_by has no effect: neither tendons nor bending have friction")
 
     @property
     def coordinates(self) -> tuple[float, ...] | None:

@@ -1,8 +1,8 @@
-"""Small motions of a finger whose tendons have friction or are wound up.
+"""Small motions of a finger that has friction, or whose tendons are wound up.
 
-Three limits, between which a motion is: friction acts as it does and the drives are held; the tendons stick to their
-guides, so that they elongate locally with the finger's bend and add E A e^2 to its stiffness; the drives are
-free to turn, with their inertia. Dry friction of motors is left out.
+Three limits, between which a motion is: friction acts as it does and the drives are held; all sticks, so that branches
+of dry friction add their stiffness, and tendons that are wound up elongate locally with the finger's bend and add
+E A e^2; the drives are free to turn, with their inertia. Dry friction of motors is left out.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ _TAUT = 1e-6
 
 @dataclass(frozen=True)
 class SmallMotions:
-    """Mass, stiffness and damping of the bending coordinates; and these where tendons stick, and where drives turn.
+    """Mass, stiffness and damping of the bending coordinates; and these where all sticks, and where drives turn.
 
-    ``stuck`` (n, n) is a stiffness; None where tendons have no friction, or what they are stiff by is not known.
+    ``stuck`` (n, n) is a stiffness; None where nothing has friction, or what it is stiff by is not known, as that of
+    tendons whose tension is commanded.
     ``free`` is None where drives do not turn.
     """
 
@@ -45,13 +46,15 @@ def small_motions(found: Equilibrium) -> SmallMotions:
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core, n = Core(model, compiled=False), model.n
     mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)
-    # Friction of the tendons acts as it does at rest.
+    # Friction acts as it does at rest.
     friction = found.friction_states
     if not model.structure.winches:
         history = (np.append(friction, 0.0),) if friction.size else ()
-        return SmallMotions(mass, core.statics(q, u, w, p, *history)[1], damping)
-    # Of a state z the cubic of a motion; its inverse.
-    states = 2.0 * np.sin(np.arcsin(friction) / 3.0)
+        held = core.statics(q, u, w, p, *history)[1]
+        return SmallMotions(mass, held, damping, held + _branches(model, p) if model.structure.bending_cells else None)
+    # Of a tendon's state z the cubic of a motion; its inverse.
+    states, of_tendons = friction.copy(), model.structure.tendon_friction_states
+    states[:of_tendons] = 2.0 * np.sin(np.arcsin(friction[:of_tendons]) / 3.0)
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), states])
     stiffness, _, inertia, passive = (np.array(value) for value in model.stiffness_of_drives()(x, u, w, p))
     inertia = inertia.ravel()
@@ -63,7 +66,7 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         both = np.zeros_like(whole)
         both[:n, :n], both[n:, n:] = mass, np.diag(turning)
         free = both, whole
-    stuck = passive + _glued(model, found, x) if model.friction_names else None
+    stuck = passive + _glued(model, found, x) + _branches(model, p) if model.friction_names else None
     return SmallMotions(mass, whole[:n, :n], damping, stuck, free)
 
 
@@ -95,4 +98,16 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
                     total[np.ix_(local, local)] += tendon.axial_stiffness * (bent * weights) @ bent.T
         if k not in frictional:
             total += np.outer(drawn, drawn) / compliance(tendon, made.length)
+    return total
+
+
+def _branches(model: FingerModel, p: Array) -> Array:
+    """Stiffness of the branches of dry friction in bending."""
+    made, total = model.structure, np.zeros((model.n, model.n))
+    values = {label.split(" ")[0]: value for label, value in zip(model.p_names, p, strict=True)}
+    branches = enumerate(made.finger.damping.dry_friction, start=1)
+    stiffness = sum(values.get(f"dry_friction_{k}_stiffness", one.stiffness) for k, one in branches)
+    for cell in made.bending_cells:
+        local = list(made.family.local(cell.element))
+        total[np.ix_(local, local)] += stiffness / cell.length * np.outer(cell.weights, cell.weights)
     return total

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.structure import tip_moment_jumps
+from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
@@ -68,8 +69,11 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     elif initial.pose == "straight":
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
-    friction_states = _friction_states(initial, model, q, u)
-    return np.concatenate([q, qd, model.drives_at(q, u, friction_states), friction_states])
+    ways = _friction_states(initial, model, q, u)
+    drives = model.drives_at(q, u, ways)
+    # Tendon friction of a motion acts by another function of its states than that at rest.
+    count = sum(cells.states for cells in model.structure.cell_sets)
+    return np.concatenate([q, qd, drives, state_of(ways[:count]), ways[count:]])
 
 
 def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -> Array:

@@ -26,11 +26,11 @@ Array = NDArray[np.float64]
 class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
-    With friction of the tendons as it acts at rest, and drives that are held. Where tendons with friction are on
-    winches, ``stuck_frequencies_hz`` are those while they stick to their guides: a taut tendon elongates locally with
-    the bend and adds E A e^2 to the finger's stiffness. A motion is between these two; larger ones slide. Where motors
-    turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among the modes,
-    without their dry friction.
+    With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` are those of motions in which
+    nothing slides: branches of dry friction in bending add their stiffness, and a taut tendon that has friction and
+    a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones slide.
+    Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among
+    the modes, without their dry friction.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Modes(Result):
     stored: ClassVar[tuple[Stored, ...]] = (
         Stored("frequencies_hz", "(mode,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
         Stored("damping_ratios", "(mode,)", "1", "modal damping ratios; NaN where the frequency is zero"),
-        Stored("stuck_frequencies_hz", "(mode,)", "Hz", "the frequencies while tendons stick to their guides"),
+        Stored("stuck_frequencies_hz", "(mode,)", "Hz", "the frequencies while nothing slides"),
         Stored("free_frequencies_hz", "(free_mode,)", "Hz", "the frequencies with motors that turn"),
         Stored("backbone", "(place, xy)", "m", "equilibrium shape, world"),
         Stored("shapes", "(mode, place, xy)", "1", "displacements of the backbone, each of greatest length one"),
@@ -100,7 +100,7 @@ class Modes(Result):
         def row(values: Array) -> str:
             return " ".join(f"{value:.4g}" for value in values[:6]) + (" ..." if len(values) > 6 else "")
 
-        others = {"tendons stuck": self.stuck_frequencies_hz, "motors free": self.free_frequencies_hz}
+        others = {"all stuck": self.stuck_frequencies_hz, "motors free": self.free_frequencies_hz}
         return {
             "frequencies": f"{row(self.frequencies_hz)} Hz",
             **{name: f"{row(values)} Hz" for name, values in others.items() if values is not None},

@@ -19,6 +19,7 @@ from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
     TARGET_RADIUS,
     contact_frequency,
@@ -28,7 +29,7 @@ from continuum_grasp.simulation.spectrum import (
     spectral_radius,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text, tension_warnings
+from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]

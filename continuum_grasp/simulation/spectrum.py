@@ -100,7 +100,7 @@ def _at_rest(system: System, x: Array) -> Array:
 TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 SLIDING = 1.5
-"""A friction state beyond its range [1], as of a tendon that slides."""
+"""A friction state beyond its range [1], as of what slides."""
 _TAUT = 1.0
 """Tension of tendons that are taut [N]: what is stiff about them does not depend on it."""
 _POSES = 12
@@ -113,10 +113,12 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     Infinite where the model's numbers are not finite. Velocities are left out.
     """
     model = core.model
-    if model.structure.own_tendons:
-        return _radius_of_tendons(core, np.atleast_2d(q), u, w, p)
-    lags = [channel.time_constant for channel in model.finger.channels]
-    largest = max((1.0 / lag for lag in lags if lag is not None), default=0.0)
+    if model.structure.own_tendons or model.friction_names:
+        return _radius_of_states(core, np.atleast_2d(q), u, w, p)
+    lags = [channel.time_constant for channel in model.finger.channels if channel.time_constant is not None]
+    if "drive_time_constant [s]" in model.p_names:
+        lags = [float(p[model.p_names.index("drive_time_constant [s]")])]
+    largest = max((1.0 / lag for lag in lags), default=0.0)
     for shape in np.atleast_2d(q):
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
@@ -127,8 +129,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array) -> float
     return largest
 
 
-def _radius_of_tendons(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
-    """The same of a finger whose tendons have friction, or are wound up.
+def _radius_of_states(core: Core, q: Array, u: Array, w: Array, p: Array) -> float:
+    """The same of a finger that has friction, or whose tendons are wound up.
 
     With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them slack.
     """

@@ -35,7 +35,7 @@ class Equilibrium(Result):
     residual : float
         Largest missing generalized force, relative to the largest of those that balance.
     history : (states + 1,) ndarray
-        Friction of the tendons that it has, as functions of the model take it; empty without friction.
+        Friction that it has, as functions of the model take it; empty without friction.
     warnings : tuple of str
         Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
     """
@@ -46,7 +46,7 @@ class Equilibrium(Result):
         Stored("u", "(input,)", "", "input that it is an equilibrium of"),
         Stored("w", "(force_component,)", "", "forces and moments that it is an equilibrium of"),
         Stored("p", "(parameter,)", "", "parameters of the model"),
-        Stored("friction_states", "(friction_cell,)", "1", "which way friction of the tendons acts, per cell"),
+        Stored("friction_states", "(friction_cell,)", "1", "which way friction acts, per friction state"),
         Stored("tip", "(xy,)", "m", "world position of the tip"),
         Stored("places", "(place,)", "m", "positions along the finger, from base to tip"),
         Stored("shape", "(place, xy)", "m", "world positions of the backbone there"),
@@ -56,7 +56,7 @@ class Equilibrium(Result):
         Dimension("input", "tendon tensions or tip moment", "model.u_names"),
         Dimension("force_component", "forces and moments that act, in the world's axes", "model.w_names"),
         Dimension("parameter", "run-time parameters", "model.p_names"),
-        Dimension("friction_cell", "friction cells of the tendons", "model.friction_names"),
+        Dimension("friction_cell", "states of friction of the tendons and in bending", "model.friction_names"),
         Dimension("place", "places along the finger", "places", "m"),
         XY,
     )
@@ -77,7 +77,7 @@ class Equilibrium(Result):
 
     @property
     def friction_states(self) -> Array:
-        """Which way friction of the tendons acts, per cell, from -1 to 1 [1]."""
+        """Which way friction acts, per friction state, from -1 to 1 [1]."""
         if not self.history.size:
             return np.zeros(0)
         *states, moved = self.history

@@ -218,14 +218,14 @@ def equilibrium(
 
 
 class Friction(TypedDict, total=False):
-    """How a finger came to its shape, for tendons with friction; see ``equilibrium_under``."""
+    """How a finger with friction came to its shape; see ``equilibrium_under``."""
 
     reached_by: str
     friction_states: Sequence[float]
 
 
 def friction_of(initial: Initial, model: FingerModel) -> Friction:
-    """What a scene says of the friction of its tendons; InputError where it says nothing, and they have some."""
+    """What a scene says of the friction of its finger; InputError where it says nothing, and there is some."""
     found: Friction = {}
     if not model.friction_names:
         return found
@@ -266,8 +266,8 @@ def equilibrium_under(
     side : {1, -1}
         Side to which it is left.
     reached_by : {"pulling", "releasing", "state"}
-        How the finger came to this shape, for tendons with friction: from straight, with tendons that slid all the way;
-        from where it was bent further, with tendons that slid back; or with ``friction_states``.
+        How a finger with friction came to this shape: from straight, where tendons slid and dry friction was bent all
+        the way; from where it was bent further, with all that sliding back; or with ``friction_states``.
     friction_states : array_like, optional
         Which way friction acts, per cell, from -1 to 1, for ``state``.
 
@@ -296,14 +296,14 @@ def equilibrium_under(
             raise InputError(f"friction_states: expected {history.size} entries, got {states.tolist()}")
         search = Search(model, given, forces, p, np.append(states, 0.0))
         return search.find(search.rest() if start is None else start, stable, side)
-    # Pulled from straight: the tendons slide, and every state is at an end of its range.
+    # Pulled from straight: states are what was slid and bent, most at an end of their range.
     search = Search(model, given, forces, p, np.append(history, 1.0))
     found = search.find(search.rest() if start is None else start, stable, side)
     for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
         states = -found.friction_states if not np.any(history) else history
         found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = -np.clip(_slid(model, found.q), -1.0, 1.0)
+        history = -np.clip(np.ravel(model.sliding()(found.q, given, p)), -1.0, 1.0)
         if np.abs(history - states).max() <= _SAME_STATE:
             break
     return found
@@ -313,8 +313,9 @@ def equilibrium_under(
 def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -> list[Equilibrium]:
     """Equilibria while gravity, input and loads grow together.
 
-    Each starts from the one before; where the straight path loses its stability, the buckled one is followed. Friction
-    of tendons remembers: it begins with none in the unloaded shape, and factors that fall again let the tendons out.
+    Each starts from the one before; where the straight path loses its stability, the buckled one is followed. Friction,
+    of tendons or in bending, starts from the straight finger at rest and remembers the whole path, so that factors that
+    turn back give loops: friction of each step acts by where the step ends.
 
     Parameters
     ----------
@@ -343,19 +344,18 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     u, w, p = signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)
     gravity = [k for k, label in enumerate(model.p_names) if label.startswith("gravity_")]
     path: list[Equilibrium] = []
-    states = np.zeros(len(model.friction_names))
     for factor in factors:
         scaled = p.copy()
         scaled[gravity] *= factor
-        given = model, factor * u, factor * w, scaled
-        q = path[-1].q if path else Search(*given, np.zeros(0)).rest()
-        # A friction state follows the sliding of the step as a stop does.
-        history = np.append(states - _slid(model, q), 1.0) if states.size else states
-        path.append(Search(*given, history).find(q, True, side))
-        states = path[-1].friction_states
+        search = Search(model, factor * u, factor * w, scaled, _moved_on(model, path[-1] if path else None))
+        path.append(search.find(path[-1].q if path else search.rest(), True, side))
     return path
 
 
-def _slid(model: FingerModel, q: Array) -> Array:
-    """Sliding of the tendons since the finger was straight, per presliding."""
-    return np.array(model.sliding()(q, np.zeros(model.nu), model.p_nominal)).ravel()
+def _moved_on(model: FingerModel, last: Equilibrium | None) -> Array:
+    """History of a finger that moves on from an equilibrium, or from straight; empty without friction."""
+    if not model.friction_names:
+        return np.zeros(0)
+    if last is None:
+        return np.append(np.zeros(len(model.friction_names)), 1.0)
+    return np.append(last.friction_states - np.ravel(model.sliding()(last.q, last.u, last.p)), 1.0)

@@ -15,12 +15,12 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlaps
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
+from continuum_grasp.simulation.slack import SlackTime, slack_times
 
 Array = NDArray[np.float64]
 
@@ -105,6 +105,12 @@ class Trajectory(MotionResult):
     def moving(self) -> FingerModel | System:
         """What the states are those of: the system, or the finger alone."""
         return self.system or self.model
+
+    @property
+    def slack(self) -> list[SlackTime]:
+        """Times in which tendons on winches and motors are slack; none of tendons whose tension is commanded."""
+        tensions = self.tensions
+        return [] if tensions is None or not self.model.finger.winches else slack_times(self.t, tensions)
 
     @property
     def n(self) -> int:
@@ -263,6 +269,10 @@ class Trajectory(MotionResult):
         """Error of the steps in time, and what the columns are."""
         return {
             "time_error": self.time_error,
+            "slack": [
+                {"tendon": each.tendon, "begins": each.begins, "ends": each.ends if each.ends < math.inf else None}
+                for each in self.slack
+            ],
             "model": {
                 "family": self.model.family,
                 "lengths": list(self.model.lengths),
@@ -310,25 +320,6 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     return acting
 
 
-def tension_warnings(finger: Finger, t: Array, tensions: Array | None) -> tuple[str, ...]:
-    """What the user must know of tensions (T, tendons) [N] that winches and motors leave to the motion."""
-    found = []
-    for k, tendon in enumerate(finger.tendon_list if finger.winches and tensions is not None else ()):
-        own = tensions[:, k] if tensions is not None else t
-        high, slack = np.flatnonzero(own > tendon.max_tension), own < _SLACK
-        if high.size:
-            found.append(
-                f"tendon {k + 1} exceeds max_tension = {tendon.max_tension:g} N at t = {t[high[0]]:g} s (greatest: "
-                f"{own.max():.3g} N)"
-            )
-        begins = np.flatnonzero(slack[1:] & ~slack[:-1])
-        if begins.size:
-            found.append(f"tendon {k + 1} goes slack at t = {t[begins[0] + 1]:g} s: nothing pulls there")
-    return tuple(found)
-
-
-_SLACK = 1e-6
-"""Tension below which a tendon is slack [N]."""
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 _THROUGH = 0.5

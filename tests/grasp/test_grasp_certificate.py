@@ -402,6 +402,17 @@ def test_certificate_shares_nothing_with_the_optimizer():
                     assert name.split(".")[1] in {"grasp", "rod", "scene", "errors", "arguments", "summary"}, (
                         f"{module}: {name}"
                     )
-    own = {"certificate", "check", "model_error", "recomputed", "shape", "skin", "stability", "surfaces"}
+    own = {
+        "certificate",
+        "check",
+        "held",
+        "model_error",
+        "recomputed",
+        "shape",
+        "skin",
+        "stability",
+        "surfaces",
+        "tendons",
+    }
     assert {name.rpartition(".")[2] for name in seen if ".grasp." in name} == own
     assert {name.split(".")[1] for name in seen} == {"grasp", "rod"}

@@ -51,7 +51,7 @@ def elastica(scene, arrays, name):
     """
     finger = scene.named_fingers[name]
     stiffness, friction = finger.rod.stiffness, finger.tendons.friction
-    pull = (arrays[f"{name}.tensions"][0] - arrays[f"{name}.tensions"][1]) * finger.tendons.offset
+    left, right = arrays[f"{name}.tensions"] * finger.tendons.offset
     total = finger.rod.length
     g = np.asarray(scene.gravity.vector if scene.gravity.mode == "planar" else (0.0, 0.0))
     loads = [(mass.at, mass.mass * g, 0.0) for mass in finger.masses]
@@ -66,7 +66,9 @@ def elastica(scene, arrays, name):
 
     def rates(s, y, force):
         fx, fy = force + finger.rod.mass_per_length * (total - s) * g
-        kappa = (y[1] + pull * np.exp(-friction * y[2])) / stiffness + finger.rest_curvature
+        # The tendon that pulls loses tension towards the tip, the other one, which is paid out, gains it.
+        pull = left * np.exp(-friction * y[2]) - right * np.exp(friction * y[2])
+        kappa = (y[1] + pull) / stiffness + finger.rest_curvature
         return [kappa, fx * np.cos(y[0]) + fy * np.sin(y[0]), abs(kappa), -np.sin(y[0]), np.cos(y[0])]
 
     def walk(moment):
@@ -81,7 +83,7 @@ def elastica(scene, arrays, name):
 
     ends = arrays[f"{name}.backbone"][:2]
     curvature = np.diff(ends[:, 3])[0] / np.diff(ends[:, 0])[0] - finger.rest_curvature
-    moment = newton(lambda m: walk(m)[0], stiffness * curvature - pull, tol=1e-13)
+    moment = newton(lambda m: walk(m)[0], stiffness * curvature - left + right, tol=1e-13)
     return places, walk(moment)[1]
 
 

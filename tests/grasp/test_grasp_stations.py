@@ -45,9 +45,10 @@ def _statics(result: GraspResult) -> tuple[Array, Array]:
     x, y = (np.interp(middles, line[:, 0], line[:, c]) for c in (1, 2))
     step = 1e-3
     turn = np.interp(middles + step, line[:, 0], line[:, 3]) - np.interp(middles - step, line[:, 0], line[:, 3])
-    # The tendons pull less beyond each turn (capstan), here by the angle turned with the base's as zero.
-    angle = np.interp(middles, line[:, 0], line[:, 3]) - line[0, 3]
-    pull = (a["finger.tensions"][0] - a["finger.tensions"][1]) * np.exp(-setup.tendons.friction * np.abs(angle))
+    # The tendon that pulls does so less beyond each turn, the other one more (capstan), by the angle turned.
+    angle = np.abs(np.interp(middles, line[:, 0], line[:, 3]) - line[0, 3])
+    signs = np.array([-1.0, 1.0]) * np.sign(a["finger.tensions"][0] - a["finger.tensions"][1])
+    pull = a["finger.tensions"] * [1.0, -1.0] @ np.exp(setup.tendons.friction * np.outer(signs, angle))
     curvature = turn / (2 * step) - float(setup.finger.profile.rest_curvature(0.0))
     by_shape = setup.finger.profile.mean_stiffness * curvature - pull * setup.tendons.offset
     gravity = getattr(result.scene.gravity, "vector", (0.0, 0.0))

@@ -120,7 +120,7 @@ def test_lag_and_delay_of_a_drive_from_one_pull(family):
 
 def test_a_delay_needs_commands_that_vary():
     scene = rod_scene(ROD, "clothoid", finger={"tendons": {"offset": 0.02, "max_tension": 9.0}})
-    with pytest.raises(InputError, match="tensions that vary"):
+    with pytest.raises(InputError, match="commands that vary"):
         cg.identify(scene, TipPath([0.0, 0.1], [0.0, 0.0]), parameters=["drive_delay"])
     with pytest.raises(InputError, match="needs a start value"):
         read_unknowns(scene, ["drive_time_constant"])

@@ -59,6 +59,7 @@ FULL = {
     "masses": (PointMass(at=LENGTH, mass=0.2), PointMass(at=LENGTH / 2, mass=0.3)),
     "base": BasePose(position=(0.3, -0.2), angle=-0.7),
 }
+STICKS = Damping.model_validate({"material": 0.01, "dry_friction": [{"stiffness": 0.4, "moment": 0.3}]})
 LOADS = (
     ForceLoad(at=0.13, force=(0.0, 0.0)),
     ForceLoad(at=0.33, force=(0.0, 0.0), follows=True),
@@ -84,6 +85,11 @@ CABLE = Tendons(offset=0.004, max_tension=9.0, friction=0.2, axial_stiffness=9e3
 FREE = {
     "winches": ({**FULL, "tendons": CABLE}, {}),
     "friction": ({**FULL, "tendons": Tendons(offset=0.004, max_tension=9.0, friction=0.3)}, {"loads": LOADS}),
+    "dry friction": ({**FULL, "damping": STICKS}, {"loads": LOADS}),
+    "friction of both kinds": (
+        {**FULL, "damping": STICKS, "tendons": Tendons(offset=0.004, max_tension=9.0, friction=0.3)},
+        {},
+    ),
     "tendons": (
         {**FULL, "tendons": (Tendon(offset=0.004, max_tension=9.0), Tendon(offset=-0.003, to=0.4, max_tension=9.0))},
         {},
@@ -123,9 +129,10 @@ def dense(model: FingerModel, x, u, w, p) -> tuple[np.ndarray, float]:
     if model.structure.winches:
         u = x[2 * model.n :: 2][: len(u)]  # lengths where they are
     mass = np.array(model.mass_matrix(q, u, p))
-    friction = x[len(x) - len(model.friction_names) :]
-    # the cubic of a motion's friction state, of which a history has the value
-    history = [np.append(1.5 * friction - 0.5 * friction**3, 0.0)] if friction.size else []
+    friction, of_tendons = x[len(x) - len(model.friction_names) :], model.structure.tendon_friction_states
+    # the cubic of a motion's friction state of tendons, of which a history has the value
+    ways = np.append(1.5 * friction[:of_tendons] - 0.5 * friction[:of_tendons] ** 3, friction[of_tendons:])
+    history = [np.append(ways, 0.0)] if friction.size else []
     missing = np.array(model.inverse_dynamics(q, qd, np.zeros(model.n), u, w, p, *history)).ravel()
     scale = 1.0 / np.sqrt(np.diag(mass))
     condition = np.linalg.cond(scale[:, None] * mass * scale)

@@ -32,6 +32,50 @@ def test_shapes_at_rest_are_those_of_closed_forms(name):
         assert found.friction_states == pytest.approx(np.sign(angle) * (1 if reached_by == "pulling" else -1))
 
 
+def plays(values, radius, first):
+    """The play operator of a radius (or radii) along a way that starts by sliding: ``first`` is its sign then."""
+    z = values[0] + first * radius
+    for value in values[1:]:
+        z = np.clip(z, value - radius, value + radius)
+    return z
+
+
+def bend_of_history(friction, tensions, sheath=0.0):
+    """Closed form: ln T past a sheath of fixed bend, and 1/T along the finger, are plays of what is before."""
+    after = [math.exp(plays(np.log(tensions[: k + 1]), friction * sheath, -1.0)) for k in range(len(tensions))]
+    s = (np.arange(4000) + 0.5) / 4000 * LENGTH
+    inverse = plays(1.0 / np.array(after), friction * OFFSET / STIFFNESS * s, 1.0)
+    return OFFSET / STIFFNESS * LENGTH * float(np.mean(1.0 / inverse))
+
+
+@pytest.mark.parametrize(
+    ("points", "angle"), [([1.0, 20.0, 12.0], 1.94506789), ([1.0, 20.0, 0.3], 0.04428778), ([1, 20, 5, 14, 8], None)]
+)
+def test_any_history_ends_at_the_closed_form(points, angle):
+    """In the square of the number of cells."""
+    exact = bend_of_history(0.1, way(points, 1.0))
+    assert angle is None or exact == pytest.approx(angle, abs=1e-7)
+    errors = []
+    for cells in (1, 2, 4) if points[-1] == 12.0 else (2,):
+        loaded = Loaded(model(0.1, elements=4, friction_cells=cells, presliding=1e-6))
+        errors.append(abs([loaded.move([tension, 0.0]) for tension in way(points, 1.0)][-1] - exact))
+    assert errors[-1] < 1e-4
+    assert np.divide(errors[:-1], errors[1:]) == pytest.approx(4.0, rel=0.05)
+
+
+def test_a_sheath_plays_before_the_finger():
+    """Released, the finger stays where it is until the tension has fallen by exp(-2 friction bend)."""
+    made = model(0.1, elements=4, conduit_bend=1.5, presliding=1e-6)
+    loaded, tensions = Loaded(made), way([0.5, 20.0, 6.0, 15.0, 9.0], 0.5)
+    found = [loaded.move([tension, 0.0]) for tension in tensions]
+    exact = [bend_of_history(0.1, tensions[: k + 1], 1.5) for k in range(len(tensions))]
+    assert np.abs(np.subtract(found, exact)).max() < 3e-3 * max(exact)
+    most = tensions.index(20.0)
+    held = [k for k in range(most, most + 14) if tensions[k] > 20.0 * math.exp(-0.3)]
+    assert len(held) > 5
+    assert np.ptp(np.array(found)[held]) < 1e-3
+
+
 def test_releasing_leaves_what_is_beyond_the_front_as_it_was():
     """1/T(s) is the play of 1/T at the base, of radius mu e s/EI: 20 N, then 12 N."""
     pulled = Loaded(model(0.1, elements=12, presliding=1e-6))
@@ -101,6 +145,18 @@ def test_small_cycles_shake_down():
     assert abs(ends[-1] - ends[-2]) < 1e-7
 
 
+def test_cycles_of_a_force_creep_as_far_as_those_of_the_chain():
+    """A force of 0.05 N against 12 N goes to and fro by 0.015 N: 1.459 rad grow to 1.511 in a chain of 100 guides."""
+    loaded = Loaded(model(0.2))
+    for tension in way([1.0, 12.0], 1.0):
+        angle = loaded.move([tension, 0.0], (0.05, 0.0))
+    assert angle == pytest.approx(1.4587, abs=1e-3)
+    for _ in range(25):
+        for force in way([0.05, 0.065, 0.035, 0.05], 0.0075)[1:]:
+            angle = loaded.move([12.0, 0.0], (force, 0.0))
+    assert angle == pytest.approx(1.5118, abs=5e-3)
+
+
 SCENE = {"gravity": [0.0, 0.0], "fidelity": {"family": "clothoid"}}
 RISING = {"times": [0.0, 0.3, 0.6], "values": [0.0, 22.0, 10.0]}
 
@@ -121,6 +177,49 @@ def test_a_motion_ends_where_its_history_says_and_does_not_creep(lag):
     states = motion.x[:, -len(motion.model.friction_names) :]
     assert np.abs(states[-1]).max() <= 1.0 + 1e-9
     assert states[-1] == pytest.approx(states[-250], abs=1e-5)
+
+
+def test_what_starts_at_rest_stays_there_whatever_its_history():
+    """Friction states between -1 and 1 too, for ten seconds."""
+    start = {"pose": "equilibrium", "reached_by": "state", "friction_states": [0.9, -0.5, 0.3, 0.9]}
+    time = {"duration": 10.0, "step": 0.05}
+    motion = cg.simulate(
+        cg.Scene(finger=finger(0.2), actuation={"tensions": [12.0, 1.0]}, initial=start, time=time, **SCENE)
+    )
+    assert motion.x == pytest.approx(np.tile(motion.x[0], (len(motion.t), 1)), abs=1e-8)
+    y = np.clip(motion.x[0, -4:], -1.0, 1.0)
+    assert 1.5 * y - 0.5 * y**3 == pytest.approx([0.9, -0.5, 0.3, 0.9])
+
+
+def test_wound_up_tendons_do_not_creep():
+    to = [{"times": [0.0, 0.3, 0.6], "values": [0.0, s * 0.012, s * 0.007]} for s in (1.0, -1.0)]
+    keys = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
+    drive = {"kind": "length", "time_constant": 0.02, "pretension": 2.0}
+    own, time = finger(0.2, **keys, drive=drive), {"duration": 15.0, "step": 0.02}
+    motion = cg.simulate(cg.Scene(finger=own, actuation={"lengths": to}, time=time, **SCENE))
+    still = motion.t >= 5.0  # it rings before
+    assert np.ptp(motion.tensions[still, 0]) < 1e-4
+    assert np.ptp(motion.x[still, -4:], axis=0) == pytest.approx(np.zeros(4), abs=1e-4)
+
+
+@pytest.mark.parametrize("beyond", [0.0, 20e-6, -20e-6])
+def test_derivatives_hold_where_the_law_bends(beyond):
+    """Straight, at the ends of the range of friction states, and where a tendon goes slack."""
+    keys = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5, "drive": {"kind": "length", "time_constant": 0.02}}
+    made = cg.FingerModel(finger(0.3, **keys), family="clothoid", elements=2, gravity=(0, 0))
+    n, x, u = made.n, np.zeros(made.nx), np.zeros(made.nu)
+    x[[2 * n, 2 * n + 2]] = beyond, 1e-3
+    x[-4:] = 1.0, -1.0, 1.0, -1.0
+    slope = np.array(made.linearization(x, u, np.zeros(made.nw), [])[0])[n : 2 * n]
+
+    def accelerations(change):
+        return np.array(made.forward_dynamics(x + change, u, np.zeros(made.nw), [])).ravel()[n : 2 * n]
+
+    size = np.where(np.arange(made.nx) < 2 * n, 1e-5, 1e-9)
+    size[-4:] = 1e-5
+    for k, h in enumerate(size):
+        by = (accelerations(h * np.eye(made.nx)[k]) - accelerations(-h * np.eye(made.nx)[k])) / (2.0 * h)
+        assert slope[:, k] == pytest.approx(by, rel=1e-4, abs=1e-8 * np.abs(slope).max())
 
 
 def test_mirrored_fingers_move_alike():
@@ -190,5 +289,5 @@ def test_an_equilibrium_names_its_history():
         angle(reached_by="state", friction_states=[0.0])
     with pytest.raises(InputError, match=r"friction_states and reached_by: state need each other"):
         angle(reached_by="state")
-    with pytest.raises(InputError, match=r"initial.reached_by has no effect: the tendons have no friction"):
+    with pytest.raises(InputError, match=r"initial.reached_by has no effect: neither tendons nor bending"):
         cg.Scene(finger=finger(0.0), initial={"pose": "straight", "reached_by": "pulling"}, gravity=(0, 0))

@@ -32,6 +32,9 @@ class HingedFinger:
     axial_stiffness: float = 1e4  # [N]
     series_compliance: float = 3e-5  # [m/N]
     hinges: int = 80
+    couple: float = 0.0  # at the tip [N m]
+    pushes: tuple[tuple[float, float, float, float], ...] = ()
+    """Further loads along it: position [m], force across and along the base's axes [N], couple [N m]."""
     bends: np.ndarray = field(init=False)
     losses: np.ndarray = field(init=False)
     slid: np.ndarray = field(init=False)
@@ -94,7 +97,13 @@ class HingedFinger:
         moment = self.offset * (signs * middle).sum(axis=0)
         points = self._points(bends)
         arms = points[:, -1:] - points[:, :-1]
-        moment = moment + arms[0] * force[1] - arms[1] * force[0]
+        moment = moment + arms[0] * force[1] - arms[1] * force[0] + self.couple
+        for at, fx, fy, couple in self.pushes:
+            hinge = int(at * n / self.length - 0.5)  # the last one before it
+            part = (at * n / self.length - 0.5 - hinge) * (2.0 if hinge == n - 1 else 1.0)  # half a part to the tip
+            x, y = points[:, hinge] + part * (points[:, hinge + 1] - points[:, hinge])
+            before = np.arange(n).reshape((-1, *([1] * (moment.ndim - 1)))) <= hinge
+            moment = moment + before * ((x - points[0, :-1]) * fy - (y - points[1, :-1]) * fx + couple)
         balance = bends * (self.stiffness * self.hinges / self.length) - moment
         # Where a guide slides, the capstan limit; elsewhere the tendon stays where it was.
         shape = (count, n, *([1] * (slid.ndim - 2)))

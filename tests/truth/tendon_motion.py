@@ -26,13 +26,15 @@ PRESSED = 2e-4
 class MovingFinger(HingedFinger):
     """The finger of ``HingedFinger``, moving: ``density`` of the rod, its damping, a mass at the tip.
 
-    ``time_step`` is that of ``advance``, ``rates`` those of the bends.
+    ``time_step`` is that of ``advance``, ``rates`` those of the bends; a force acts at the end of as many pieces as
+    ``pushed``, None: at the tip.
     """
 
     density: float = 0.034  # [kg/m]
     damping: float = 3e-5  # [N m2 s]
     tip_mass: float = 0.002  # [kg]
     time_step: float = 2.5e-4  # [s]
+    pushed: int | None = None
     time: float = 0.0
     rates: np.ndarray = field(init=False)
 
@@ -89,9 +91,9 @@ class MovingFinger(HingedFinger):
         return tension, by_bends, by_losses, middle, slid, slopes, loss_slopes
 
     def advance(self, drums: Sequence[tuple[str, float]], force=(0.0, 0.0)) -> None:
-        """One step in time: at its end the drums are at ``("tension", N)`` or ``("length", m)``, the tip under a force.
+        """One step in time: at its end the drums are at ``("tension", N)`` or ``("length", m)``, under a force.
 
-        ``force`` [N] may be a function of the tip's position and velocity; it gives the force and its slope by the
+        ``force`` [N] may be a function of the position and velocity; it gives the force and its slope by the
         position.
         """
         n, step, count = self.hinges, self.time_step, len(self.sides)
@@ -117,10 +119,12 @@ class MovingFinger(HingedFinger):
             inertia = mass @ np.cumsum(accelerations) + swing @ spun**2
             angles = np.cumsum(bends)
             ways = np.stack([-np.cos(angles), -np.sin(angles)]) * self._lengths
-            jacobian = ways @ self._sum  # of the tip by the bends
+            jacobian = ways[:, : self.pushed] @ self._sum[: self.pushed]  # of where it is pushed by the bends
             pressed, slope = np.asarray(force) if not callable(force) else None, np.zeros((2, 2))
             if callable(force):
-                pressed, slope = force(self._points(bends)[:, -1], jacobian @ rates)
+                pressed, slope = force(
+                    self._points(bends)[:, -1 if self.pushed is None else self.pushed], jacobian @ rates
+                )
             missing = np.zeros(total)
             matrix = np.zeros((total, total))
             missing[:n] = self._sum.T @ inertia + stiff * bends + damped * rates - jacobian.T @ pressed

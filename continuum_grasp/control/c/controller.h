@@ -50,7 +50,8 @@
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
- * ekf.h, and the generated function estimated_parameters. CONTROLLER_TICKS() may be a clock (uint32_t) that times the
+ * ekf.h, and the generated function estimated_parameters; CONTROLLER_TOUCHES: whether there is a contact detector, with
+ * the dimensions of contact_detector.h. CONTROLLER_TICKS() may be a clock (uint32_t) that times the
  * phases.
  */
 #ifndef CONTROLLER_H
@@ -105,6 +106,10 @@ typedef struct {
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
   int sqp_iterations, start_iterations;         /* from the last plan, and from one at rest */
   supervisor_settings supervisor;
+#if CONTROLLER_TOUCHES
+  contact_settings contact;
+  int felt[CONTACT_NY];       /* which measurements the contact detector takes */
+#endif
 } controller_settings;
 
 typedef struct {
@@ -114,6 +119,9 @@ typedef struct {
   real u[RTI_NU], p[RTI_SIZE(RTI_NP)];  /* last input that was applied, last good parameters */
   rti_plan plan;
   supervisor_state supervisor;
+#if CONTROLLER_TOUCHES
+  contact_state contact;
+#endif
 #if CONTROLLER_ESTIMATES
   ekf_state ekf;
 #else
@@ -149,6 +157,9 @@ typedef struct {
   supervisor_report supervisor;
 #if CONTROLLER_ESTIMATES
   ekf_report ekf;
+#endif
+#if CONTROLLER_TOUCHES
+  contact_report contact;
 #endif
   uint32_t ticks[CONTROLLER_PHASES];    /* of estimation, preparation, feedback */
 } controller_output;

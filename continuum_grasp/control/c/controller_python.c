@@ -32,7 +32,7 @@ int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
 /* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
  * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung), mismatch, activity,
- * ticks, u, x, p, verdicts, variances, innovations, their variances, plan */
+ * ticks, u, x, p, verdicts, variances, innovations, their variances, contact, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
   controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
@@ -64,6 +64,9 @@ int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
   out = cg_write(out, variance, EKF_NZ);
   out = cg_write(out, found->ekf.innovation, EKF_NY);
   out = cg_write(out, found->ekf.variance, EKF_NY);
+#endif
+#if CONTROLLER_TOUCHES
+  out = cg_write_contact(out, &found->contact);
 #endif
   out = cg_write(out, &o->state.plan.x[0][0], (RTI_N + 1) * RTI_NX);
   cg_write(out, &o->state.plan.u[0][0], RTI_N * RTI_NU);

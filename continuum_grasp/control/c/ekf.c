@@ -132,6 +132,28 @@ static real ekf_prior_variance(const ekf_state *state, const real *h)
   return sum;
 }
 
+#if EKF_NF > 0
+/* What is known of friction states without a sensor: their variance is that within -1 and 1 at most. */
+static void ekf_bound_friction(ekf_state *state, const ekf_settings *settings)
+{
+  for (int k = 0; k < EKF_NF; ++k) {
+    real h[EKF_NZ] = {0};
+    h[settings->friction[k]] = 1;
+    const real variance = ekf_prior_variance(state, h);
+    if (variance > 1) (void)ekf_update(state, h, variance / (variance - 1), 0);
+  }
+}
+
+/* A correction takes no friction state where the law does not: beyond one, or beyond where it slides already. */
+static void ekf_limit_friction(ekf_state *state, const ekf_settings *settings, const real *prior)
+{
+  for (int k = 0; k < EKF_NF; ++k) {
+    const int at = settings->friction[k];
+    cg_limit(&state->z[at], prior[at] < -1 ? prior[at] : -1, prior[at] > 1 ? prior[at] : 1);
+  }
+}
+#endif
+
 /* Give each measurement in a compared quantity its verdict, unless it has one. */
 static void ekf_report_row(const ekf_settings *settings, int row, int verdict, ekf_report *report)
 {
@@ -197,6 +219,9 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
   estimator_outputs(arg, res);
   if (!cg_finite(work->y, EKF_NY) || !cg_finite(work->H, EKF_NY * EKF_NZ)) return 0;
   memcpy(prior, state->z, sizeof prior);
+#if EKF_NF > 0
+  ekf_bound_friction(state, settings);
+#endif
   ekf_innovations(state, work, settings, y, report);
   for (int sensor = 0; sensor < EKF_NS; ++sensor) judged[sensor] = ekf_gate(state, settings, sensor, report);
   const real gate = settings->gate * settings->gate;
@@ -216,6 +241,9 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
     report->variance[row] = ekf_update(state, h, settings->variance[row], report->innovation[row]);
     ++report->used;
   }
+#if EKF_NF > 0
+  ekf_limit_friction(state, settings, prior);
+#endif
   return 1;
 }
 

@@ -17,7 +17,7 @@
  * predicts the state now with the inputs applied since.
  *
  * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY
- * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY; and `real`, with CG_SINGLE defined if that
+ * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_NF (friction states); and `real`, with CG_SINGLE defined if that
  * is float. The generated functions estimator_step, estimator_flow and estimator_outputs stand before ekf.c. Nothing is
  * allocated or static; matrices of generated functions are stored by columns.
  */
@@ -55,6 +55,9 @@ typedef struct {
   int substeps;               /* Runge-Kutta steps per period */
   real gate;                  /* standard deviations beyond which a measurement is an outlier */
   int sensor[EKF_NY];         /* of each compared quantity */
+#if EKF_NF > 0
+  int friction[EKF_NF];       /* indices of friction states: between -1 and 1 at rest, whatever a sensor says */
+#endif
 } ekf_settings;
 
 typedef struct {

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, delay_periods, estimator_fields, estimator_source
+from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
 from continuum_grasp.control.ocp.stages import stages_of
@@ -43,10 +44,14 @@ class Filtered(Summarized):
         Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared).
     verdict : tuple of Verdict
         Verdict on each measurement.
+    contact : DetectedContact or None
+        What the drives feel, by ``estimator.contact_detection``; None without.
     """
 
-    def __init__(self, names: tuple[str, ...], parts: dict[str, Array], restarted: bool) -> None:
-        self._names = names
+    def __init__(
+        self, names: tuple[str, ...], parts: dict[str, Array], restarted: bool, contact: DetectedContact | None
+    ) -> None:
+        self._names, self.contact = names, contact
         self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
@@ -64,6 +69,8 @@ class Filtered(Summarized):
             "std": ", ".join(f"{value:.2g}" for value in self.std),
             "verdicts": ", ".join(one.name.lower() for one in self.verdict),
         }
+        if self.contact is not None:
+            rows["contact"] = self.contact.contact.name.lower()
         return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
     @property
@@ -103,6 +110,8 @@ class Estimator(Remade, Summarized):
         Numbers of the filter, by the names in ``c/ekf.h``.
     first : (nx,) ndarray
         State of the scene's initial pose.
+    detector : ContactDetector or None
+        That of ``estimator.contact_detection``, which runs along.
 
     Raises
     ------
@@ -146,6 +155,14 @@ class Estimator(Remade, Summarized):
         self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
+        asked = self.scene.estimator
+        self.detector = (
+            ContactDetector(self.scene, precision=precision)
+            if asked is not None and asked.contact_detection is not None
+            else None
+        )
+        felt = () if self.detector is None else self.detector.measurement_names
+        self._felt = [self.measurement_names.index(name) for name in felt]
         self.reset()
 
     def headline(self) -> str:
@@ -175,6 +192,8 @@ class Estimator(Remade, Summarized):
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", rest_input(self.scene) if u is None else u, self.prediction.nu)
         self._c.start(z, before)
+        if self.detector is not None:
+            self.detector.reset()
 
     def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
         """Predict over a period and update with a measurement; call it once per period.
@@ -206,15 +225,21 @@ class Estimator(Remade, Summarized):
         status = self._call(self._c.address, self._c.input_address, self._c.output_address)
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")
-        return Filtered(self.measurement_names, self._c.found(), status == _RESTARTED)
+        contact = None if self.detector is None else self.detector.step(self._measurement[self._felt], self._u)
+        return Filtered(self.measurement_names, self._c.found(), status == _RESTARTED, contact)
 
     def save_state(self) -> bytes:
         """Return all that the next estimate depends on."""
-        return self._c.save(0)
+        own = self._c.save(0)
+        # The detector's is behind that of the filter, whose size is known.
+        return own if self.detector is None else own + self.detector.save_state()
 
     def restore(self, saved: bytes) -> None:
         """Continue from a saved state, which must be of the same problem, version and precision."""
-        self._c.restore(saved)
+        own = len(saved) if self.detector is None else len(self._c.save(0))
+        self._c.restore(saved[:own])
+        if self.detector is not None:
+            self.detector.restore(saved[own:])
 
     __getstate__ = save_state
     __setstate__ = restore

@@ -14,8 +14,10 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Disturbed, Measured
+from continuum_grasp.scene.drives import MotorDrive
 
 Array = NDArray[np.float64]
 
@@ -25,8 +27,13 @@ _DISTURBANCES = (
     ("object_position", r"(object_[xy]) \[m\]", r"\1_error [m]"),
     ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
     ("bending_stiffness", r"bending_stiffness \[.+\]", r"bending_stiffness_error [1]"),
+    ("tendon_friction", r"tendon_friction \[1\]", r"tendon_friction_error [1]"),
 )
 """Key in ``estimator.disturbances``, the parameters that the disturbances add to, and their names."""
+
+
+FRICTION = r"(motor_)?friction_\w+ \[1\]"
+"""Names of friction states, of tendons and of motors."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +61,10 @@ class Estimation:
     mixing : (ny, nm) ndarray
         Compared quantities as sums of measurements: of two opposed tensions, their difference.
     sensors : tuple of str
-        Device of each compared quantity, by its key in ``estimator.measured``: tip, tension or bending. The gate acts
-        on devices, since the rows of one fail together.
+        Device of each compared quantity, by its key in ``estimator.measured``, such as tip, tension or bending. The
+        gate acts on devices, since the rows of one fail together.
+    friction : tuple of int
+        Which states are friction states, of tendons or motors: those have a range of their own.
     """
 
     step: ca.Function
@@ -69,6 +78,7 @@ class Estimation:
     measurement_names: tuple[str, ...]
     mixing: Array
     sensors: tuple[str, ...]
+    friction: tuple[int, ...]
 
     @property
     def nz(self) -> int:
@@ -132,6 +142,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         measurement_names=measurement_names,
         mixing=np.array([[row.parts.get(name, 0.0) for name in measurement_names] for row in compared]),
         sensors=tuple(row.sensor for row in compared),
+        friction=tuple(k for k, name in enumerate(model.x_names) if re.fullmatch(FRICTION, name)),
     )
 
 
@@ -161,7 +172,7 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
 def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, float, bool]]:
     """Name of each disturbance, index of the parameter that it adds to, drift, and whether it is relative."""
     return [
-        (found.expand(name), index, drift, key == "bending_stiffness")
+        (found.expand(name), index, drift, key in ("bending_stiffness", "tendon_friction"))
         for key, parameter, name in _DISTURBANCES
         if (drift := getattr(wanted, key, None)) is not None
         for index, label in enumerate(model.p_names)
@@ -185,7 +196,10 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         names = ("tip_x [m]", "tip_y [m]")
         values = ca.vertsplit(model.tip(model.x, model.u, p))
         found += [_Compared("tip", name, value, {name: 1.0}) for name, value in zip(names, values, strict=True)]
-    if asked.tension is not None:
+    winches = model.system.finger_model.structure.winches
+    if winches:
+        found += _of_drives(asked, model, winches, p)
+    elif asked.tension is not None:
         unit = model.u_names[0].split("[")[1][:-1]
         for k, moment in enumerate(model.driven):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
@@ -200,3 +214,44 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
             name = f"angle_{k + 1} [rad]"
             found.append(_Compared("bending", name, angle, {name: 1.0}))
     return found
+
+
+def _of_drives(asked: Measured, model: Prediction, winches: tuple[Winch, ...], p: ca.SX) -> list[_Compared]:
+    """List what sensors of winches and motors show."""
+    found: list[_Compared] = []
+
+    def add(sensor: str, name: str, value: ca.SX) -> None:
+        found.append(_Compared(sensor, name, value, {name: 1.0}))
+
+    if asked.tension is not None:
+        tensions = model.tensions(model.x, model.u, p)
+        for k in range(tensions.numel()):
+            add("tension", f"tension_{k + 1} [N]", tensions[k])
+    moving = list(enumerate(zip(winches, model.driven, strict=True)))
+    sensor = "length" if winches[0].follows else "angle"
+    if getattr(asked, sensor) is not None:
+        for k, (winch, driven) in moving:
+            add(sensor, position_name(winch, k + 1), model.x[driven.state])
+    if asked.torque is not None or asked.current is not None:
+        for k, (winch, driven) in moving:
+            torque = winch.torque(model.u[k], model.x[driven.state], model.x[driven.state + 1])
+            add(*torque_name(asked, k + 1), ca.SX(torque) / torque_per_reading(asked, winch))
+    return found
+
+
+def position_name(winch: Winch, number: int) -> str:
+    """Name and unit of a measured position of a winch."""
+    return f"length_{number} [m]" if winch.follows else f"motor_angle_{number} [rad]"
+
+
+def torque_name(asked: Measured, number: int) -> tuple[str, str]:
+    """Key, and name and unit, of a measured torque or current of a motor."""
+    if asked.current is not None:
+        return "current", f"motor_current_{number} [A]"
+    return "torque", f"motor_torque_{number} [N m]"
+
+
+def torque_per_reading(asked: Measured, winch: Winch) -> float:
+    """Torque at the drum [N m] per unit of its sensor."""
+    drive = winch.drive
+    return (drive.torque_constant or 1.0) if asked.current is not None and isinstance(drive, MotorDrive) else 1.0

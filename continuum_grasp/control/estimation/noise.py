@@ -15,6 +15,8 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.finger import Finger
 
 Array = NDArray[np.float64]
 
@@ -34,6 +36,13 @@ _MOMENT = 2.0
 error."""
 _KNOWN = 10.0
 """Greatest known force or moment as a multiple of the greatest unknown one [1]: larger than an error."""
+
+
+_SENSORS = {"tip_x": "tip", "tip_y": "tip", "length_": "length", "motor_angle_": "angle"} | {
+    "motor_torque_": "torque",
+    "motor_current_": "current",
+}
+"""Key in ``estimator.measured`` by how a name of a measurement begins; others are tensions and moments."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +87,9 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
         process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / lag**3
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / lag) ** 2
+    for at in estimation.friction:
+        # They are anywhere between -1 and 1: what the history was is not seen.
+        initial[at] = 1.0 / 3.0
     process[model.nx :] = initial[model.nx :] = estimation.drifts**2
     variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
     # Measurements are independent: variances add with the squares of their shares.
@@ -89,7 +101,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
     cost, x = scene.controller.cost, _state_range(model, stages)
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
     measured = estimation.measurement_names if estimation is not None else ()
-    applied = np.array([_measurable(scene, model, name) for name in stages.u_names])
+    applied = np.array([_applicable(scene, model, name) for name in stages.u_names])
     return Ranges(
         x=x,
         disturbances=np.array([_disturbance_range(model, name) for name in unknown]).reshape(-1, 2),
@@ -111,7 +123,10 @@ def measurement_std(scene: ControlScene, name: str) -> float:
     asked = scene.estimator.measured
     if name.startswith("angle_"):
         return asked.bending.std if asked.bending is not None else math.inf
-    return (asked.tip if name in ("tip_x [m]", "tip_y [m]") else asked.tension) or math.inf
+    for start, key in _SENSORS.items():
+        if name.startswith(start):
+            return getattr(asked, key) or math.inf
+    return asked.tension or math.inf
 
 
 def _state_range(model: Prediction, stages: Stages) -> Array:
@@ -130,10 +145,33 @@ def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
     rod = model.scene.finger.profile
     if name.startswith("bending_stiffness"):
         return (-0.9, 9.0)  # from a tenth to ten times the nominal stiffness
+    if name.startswith("tendon_friction"):
+        return (-1.0, 9.0)  # from none to ten times the nominal friction
     if name.startswith("object_"):
         return (-rod.length, rod.length)
     moment = name.endswith("[N m]")
     most = _MOMENT * model.greatest_moment if moment else _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
+    return (-most, most)
+
+
+def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
+    """Range of what is applied, by the name of the input."""
+    if not scene.finger.winches:
+        return _measurable(scene, model, name)
+    low, high = (limit[model.u_names.index(name)] for limit in scene.input_limits)
+    return (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
+
+
+def _of_drive(model: Prediction, finger: Finger, name: str) -> tuple[float, float]:
+    """Range of a sensor of a winch or motor."""
+    number = int(name.split(" ")[0].rsplit("_", 1)[1]) - 1
+    if name.startswith(("length_", "motor_angle_")):
+        most = 2.0 * model.driven[number].most
+    else:
+        drive = finger.winches[number]
+        most = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
+        if name.startswith("motor_current_") and isinstance(drive, MotorDrive):
+            most /= drive.torque_constant or 1.0
     return (-most, most)
 
 
@@ -145,9 +183,8 @@ def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     if name.startswith("tension_"):
         most = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
-    if finger.winches and name in model.u_names:
-        low, high = (limit[model.u_names.index(name)] for limit in scene.input_limits)
-        return (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
+    if finger.winches and not name.startswith("angle_"):
+        return _of_drive(model, finger, name)
     if name.startswith("angle_"):
         most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
         return (finger.base.angle - most, finger.base.angle + most)

@@ -23,6 +23,11 @@ typedef cg_real cg_lanes __attribute__((vector_size(CG_BYTES)));
     for (int l = 0; l < CG_LANES; ++l) a[l] = a[l] sign b[l] ? (cg_real)1 : (cg_real)0; \
     return a; \
   }
+#define CG_SELECT(name, sign) \
+  static inline cg_lanes name(cg_lanes a, cg_lanes b) { \
+    for (int l = 0; l < CG_LANES; ++l) a[l] = a[l] sign b[l] ? a[l] : b[l]; \
+    return a; \
+  }
 CG_COMPARE(cg_lt, <) CG_COMPARE(cg_le, <=) CG_COMPARE(cg_eq, ==) CG_COMPARE(cg_ne, !=)
 CG_COMPARE(cg_and, != 0 &&) CG_COMPARE(cg_or, != 0 ||)
 static inline cg_lanes cg_if(cg_lanes a, cg_lanes b) {
@@ -32,4 +37,7 @@ static inline cg_lanes cg_if(cg_lanes a, cg_lanes b) {
 static inline cg_lanes cg_not(cg_lanes a) { return cg_eq(a, (cg_lanes){0}); }
 static inline cg_lanes cg_sign(cg_lanes a) { return cg_lt((cg_lanes){0}, a) - cg_lt(a, (cg_lanes){0}); }
 CG_EACH(cg_sqrt, sqrt) CG_EACH(cg_exp, exp) CG_EACH(cg_fabs, fabs) CG_EACH(cg_sin, sin) CG_EACH(cg_cos, cos)
-CG_EACH2(cg_fmin, fmin) CG_EACH2(cg_fmax, fmax) CG_EACH2(cg_pow, pow) CG_EACH(cg_log, log)
+CG_EACH(cg_tanh, tanh)
+CG_EACH2(cg_pow, pow) CG_EACH(cg_log, log)
+/* Selections instead of fmin and fmax, which compilers call lane by lane, since these ignore a NaN. */
+CG_SELECT(cg_fmin, <) CG_SELECT(cg_fmax, >)

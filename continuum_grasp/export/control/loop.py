@@ -87,6 +87,11 @@ class Loop:
             raise InputError(
                 f"{scene.controller.step:g} s is longer than a stage of {stages.stage:g} s", key="controller.period"
             )
+        if scene.estimator is not None and scene.estimator.contact_detection is not None:
+            raise InputError(
+                "contact detection is not exported: its C is not yet of the strict kind; leave it out here",
+                key="estimator.contact_detection",
+            )
         estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
         z = np.zeros(model.nx if estimation is None else estimation.nz)
         z[: model.nx] = first_state(scene, model)  # disturbances start at zero, as nothing is known of them

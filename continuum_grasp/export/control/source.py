@@ -9,6 +9,7 @@ import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.control.compiled import Field as Member
+from continuum_grasp.control.compiled import estimator_sizes
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
@@ -69,13 +70,12 @@ class _Writer:
         found = []
         if self.mpc:
             found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
-            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
+            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter), "TOUCHES": 0}
             sizes["NS"] = 0 if e is None else len(e.sensor_names)
             # Plain C has no vectors: one lane.
             found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
         if e is not None:
-            sizes = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm, "DELAY": loop.periods}
-            sizes["NS"] = len(e.sensor_names)
+            sizes = estimator_sizes(e, loop.periods, s.nu, s.np)
             found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
         if self.real.name == "float":
             found.append("#define CG_SINGLE")

@@ -162,6 +162,13 @@ def _refuse(scene: Scene) -> None:
             "motors are not exported, which would be hinges of their own: command lengths (kind: length) or tensions",
             key="finger.tendons.drive",
         )
+    if scene.finger.softening is not None:
+        raise InputError("the chain's hinges are linear up to their stops: leave it out", key="finger.softening")
+    if scene.finger.has_dry_friction:
+        raise InputError(
+            "MuJoCo's hinges slide at once, without the bending before that dry friction has here: leave it out",
+            key="finger.damping.dry_friction",
+        )
     if scene.finger.has_tendon_friction:
         raise InputError(
             "MuJoCo's tendons have the same tension all along, without friction in their guides: set friction to 0",

@@ -76,7 +76,9 @@ def statics(subject: Subject) -> Part:
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
     x = ca.SX.sym("x", subject.model.nx)
-    states = [direction(z) for z in ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]]
+    states = ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]
+    sliding = subject.model.structure.tendon_friction_states
+    states = [ca.SX(direction(z)) for z in states[:sliding]] + states[sliding:]
     history = [ca.vertcat(*states, 0.0)] if states else []
     missing, stiffness = subject.model.statics(x[:n], u, w, p, *history)
     both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from typing import Any
 
@@ -30,6 +30,7 @@ from continuum_grasp.grasp.certificate.check import (
     overlap,
     worst,
 )
+from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp, gravity_vector
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
@@ -55,6 +56,8 @@ class Certificate(Summarized):
         it is not about to slip; 0 where nothing presses.
     grasp : RecomputedGrasp or None
         What was recomputed; None where the stored numbers are no grasp.
+    states : int
+        Number of friction states of the tendons with which it was verified, beside those of pulling them.
 
     Examples
     --------
@@ -69,6 +72,7 @@ class Certificate(Summarized):
     checks: tuple[Check, ...]
     friction_margins: dict[str, float] = field(default_factory=dict)
     grasp: RecomputedGrasp | None = field(default=None, repr=False, compare=False)
+    states: int = 0
 
     @cached_property
     def passed(self) -> bool:
@@ -94,6 +98,7 @@ class Certificate(Summarized):
             "passed": self.passed,
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "friction_margin": self.friction_margin,
+            "friction_states": self.states,
             "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
             "stability": asdict(self.stability),
         }
@@ -175,23 +180,31 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     ['finger equilibrium, finger']
     """
     with np.errstate(all="ignore"):
-        # What is wrong here stops the rest, which could not be computed.
-        start = (
-            Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
-            Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
-        )
-        if not all(check.passed for check in start):
-            return Certificate(start)
-        lengths = tuple(_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups)
-        if not all(check.passed for check in lengths):
-            return Certificate((*start, *lengths))
-        grasp = RecomputedGrasp(scene, arrays)
-        checks = [*start, mode_check(grasp), *lengths]
-        for finger in grasp.fingers:
-            checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
-        checks += [*_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)]
+        checks, grasp = _recomputed(scene, arrays)
+        if grasp is None:
+            return Certificate(tuple(checks))
+        states = list(held_checks(grasp, arrays, partial(_recomputed, scene)))
         margins = {c.name: c.friction_margin for c in grasp.contacts if c.friction > 0.0}
-    return Certificate(tuple(checks), margins, grasp)
+    return Certificate((*checks, *states), margins, grasp, max(len(states) - 2, 0))
+
+
+def _recomputed(scene: GraspScene, arrays: Mapping[str, Any]) -> tuple[list[Check], RecomputedGrasp | None]:
+    """All checks of one posture, and what they are made of; None where that cannot be computed."""
+    checks = [
+        Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
+        Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
+    ]
+    # What is wrong here stops the rest.
+    if not all(check.passed for check in checks):
+        return checks, None
+    lengths = [_lengths(setup.name, setup.finger.rod.length, arrays) for setup in scene.setups]
+    if not all(check.passed for check in lengths):
+        return [*checks, *lengths], None
+    grasp = RecomputedGrasp(scene, arrays)
+    checks += [mode_check(grasp), *lengths]
+    for finger in grasp.fingers:
+        checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
+    return [*checks, *_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)], grasp
 
 
 def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
@@ -288,6 +301,11 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
         over[unused] = abs(finger.tensions[unused]), 0.0
     value = worst(*(v for pair in over for v in pair)) / most
     yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
+    if finger.wound is not None:
+        yield Check(f"torque, {finger.name}", finger.wound.over / most, LIMIT, "1", f"{most:.4g} N")
+        if finger.wound.law.pulley:
+            off = finger.wound.misfit() / most
+            yield Check(f"tendons of one pulley, {finger.name}", off, LIMIT, "1", f"{most:.4g} N")
     bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
     for contact in grasp.of(finger):
         if contact.name in bounds:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
+from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape, slope
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.rod.dense_rod import DenseRod
@@ -29,8 +29,6 @@ SHARE = 1e-3
 tendons which balance each other to 1e-9 leave as much."""
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
-_PRESLIDING = 1e-3
-"""Bend beyond a friction cell from which on it slides [rad]: that of the law that is verified."""
 _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
@@ -55,8 +53,13 @@ class RecomputedFinger:
             return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
 
         self.shape = FingerShape(setup, arrays)
+        # Of states that are stored, or of pulling from the straight finger on; None without friction.
+        states = arrays.get(f"{setup.name}.friction_states")
+        self.friction = TendonFriction(setup, self.shape, states) if setup.friction_states else None
         self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
         self.tensions, self.base = stored("tensions"), stored("base")
+        law = setup.drive
+        self.wound = None if law is None else WoundTendons(setup, law, self.shape, self.tensions, self.friction)
         self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
         self.profile, self.length, self.stiffness = self.finger.profile, self.finger.profile.length, setup.stiffness
         self.gravity = gravity_vector(gravity)
@@ -127,7 +130,10 @@ class RecomputedFinger:
         """
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
         step = 1e-30
-        rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base)
+        # The tension falls at another rate in each friction cell.
+        cells = [] if self.friction is None else self.friction.edges[1:-1].tolist()
+        marks = [*(mass.at for mass in self.finger.masses), *cells]
+        rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
         elastic = self.shape.elastic(rod.nodes, self.q + 1j * step * np.eye(self.q.size))
         angles = rod.edge_angle(self.profile.rest_curvature(rod.nodes) + elastic)
         slopes = self._potential(rod, elastic, angles).imag / step
@@ -152,33 +158,10 @@ class RecomputedFinger:
         return np.asarray(energy)
 
     def _tendon_moment(self, s: Array) -> Array:
-        """Bending moment of the tendons (G,) at positions [m] past the friction of the guides, of the stored shape.
-
-        Tendons slid from the straight finger on: the capstan equation, T exp(-friction turn) where they slid towards
-        the base and T exp(friction turn) where they slid away from it.
-        """
-        friction, cells = self.setup.tendons.friction, self.setup.tendons.friction_cells
-        if friction == 0.0:
+        """Bending moment of the tendons (G,) at positions [m] past the friction of the guides, of the stored shape."""
+        if self.friction is None:
             return self.shape.actuation(s, self.amplitudes)
-        parts = [np.linspace(a, b, cells + 1)[:-1] for a, b in pairwise(self.shape.joints)]
-        edges = np.append(np.concatenate(parts), self.shape.joints[-1])
-        # The curvature is linear within an element: half a cell turns by that in its middle.
-        width = np.diff(edges)
-        early, late = (0.5 * width * self.shape.curvature(edges[:-1] + part * width) for part in (0.25, 0.75))
-        turned, rounding = early + late, 1e-3 * width / edges[-1]
-        # The law of the model that is verified: of a constant curvature in a cell, without sign, and rounded off.
-        loss = friction * turned**2 / np.sqrt(turned**2 + rounding**2)
-        beyond = np.append(np.cumsum(turned[::-1])[::-1][1:], 0.0) + late
-        loss *= np.clip(beyond / _PRESLIDING, -1.0, 1.0)
-        cell = np.clip(np.searchsorted(edges, s) - 1, 0, width.size - 1)
-        across = (s - edges[cell]) / width[cell] - 0.5
-        moment = np.zeros(s.shape)
-        for arm, tension in zip(self.shape.channels[0].arms, self.tensions, strict=True):
-            own = math.copysign(1.0, arm) * loss
-            middle = np.exp(-(np.cumsum(own) - 0.5 * own))
-            mean = middle * (1.0 + own**2 / 24.0)
-            moment += arm * tension * (mean[cell] - (middle * own)[cell] * across)
-        return np.asarray(moment * self.shape.channels[0].shape(s))
+        return self.friction.moment(s, self.tensions)
 
 
 @dataclass

@@ -30,8 +30,9 @@ equilibrium."""
 _CORNER = 1e-6
 """How close to the end of a flat face, as a part of the length, a point counts as its corner."""
 
+TENSIONS, LOCKED = "constant tensions", "locked drives, whose tendons are springs"
 ASSUMPTIONS = (
-    "constant tensions; contacts that press stick, those that do not are left out; middle contacts are pins, "
+    "contacts that press stick, those that do not are left out; middle contacts are pins, "
     "rounded tips, pegs and walls roll without slip on the object's surface as it is curved there; a wall on which "
     "a flat face lies keeps the object from turning; bases and supports are fixed; motion in the plane only"
 )
@@ -45,7 +46,7 @@ class Stability:
     # Least one of the reduced Hessian in units of E I / L of the first finger; infinite where no motion is left.
     eigenvalue: float
     freedom: int  # number of motions of the discretized rods and the object that the contacts leave
-    assumptions: str = ASSUMPTIONS  # what the test takes for granted
+    assumptions: str = f"{TENSIONS}; {ASSUMPTIONS}"  # what the test takes for granted
 
 
 def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
@@ -58,6 +59,9 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     starts = np.cumsum([0, *(chain.ds.size for chain in chains)])
     size = int(starts[-1]) + 3
     hessian = np.zeros((size, size))
+    locked = [f.name for f in grasp.fingers if f.wound is not None and f.wound.law.locks]
+    how = LOCKED if len(locked) == len(chains) else f"{LOCKED} ({', '.join(locked)}), {TENSIONS} elsewhere"
+    assumptions = f"{how if locked else TENSIONS}; {ASSUMPTIONS}"
     # Makes angles of cells, shifts and turn of the object comparable, however many cells there are.
     metric = np.concatenate([chain.ds / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
     for chain, start in zip(chains, starts, strict=False):
@@ -75,7 +79,7 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     held = _directions(np.concatenate(rows) * scale) if rows else np.zeros((size, 0))
     freedom = size - held.shape[1]
     if freedom == 0:
-        return Stability(True, float("inf"), 0)
+        return Stability(True, float("inf"), 0, assumptions)
     # Projected on the motions that are left; in the directions held, an eigenvalue that is not the least.
     reduced = hessian * np.outer(scale, scale)
     reduced -= held @ (held.T @ reduced)
@@ -83,7 +87,7 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     reduced += np.abs(reduced).sum(axis=1).max() * (held @ held.T)
     unit = grasp.fingers[0].stiffness / grasp.fingers[0].length
     least = float(np.linalg.eigvalsh(0.5 * (reduced + reduced.T))[0]) / unit
-    return Stability(least > 0.0, least, freedom)
+    return Stability(least > 0.0, least, freedom, assumptions)
 
 
 class _Chain:
@@ -129,6 +133,12 @@ class _Chain:
         for mass in finger.finger.masses:
             beyond = beyond + np.where(middle < mass.at, mass.mass, 0.0)
         matrix[np.diag_indices(ds.size)] += beyond * (self.tangent @ finger.gravity) * ds
+        if finger.wound is not None and finger.wound.law.locks:
+            # What a motion draws in stretches the tendons that pull: a spring on the path.
+            (channel,) = finger.finger.channels
+            arms = abs(channel.arms[0]) * channel.shape(self.edges[:-1])
+            path = arms - np.append(arms[1:], 0.0)
+            matrix += finger.wound.stiffness * np.outer(path, path)
         for load in finger.loads:
             reach = self.reach(load.joint)
             matrix[range(reach), range(reach)] += (self.tangent[:reach] @ load.force) * ds[:reach]

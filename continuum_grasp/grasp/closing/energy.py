@@ -47,7 +47,9 @@ class ClosingFinger:
         self.length = length = setup.finger.rod.length
         x, y, angle = base.tolist()
         planted = setup.finger.replaced(base=BasePose(position=(x, y), angle=angle), base_free=None)
-        planted = planted.with_tendons(friction=0.0, conduit_bend=0.0)
+        planted = planted.with_tendons(
+            friction=0.0, conduit_bend=0.0, drive=None, axial_stiffness=None, series_stiffness=None
+        )
         gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
         self.model = model = FingerModel(planted, contacts=(), gravity=gravity, family="clothoid", elements=ELEMENTS)
         count = ELEMENTS * PER_ELEMENT

@@ -173,9 +173,25 @@ def _balance_fingers(problem: Unknowns, change: _Change, moved: list[_Moved], k:
         scale = finger.number("force share") * finger.number("length")
         require(f"disturbed finger, {name}, {k}", scale * moved[index].missing, "N m", "disturbances")
         if problem.spec.locked:
-            # A fixed tip angle needs one moment: what one tendon gains, the other loses.
-            retained = ca.vertcat(moved[index].angles[-1], ca.sum1(change.pulls[index]))
+            retained = _retained(finger, moved[index].angles[-1], change.pulls[index])
             require(f"locked tendons, {name}, {k}", retained, "rad", "disturbances.tendons")
+
+
+def _retained(finger: UnitFinger, turn: ca.SX, pulls: ca.SX) -> ca.SX:
+    """What is zero where the drives hold still while the tip turns and the pulls change."""
+    if not finger.spec.wound:
+        # A fixed tip angle needs one moment: what one tendon gains, the other loses.
+        return ca.vertcat(turn, ca.sum1(pulls))
+    arm, servo, rows = finger.number("arm"), finger.number("servo"), []
+    yielded = servo * (pulls[0] - pulls[1])
+    for k, (side, compliance) in enumerate(zip((1.0, -1.0), finger.compliances(), strict=True)):
+        drawn = side * (arm * turn + yielded) if finger.spec.pulley else side * arm * turn + servo * pulls[k]
+        # A slack tendon stays slack: weighted with how taut it is.
+        square = finger.pulls[k] ** 2
+        taut = square / (square + finger.number("taut") ** 2)
+        # Per arm, so that it is an angle as above.
+        rows.append((compliance * pulls[k] + taut * drawn) / arm)
+    return ca.vertcat(*rows)
 
 
 def _balance_object(problem: Unknowns, change: _Change, moved: list[_Moved], wrench: ca.SX, k: int) -> None:

@@ -124,6 +124,11 @@ def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
     name = finger.spec.name
     over = finger.pulls - number("pull_max") - slack["tension"] * number("pull_per_force")
     require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
+    if finger.spec.drive is not None and finger.spec.drive.pulley:
+        difference = finger.pulls[0] - finger.pulls[1]
+        most = number("torque_max") + slack["tension"] * number("pull_per_force")
+        spare = ca.vertcat(most - difference, most + difference)
+        require(f"torque, {name}", spare, "1", f"{name}.tendons.drive.torque_max", upper=ca.inf)
     bends = ca.vec(finger.curvatures()[2].T)
     most = number("bending_range") + slack["bending range"]
     spare = ca.vertcat(most - bends, most + bends)

@@ -69,7 +69,17 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
         )
         least = tendons.min_tension * tendons.offset * length / stiffness
         pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
+    wound: Values = {}
+    law = setup.drive
+    if finger.spec.drive is not None and law is not None:
+        path = tendons.offset / length * float(turning(knots, curvatures, ends[None, -1:])[0, -1])
+        stretched = [(law.series + law.axial) * stiffness / (length**2 * tendons.offset) * pull for pull in pulls]
+        each = [path + stretched[0], -path + stretched[1]]
+        wound = {"command": [each[0] - law.start / length] if finger.spec.drive.pulley else each}
+        if finger.wound is not None:
+            wound = {"command": [pulls[0] - pulls[1]], "wound": [stretched[0] - law.start / length]}
     return {
+        **wound,
         "q": _coordinates(setup, finger, lengths, knots, curvatures),
         "pulls": pulls,
         "base": units.pose(start.base),
@@ -141,6 +151,8 @@ def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values
             f"{name}.base": base.ravel() * [m, m, 1.0],
             f"{name}.backbone": line.T * [length, m, m, 1.0],
         }
+        if name in start.friction_states:
+            out[f"{name}.friction_states"] = np.array(start.friction_states[name])
     # Supports have no station.
     lengths = [scene.setups[c.finger].finger.rod.length if c.finger >= 0 else np.nan for c in spec.contacts]
     return out | {

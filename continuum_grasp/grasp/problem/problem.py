@@ -49,6 +49,8 @@ class GraspProblem(Unknowns):
                 self._close_support(contact)
         for k, finger in enumerate(self.fingers):
             self._balance_finger(finger, [c for c in self.contacts if c.spec.finger == k])
+            drive = finger.number("length") * finger.drive_rows()
+            self.rows.require(f"drive, {finger.spec.name}", drive, "m", f"{finger.spec.name}.tendons.drive")
         self._balance_object()
         self._land()
         add_limits(self)

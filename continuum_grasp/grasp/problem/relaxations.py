@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
@@ -25,6 +26,8 @@ class Relaxation:
     relaxed: Callable[[GraspScene, float], GraspScene] = lambda scene, amount: scene
     """The scene with its limit relaxed by an amount."""
     repair: str = "{key} = {needed:.4g} {unit}"  # what to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these
+    beside: Callable[[GraspScene, GraspScene], str] = lambda scene, relaxed: ""
+    """What else must be changed, in words, from a scene to the one with its limit relaxed."""
     most: float = float("inf")  # amount from which on a relaxation makes no sense
     size: int = 1  # components of the relaxation; beyond one, the amount is their norm
     additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
@@ -60,9 +63,23 @@ def _fingers(scene: GraspScene, change: Callable[[FingerSetup], GraspFinger]) ->
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
     def stronger(setup: FingerSetup) -> GraspFinger:
-        return setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
+        law, more = setup.drive, setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
+        if law is None or not isinstance(law.drive, MotorDrive):
+            return more
+        stronger = law.drive.replaced(torque_max=law.drive.torque_max + law.radius * amount)
+        return more.with_tendons(drive=stronger)
 
     return _fingers(scene, stronger)
+
+
+def _stronger_motors(scene: GraspScene, relaxed: GraspScene) -> str:
+    """The torque with which motors pull up more than they can in a scene."""
+    torques = []
+    for old, new in zip(scene.setups, relaxed.setups, strict=True):
+        motor = None if new.drive is None else new.drive.drive
+        if isinstance(motor, MotorDrive) and old.drive is not None and new.max_tension > old.drive.greatest:
+            torques.append(motor.torque_max)
+    return f", drive.torque_max = {max(torques):.4g} N m" if torques else ""
 
 
 def _contacts(key: str) -> Callable[[GraspScene, float], GraspScene]:
@@ -116,7 +133,7 @@ def _into_object(check: str) -> bool:
 
 
 def _max_tension(scene: GraspScene) -> float:
-    return max(setup.tendons.max_tension for setup in scene.setups)
+    return max(setup.max_tension for setup in scene.setups)
 
 
 def _normal_max(scene: GraspScene) -> float:
@@ -132,6 +149,7 @@ RELAXATIONS = (
         start=_max_tension,
         limit=_max_tension,
         relaxed=_tension,
+        beside=_stronger_motors,
         bounds_shape=False,
     ),
     Relaxation(

@@ -19,6 +19,20 @@ _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
 
 
 @dataclass(frozen=True)
+class DriveSpec:
+    """Structure of the equations of drives."""
+
+    pulley: bool  # whether one drive moves both tendons
+    locks: bool  # whether it holds a position; False: a torque
+
+    @staticmethod
+    def of(setup: FingerSetup) -> DriveSpec | None:
+        """The structure of a finger's drives; None where its tensions can be chosen and stay."""
+        law = setup.drive
+        return DriveSpec(law.pulley, law.locks) if law is not None and (law.pulley or law.locks) else None
+
+
+@dataclass(frozen=True)
 class FingerSpec:
     """Structure of a finger's equations; all else are numbers."""
 
@@ -39,6 +53,10 @@ class FingerSpec:
     bending_range: float  # [rad]
     accuracy: float | None
     graded: GradedSpec | None  # curves along the finger; None where all is the same everywhere
+    drive: DriveSpec | None  # what winds up the tendons; None where each tension is given, or follows from a torque
+    wound: bool  # whether there are drives at all
+    pulley: bool  # and one moves both tendons
+    in_error: bool = False  # whether the drives are where they are, and the tensions follow
 
     @property
     def emerging(self) -> int:
@@ -68,6 +86,9 @@ class FingerSpec:
             bending_range=next((r for r in _RANGES if setup.bending_range <= r), setup.bending_range),
             accuracy=setup.accuracy,
             graded=graded,
+            drive=DriveSpec.of(setup),
+            wound=setup.drive is not None,
+            pulley=setup.drive is not None and setup.drive.pulley,
         )
 
 
@@ -150,7 +171,8 @@ class ProblemSpec:
         A ``landed`` object yields to the fingers, tips stay where they landed on it.
         """
         free, aims = self.free or landed, ("greatest_reserve",)
-        return replace(self, free=free, landed=landed, aims=aims, wrenches=0, locked=False)
+        fingers = tuple(finger if finger.drive is None else replace(finger, in_error=True) for finger in self.fingers)
+        return replace(self, fingers=fingers, free=free, landed=landed, aims=aims, wrenches=0, locked=False)
 
     def lands(self, contact: ContactSpec) -> bool:
         """Whether a contact stays where it landed on the object: of a finger that slides along it, none does."""

@@ -17,6 +17,7 @@ import numpy as np
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.winches import SOFT, soft
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.scene.rod import Rod
@@ -50,6 +51,11 @@ class UnitFinger:
         self.u = self.input(self.pulls, couple)  # input of the model
         self.p = self._parameters()  # run-time argument of the model
         ends, angles = self.joints_at(self.q, self.u)
+        if spec.drive is not None:
+            # What the drives hold: cable per length, of each or of the pulley; of a pulley under a torque the
+            # difference of the pulls, and what the pulley winds up beyond the path of the tendon.
+            self.command = x(f"{name}.command", 1 if spec.drive.pulley else 2)
+            self.wound = x(f"{name}.wound") if spec.drive.pulley and not spec.drive.locks else None
         # World positions (2, N) of the elements' ends, and world angles (N,) there.
         self.ends, self.angles = self.world(ends), angles + self.base[2]
 
@@ -192,8 +198,52 @@ class UnitFinger:
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
         """Generalized force that is missing for rest under inputs and loads, in E I / L."""
         masses = [ca.vertcat(self.number(f"mass_{k}"), self.number(f"mass_{k}.at")) for k in range(self.spec.masses)]
-        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.p)
+        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), *self.history, self.p)
         return missing
+
+    @property
+    def history(self) -> list[ca.SX]:
+        """Friction states of the tendons, where they have friction."""
+        states = 0 if self.spec.graded is not None else self.model.structure.friction_states
+        return [self.number("friction_history", states + 1)] if states else []
+
+    def compliances(self) -> list[ca.SX]:
+        """Elongation of each tendon, per length, per pull at the drive."""
+        means: list[Any] = [1.0, 1.0]
+        if self.history:
+            means = ca.vertsplit(self._backbone.mean_shares(self.q, self.u, *self.history, self.p))
+        return [self.number("series") + self.number("axial") * mean for mean in means]
+
+    def drive_rows(self) -> ca.SX:
+        """What is zero where the tensions are those of the drives, per length."""
+        spec = self.spec.drive
+        if spec is None:
+            return ca.SX(0, 1)
+        servo = self.number("servo")
+        path = self.number("arm") * self.joints_at(self.q, self.u)[1][-1]
+        stretched = [c * pull for c, pull in zip(self.compliances(), ca.vertsplit(self.pulls), strict=True)]
+        length = self.number("meters")
+        if not spec.pulley and not self.spec.in_error:
+            given = self.command - ca.vertcat(path, -path) - servo * self.pulls
+            # Where nothing pulls, let out until it is slack.
+            width = SOFT / length
+            return ca.vertcat(*(a - width / (1.0 + (a / width) ** 4) for a in stretched)) - given
+        rows: list[ca.SX] = []
+        difference = self.pulls[0] - self.pulls[1]
+        if self.wound is not None:
+            rows, wound = [self.number("series") * (self.command - difference)], self.wound
+        elif spec.pulley:
+            wound = self.command - servo * difference - path
+        if spec.pulley:
+            beyond = [self.number("start") + wound, self.number("start") - wound]
+        else:
+            beyond = ca.vertsplit(self.command - servo * self.pulls - ca.vertcat(path, -path))
+        return ca.vertcat(*rows, *(a - soft(length * b) / length for a, b in zip(stretched, beyond, strict=True)))
+
+    @property
+    def held(self) -> ca.SX:
+        """What stays while friction or the object change."""
+        return self.pulls if self.spec.drive is None else self.command
 
     @cached_property
     def _missing(self) -> ca.Function:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,10 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
+from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses, support_of
+from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
@@ -38,6 +41,8 @@ LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
 _FINE = 65
 """Places per segment between which the lengths of a graded finger's elements are measured out."""
+NO_LIMIT = 1e6
+"""Difference of the tensions that stands for none, of winches that follow a length [E I / (L offset)]."""
 HELD = 1e-3
 """Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
@@ -181,7 +186,7 @@ def _counts(setup: FingerSetup) -> list[int]:
 def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: Units) -> Values:
     finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
     tensions = whole.tensions.get(setup.name, (0.0, 0.0))
-    length, offset, most, used = rod.length, tendons.offset, tendons.max_tension, finger.tendons_used
+    length, offset, most, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
     moment = setup.stiffness / length
     own = rod.mass_per_length * length
     gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
@@ -195,6 +200,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
         "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
         "tendon_friction": tendons.friction,
+        "friction_history": _history(setup, whole),
         "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / own,
         "bending_range": setup.bending_range,
         "pull_max": most * offset / moment,
@@ -204,6 +210,19 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         "tension weight": tension_weight(scene) * moment / offset,
         "pull_held": [t * offset / moment for t in tensions],
     }
+    law = setup.drive
+    if law is not None:
+        pull = moment / offset  # of one newton
+        values |= {
+            "meters": length,
+            "arm": offset / length,
+            "series": law.series * pull / length,
+            "axial": law.axial * pull / length,
+            "servo": law.servo * pull / length if law.locks else 0.0,
+            "taut": SOFT / (law.series + law.axial) / pull,
+            "start": law.start / length,
+            "torque_max": law.greatest / pull if math.isfinite(law.greatest) else NO_LIMIT,
+        }
     if GradedSpec.of(setup, weighs) is None:
         values |= {
             "thickness": finger.thickness_radius / length,
@@ -220,6 +239,26 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
     )
     return {f"{setup.name}.{key}": value for key, value in values.items()}
+
+
+def _history(setup: FingerSetup, start: Start) -> Array:
+    """Friction states of the tendons and whether they slid from the straight finger on, as `FingerModel` takes them."""
+    given = start.friction_states.get(setup.name)
+    return np.append(np.zeros(setup.friction_states), 1.0) if given is None else np.append(given, 0.0)
+
+
+def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
+    """What the drives of a finger of a grasp hold, in units of its problem."""
+    length = setup.finger.rod.length
+    pulls = setup.tendons.offset * length / setup.stiffness
+    if setup.drive is None:
+        return np.asarray(pulls * arrays[f"{setup.name}.tensions"])
+    shape = FingerShape(setup, arrays)
+    friction = None
+    if setup.friction_states:
+        friction = TendonFriction(setup, shape, arrays.get(f"{setup.name}.friction_states"))
+    wound = WoundTendons(setup, setup.drive, shape, np.asarray(arrays[f"{setup.name}.tensions"]), friction)
+    return np.asarray(wound.held / length if setup.drive.locks else wound.held * pulls)
 
 
 def tolerance_of(setup: FingerSetup, scene: GraspScene) -> float:

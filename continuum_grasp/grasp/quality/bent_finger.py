@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.drives import WoundTendons
+from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
 from continuum_grasp.grasp.shape import FingerShape, slope
 from continuum_grasp.grasp.skin import skin
@@ -77,12 +79,18 @@ class BentFinger:
         stiffness = mesh.weights * profile.bending_stiffness(mesh.nodes)
         self.bending = hats.T @ (stiffness[:, None] * hats)  # (n, n) [N m2 m]
         self._density = profile.linear_density(mesh.nodes)
-        # The capstan equation: tension falls with the turn that the tendon has taken, exp(-friction * turn).
-        turned = np.abs(np.diff(self._angles))
-        shares = np.exp(-setup.tendons.friction * (np.cumsum(turned) - 0.5 * turned))
         self.tip_turn = self._turns[-1]
-        # A scene has one pair of tendons that run alike.
+        # A scene has one pair of tendons that run alike; the one that pulls more is that whose tension changes.
         (channel,) = self.finger.channels
+        left, right = np.asarray(arrays[f"{setup.name}.tensions"], dtype=float)
+        shares = np.ones(mesh.panels)
+        friction = TendonFriction(setup, self._shape) if setup.friction_states else None
+        if friction is not None:
+            arm, middles = channel.arms[0 if left >= right else 1], 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
+            shares = friction.shares(arm, middles)
+        law, pair = setup.drive, np.array([left, right])
+        self.arm = abs(channel.arms[0])
+        self.wound = None if law is None else WoundTendons(setup, law, self._shape, pair, friction)
         paths = mesh.to_edges(channel.shape(mesh.nodes) * hats.T).T
         self.tendon_path = paths[-1]
         self.tendon_work = channel.arms[0] * (shares @ np.diff(paths, axis=0))

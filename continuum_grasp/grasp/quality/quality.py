@@ -97,7 +97,7 @@ class Quality:
     def tension_margin(self) -> float:
         """Least of 1 - tension / greatest tension over the tendons [1]."""
         return min(
-            1.0 - float(np.max(self.arrays[f"{setup.name}.tensions"])) / setup.tendons.max_tension
+            1.0 - float(np.max(self.arrays[f"{setup.name}.tensions"])) / setup.max_tension
             for setup in self.scene.setups
         )
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.drives import TAUT
 from continuum_grasp.grasp.quality.lp import Cones, solve_socp
 from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
@@ -208,10 +209,13 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
     Locked antagonists share a change equally, until one would fall below the least tension; it stays there and the
     other takes the rest.
     """
-    held = setup.tendons
-    least, most, used = held.min_tension, held.max_tension, setup.finger.tendons_used
+    least, most, used = setup.tendons.min_tension, setup.max_tension, setup.finger.tendons_used
     now = float(tensions[0] - tensions[1])
-    if used != "both":
+    slack = tensions <= TAUT * most
+    if setup.drive is not None and tendons == "locked" and slack.any():
+        # A slack tendon stays so; the other takes all of a change until it is slack itself.
+        low, high = (-tensions[0], most - tensions[0]) if slack[1] else (tensions[1] - most, tensions[1])
+    elif used != "both":
         low, high = (least - now, most - now) if used == "left" else (-most - now, -least - now)
     elif tendons == "retensioned":
         low, high = least - most - now, most - least - now

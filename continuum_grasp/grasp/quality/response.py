@@ -53,9 +53,12 @@ class GraspResponse:
         self._stiffness = np.zeros((size, size))
         self._jacobian = np.zeros((2 * count, size))
         self._turn_of_normal = np.zeros((count, size))
+        # Difference of the tensions per path drawn in, of tendons that drives hold; infinite where they do not stretch.
+        self._springs = [np.inf if f.wound is None else f.wound.stiffness for f in self._fingers]
         # Change of a tendon's path per its offset, and the work of its tension: with tendon friction, which the motion
         # leaves as it is, the two differ and locked tendons make the system unsymmetric.
         self._plain, self._shared, self._turned = (np.zeros((len(self._fingers), size)) for _ in range(3))
+        self._arms = np.array([finger.arm for finger in self._fingers])
         for k, (finger, part) in enumerate(zip(self._fingers, self._slices, strict=True)):
             self._stiffness[part, part] += finger.bending + finger.load_stiffness()
             self._turned[k, part] = finger.tip_turn
@@ -71,10 +74,13 @@ class GraspResponse:
         parts = [np.full(finger.size, finger.length**2 / finger.size) for finger in self._fingers]
         scale = np.sqrt(np.concatenate([*parts, [length**-2, length**-2, 1.0]]))
         # Rows of the tendons' constraints times L, which makes them lengths as those of the contacts are.
-        locks = [length * self._plain] if tendons == "locked" else []
-        jacobian = np.concatenate([self._jacobian, *locks])
+        springs = np.array(self._springs) if tendons == "locked" else np.zeros(len(self._fingers))
+        stiff = np.isinf(springs)
+        jacobian = np.concatenate([self._jacobian, length * self._plain[stiff]])
         # Finsler's lemma: positive definite where the constraints hold, if it is so with a great enough penalty.
         hessian = self._stiffness + jacobian.T @ jacobian / (10.0 * self._compliance)
+        for spring, arm, path in zip(springs[~stiff], self._arms[~stiff], self._plain[~stiff], strict=True):
+            hessian += spring * np.outer(arm * path, arm * path)
         hessian = 0.5 * (hessian + hessian.T) / np.outer(scale, scale)
         # Zero up to rounding, a motion without stiffness, is not stable.
         least = 1e-9 * min(f.stiffness / f.length for f in self._fingers)
@@ -135,6 +141,8 @@ class GraspResponse:
         if fingers:
             matrix[moving, pulling] = -self._shared.T
             matrix[pulling, moving] = self._plain
+            with np.errstate(divide="ignore"):
+                matrix[pulling, pulling] = np.diag(1.0 / (np.array(self._springs) * self._arms))
         right = np.zeros((matrix.shape[0], causes.shape[1]))
         right[moving] = causes
         unknowns = np.linalg.solve(matrix, right)

@@ -240,6 +240,7 @@ class Repairs:
         if confirmed is not None:
             text += f" ({confirmed:.4g} by linear programming at that posture)"
         advice = relaxation.repair.format(key=relaxation.key, needed=needed, unit=unit).strip()
+        advice += relaxation.beside(scene, relaxation.relaxed(scene, amount))
         reason = Reason(relaxation.name, relaxation.key, relaxation.unit, limit, needed, text, advice, confirmed)
         if not (attempt.optimal and is_clear(reason, scene)):
             self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)

@@ -133,7 +133,7 @@ def _bounds(grasp: RecomputedGrasp, size: int, force: float) -> tuple[Array, Arr
         tendons, used = finger.setup.tendons, finger.finger.tendons_used
         for side, name in enumerate(("left", "right")):
             if used in ("both", name):
-                least[2 * k + side], most[2 * k + side] = tendons.min_tension / force, tendons.max_tension / force
+                least[2 * k + side], most[2 * k + side] = tendons.min_tension / force, finger.setup.max_tension / force
     first = 2 * len(grasp.fingers)
     lifted = isinstance(grasp.scene.gravity, OutOfPlaneGravity)
     for k, contact in enumerate(grasp.contacts):

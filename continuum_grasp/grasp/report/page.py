@@ -21,13 +21,13 @@ from continuum_grasp.grasp.report.html import (
     table,
 )
 from continuum_grasp.grasp.report.text import (
-    ROBUST_HEAD,
     check_rows,
     disturbance_rows,
     failed_checks,
     fine_rows,
     further_advice,
     quality_rows,
+    robust_head,
     robust_rows,
 )
 from continuum_grasp.results.yaml_text import yaml_text
@@ -88,7 +88,7 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         found,
         section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
         section("Resisted disturbances", _resistance(resisted, beside), _disturbances(result)),
-        section("Errors of the object", table(ROBUST_HEAD, robust_rows(result))),
+        section(robust_head(result)[0], table(robust_head(result)[1], robust_rows(result))),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
@@ -177,7 +177,7 @@ def _fingers(result: GraspResult) -> str:
         middles = ", ".join(f"{1e3 * c.station:.1f}" for c in contacts if c.name in setup.middle_names)
         base = f"{1e3 * x:.1f}, {1e3 * y:.1f}; {math.degrees(angle):.1f}\N{DEGREE SIGN}"
         left, right = (result.force_text(tension) for tension in posture.tensions)
-        most, length = f"{setup.tendons.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
+        most, length = f"{setup.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
         rows.append((setup.name, left, right, most, base, middles, length, posture.family))
     head = ("Finger", "Left tendon [N]", "Right tendon [N]", "At most [N]", "Base x, y [mm]; angle")
     return table((*head, "Middle contacts at [mm]", "Length [mm]", "Family"), rows, (1, 2, 3))

@@ -16,6 +16,7 @@ from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.certificate.check import Check
+    from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.values import Contact, FingerPosture
     from continuum_grasp.scene.grasp import FingerSetup
@@ -56,10 +57,11 @@ def _finger_lines(result: GraspResult) -> list[str]:
         lines.append(f"  object at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, turned by {angle:.4f} rad")
     for setup in result.scene.setups:
         name, finger, posture = setup.name, setup.finger, result.fingers[setup.name]
-        most = setup.tendons.max_tension
+        most = setup.max_tension
         left, right = (result.force_text(tension) for tension in posture.tensions)
         lines.append(f"  {name:<{width}}  tendons  left {left} N, right {right} N of {most:g} N")
         pad = " " * (width + 4)
+        lines += [f"{pad}{text}" for text in drive_lines(result, name)]
         if finger.base_free is not None:
             x, y, angle = posture.base
             lines.append(f"{pad}base at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, angle {angle:.4f} rad")
@@ -69,6 +71,33 @@ def _finger_lines(result: GraspResult) -> list[str]:
         elements = ", ".join(f"{1e3 * h:.1f}" for h in posture.lengths)
         lines.append(f"{pad}elements {elements} mm ({posture.family})")
     return lines
+
+
+def drive_lines(result: GraspResult, finger: str) -> list[str]:
+    """What the drives of a finger are at, in words; none where its tensions are commanded."""
+    lines = []
+    for drive, taut in zip(result.drives.get(finger, ()), _taut(result, finger), strict=False):
+        what = f"drive of {' and '.join(drive.tendons)}"
+        if np.isnan(drive.torque):
+            text = f"wound up by {1e3 * drive.position:.3f} mm"
+        else:
+            text = f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
+            text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
+            text += "" if np.isnan(drive.current) else f", {drive.current:.4g} A"
+        lines.append(f"{what} {text}{taut}")
+    held = result.arrays.get(f"held.{finger}.tensions")
+    if held is not None and np.ptp(held, axis=0).max() > 1e-3:
+        ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
+        parts = (f"{side} {result.force_text(low)} to {result.force_text(high)} N" for side, low, high in ends)
+        lines.append(f"tensions by friction states: {', '.join(parts)}")
+    return lines
+
+
+def _taut(result: GraspResult, finger: str) -> list[str]:
+    """Which tendons of a finger are slack, per drive."""
+    slack = [side for side, pull in zip(("left", "right"), result.fingers[finger].tensions, strict=True) if pull < 1e-3]
+    each = [[s for s in drive.tendons if s in slack] for drive in result.drives.get(finger, ())]
+    return [f"; {' and '.join(own)} slack" if own else "" for own in each]
 
 
 def _contact_lines(result: GraspResult) -> list[str]:
@@ -141,9 +170,10 @@ def _robust_lines(result: GraspResult) -> list[str]:
     rows = robust_rows(result)
     if not rows:
         return []
-    rows = [ROBUST_HEAD, *rows]
+    title, head = robust_head(result)
+    rows = [head, *rows]
     first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
-    return ["", "Errors of the object", *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
+    return ["", title, *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -160,7 +190,9 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        what = "The closest attempt, which is no grasp:" if result.robustness is None else "The grasp without errors:"
+        what = "The closest attempt, which is no grasp:"
+        if result.robustness is not None:
+            what = f"The grasp {result.robustness.names[1]}:"
         lines += ["", what, *_finger_lines(result), "", *_contact_lines(result)]
     return lines
 
@@ -188,7 +220,10 @@ def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
     return rows
 
 
-ROBUST_HEAD = ("", "best without errors", "for all errors")
+def robust_head(result: GraspResult) -> tuple[str, tuple[str, str, str]]:
+    """Title and head of the table of trials."""
+    title, nominal, robust = ("", "", "") if result.robustness is None else result.robustness.names
+    return title, ("", f"best {nominal}", robust)
 
 
 def robust_rows(result: GraspResult) -> list[tuple[str, str, str]]:
@@ -230,7 +265,11 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         found["grasp" if result.solved else "closest_attempt"] = {
             "tension_N": result.tension,
             "object": _pose(result.object_pose),
-            "fingers": {setup.name: _finger(setup, result.fingers[setup.name]) for setup in result.scene.setups},
+            "fingers": {
+                setup.name: _finger(setup, result.fingers[setup.name])
+                | ({"drives": [_drive(d) for d in result.drives[setup.name]]} if setup.name in result.drives else {})
+                for setup in result.scene.setups
+            },
             "contacts": [_contact(contact) for contact in result.contacts],
         }
     if quality and result.solved:
@@ -261,12 +300,21 @@ def _finger(setup: FingerSetup, finger: FingerPosture) -> dict[str, Any]:
     return {
         "tension_left_N": float(finger.tensions[0]),
         "tension_right_N": float(finger.tensions[1]),
-        "tension_max_N": setup.tendons.max_tension,
+        "tension_max_N": setup.max_tension,
         "base": _pose(finger.base),
         "tip": _pose(finger.backbone[-1, 1:4]),
         "family": finger.family,
         "element_lengths_m": [float(v) for v in finger.lengths],
     }
+
+
+def _drive(drive: DriveState) -> dict[str, Any]:
+    found: dict[str, Any] = {"tendons": list(drive.tendons), "command": drive.command}
+    if np.isnan(drive.torque):
+        return {**found, "wound_up_m": drive.position}
+    found |= {"motor_angle_rad": drive.position, "torque_N_m": drive.torque}
+    found["torque_to_reach_N_m"] = drive.torque_to_reach
+    return found if np.isnan(drive.current) else {**found, "current_A": drive.current}
 
 
 def _contact(contact: Contact) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """A scene whose object is not quite where and what it should be.
 
 Errors are rows (x [m], y [m], angle [rad], size, friction, mass [1]): offsets of the pose, and parts of the lengths of
-the shape, of the friction coefficients and of the mass.
+the shape, of the friction coefficients and of the mass. Where the friction states of tendons must not matter, these
+follow (`continuum_grasp.grasp.robust.states`).
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[i
     """
     rows = []
     for mine, its in zip(nominal.fingers, other.fingers, strict=True):
-        rows.append(its.pulls - mine.pulls)
+        rows.append(its.held - mine.held)
         if mine.spec.free:
             rows.append(its.base - mine.base)
     if nominal.spec.free and not other.spec.landed:

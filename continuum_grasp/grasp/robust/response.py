@@ -19,9 +19,16 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.solver_run import DEEP, ROUNDS, STEADY, Attempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
+from continuum_grasp.grasp.problem.values import (
+    Units,
+    contact_features,
+    held_values,
+    problem_bounds,
+    problem_values,
+    tolerance_of,
+)
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.near import NearSolver
 from continuum_grasp.grasp.starts.supports import support_contacts
@@ -44,8 +51,8 @@ class Response:
 
     Attributes
     ----------
-    error : ndarray, shape (6,)
-        See `continuum_grasp.grasp.robust.errors`.
+    error : ndarray, shape (6 + K,)
+        See `continuum_grasp.grasp.robust.errors`; K friction states.
     scene : GraspScene
         With that error.
     reserve : float
@@ -110,11 +117,11 @@ class Responder:
         self.anew = 0
 
     def to(self, error: Array, *, retensioned: Response | None = None) -> Response:
-        """The response to an error (6,), with the tensions of the grasp, or with such that hold if there are any: then
-        ``retensioned`` is that with the tensions of the grasp, from which they are sought.
+        """The response to an error (6 + K,), with the tensions of the grasp, or with such that hold if there are any:
+        then ``retensioned`` is that with the tensions of the grasp, from which they are sought.
         """
         scene = self.in_error.scene_with(error, yields=self.yields)
-        start = self._start(scene, 1.0 + float(error[3]))
+        start = self._start(scene, error)
         pinned = self._pinned(scene, start, error, tensions=retensioned is None)
         # More than what holds is not asked for: the tensions change as little as they can.
         most = {} if retensioned is None else {"reserve": 0.0}
@@ -147,8 +154,8 @@ class Responder:
             pinned["object pose"] = np.where(np.isin(range(3), self.in_error.left), pose, np.nan)
         for setup in scene.setups:
             if tensions:
-                scale = setup.tendons.offset * setup.finger.rod.length / setup.stiffness
-                pinned[f"{setup.name}.pulls"] = scale * np.asarray(start.tensions[setup.name])
+                key = "pulls" if DriveSpec.of(setup) is None else "command"
+                pinned[f"{setup.name}.{key}"] = held_values(setup, self.arrays)
             if setup.finger.base_free is not None:
                 pinned[f"{setup.name}.base"] = np.array(units.pose(start.fingers[setup.name].base))
         return pinned
@@ -221,15 +228,17 @@ class Responder:
                 found.append((margin, contact.name))
         return min(found, default=(1.0, ""))
 
-    def _start(self, scene: GraspScene, size: float) -> Start:
-        """The grasp as a start for an object of another size that lies elsewhere."""
+    def _start(self, scene: GraspScene, error: Array) -> Start:
+        """The grasp as a start for an object of another size that lies elsewhere, with the friction states given."""
+        size = 1.0 + float(error[3])
         contacts = {
             name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
             for name, contact in self.start.contacts.items()
         }
         contacts |= support_contacts(scene, scene.object.pose, self.in_error.on)
         contacts = {name: contacts[name] for name in self.start.contacts}
-        return replace(self.start, object_pose=scene.object.pose, contacts=contacts)
+        states = {name: tuple(error[6:][columns].tolist()) for name, columns in self.scene.state_columns.items()}
+        return replace(self.start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
 
     def landings(self, error: Array) -> dict[str, Array]:
         """Where tips land on an object that yields (2,), in its frame and in units of the problem."""

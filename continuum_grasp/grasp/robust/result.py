@@ -81,13 +81,13 @@ class Robustness(Summarized):
 
     Attributes
     ----------
-    errors : ndarray, shape (draws, 6)
-        The draws: x, y [m], angle [rad], and shares of size, friction and mass [1].
+    errors : ndarray, shape (draws, 6 + S)
+        The draws: x, y [m], angle [rad], shares of size, friction and mass [1], and S friction states of the tendons.
     nominal : Trials
         Of the grasp that is best as the scene is, with the first draws.
     robust : Trials or None
         Of the grasp that holds at all corners; None where none was found.
-    active : ndarray, shape (K, 6)
+    active : ndarray, shape (K, 6 + S)
         Corners that are part of its problem.
     nominal_arrays : mapping
         Of the nominal grasp, as `GraspResult.arrays`.
@@ -107,12 +107,21 @@ class Robustness(Summarized):
     active: Array
     nominal_arrays: Mapping[str, Array] = field(repr=False)
 
+    @property
+    def names(self) -> tuple[str, str, str]:
+        """What is tried, and names of the nominal and of the robust grasp."""
+        if self.errors[:, : len(ERRORS)].any():
+            return "Errors of the object", "without errors", "for all errors"
+        return "Friction states of the tendons", "as pulled", "for any friction"
+
     def arrays(self) -> dict[str, Array]:
         """What is stored of the draws, where there is a grasp for all errors."""
         if self.robust is None:
             return {}
         margins = {"robust.margins": self.robust.margins, "robust.nominal_margins": self.nominal.margins}
-        return {"robust.errors": self.errors, **margins}
+        object_errors, states = np.split(self.errors, [len(ERRORS)], axis=1)
+        drawn = {"robust.errors": object_errors} | ({"robust.friction_states": states} if states.size else {})
+        return {**drawn, **margins}
 
     def warnings(self) -> list[str]:
         """What to know before this grasp is relied on."""

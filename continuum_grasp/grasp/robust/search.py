@@ -24,6 +24,7 @@ from continuum_grasp.grasp.problem.values import Units, contact_features, proble
 from continuum_grasp.grasp.robust.errors import InError, corners
 from continuum_grasp.grasp.robust.problem import robust_problem
 from continuum_grasp.grasp.robust.response import Responder, Response
+from continuum_grasp.grasp.robust.states import descended, extremes, with_states
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -54,7 +55,7 @@ class Found:
         Whether it is a local optimum to the full tolerance.
     iterations : int
         Of all runs of the solver.
-    errors : ndarray, shape (K, 6)
+    errors : ndarray, shape (K, 6 + S)
         The corners that are part of its problem.
     responses : sequence of Response
         Of that grasp to all corners.
@@ -78,13 +79,15 @@ class Found:
 
 def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
     """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
-    every = InError(scene, arrays).distinct(corners(bounds))
+    every = list(with_states(InError(scene, arrays).distinct(corners(bounds)), extremes(scene, arrays)))
     chosen: list[int] = []
     iterations, optimal = 0, True
     first: Sequence[Response] = ()
     while True:
         responder = Responder(scene, arrays, budget)
         responses = [responder.to(error) for error in every]
+        responses += list(descended(responder, responses))
+        every = [response.error for response in responses]
         first = first or responses
         order = np.argsort([response.reserve for response in responses], kind="stable")
         worse = [int(k) for k in order if not responses[k].holds and k not in chosen]
@@ -96,7 +99,8 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
         if new is None:
             break
         arrays, optimal = new, attempt.status is nlp.Status.SOLVED
-    return Found(arrays, certify(scene, arrays), optimal, iterations, every[chosen], responses, first)
+    active = np.array([every[k] for k in chosen]).reshape(len(chosen), every[0].size)
+    return Found(arrays, certify(scene, arrays), optimal, iterations, active, responses, first)
 
 
 @dataclass

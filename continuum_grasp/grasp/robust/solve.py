@@ -10,19 +10,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import alone, drawn
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Found, find_robust
+from continuum_grasp.grasp.robust.states import OBJECT, extremes, held_arrays, with_drawn_states, with_states
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.values import Reason, Status
+from continuum_grasp.grasp.verdict import UNSTABLE, flawed
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
 Array = NDArray[Any]
 
+DRAWS = 100
+"""Friction states that are drawn, where the scene names no errors."""
 COMPARED = 200
 """Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
 RETRIED = 50
@@ -37,12 +42,19 @@ SAME = 1e-3
 """Relative difference of the sum of tensions up to which two grasps with the same contacts are one."""
 
 
-def with_robust(result: GraspResult, search: Search, bounds: Robust, budget: Budget) -> GraspResult:
-    """The grasp that holds for all errors, in place of a nominal one; why there is none, where none was found.
+def is_robust(scene: GraspScene) -> bool:
+    """Whether a scene asks for a grasp that holds for errors or for all friction states of its tendons."""
+    return scene.robust is not None or bool(scene.state_columns)
+
+
+def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
+    """The grasp that holds for all errors and friction states, in place of a nominal one; why there is none, where none
+    was found.
 
     It is sought next to that grasp, and next to others of its ``search`` that may lead to a better one.
     """
     scene = result.scene
+    bounds = scene.robust or Robust.model_construct(draws=DRAWS)
     first = found = find_robust(scene, bounds, result.arrays, budget)
     branches = 1
     for arrays in _others(search, result.arrays):
@@ -59,29 +71,46 @@ def with_robust(result: GraspResult, search: Search, bounds: Robust, budget: Bud
             found = other
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
-    errors = drawn(bounds, scene.solver.random_seed)
+    errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
         return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
-    robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
-    held = f"held with {robust.tension:.4g} N of tension in all whatever the errors within robust"
+    robust = nominal
+    if found.arrays is not result.arrays or len(errors) > COMPARED:
+        robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
+    held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
     effort["branches"] = branches
+    arrays, certificate = found.arrays, found.certificate
+    if scene.state_columns:
+        arrays = {**arrays, **held_arrays(scene, arrays, trials)}
+        certificate = certify(scene, arrays)
     changed = GraspResult(
         scene,
         result.status if found.optimal else Status.FEASIBLE,
-        f"{held}; {nominal.tension:.4g} N without errors",
-        found.arrays,
-        found.certificate,
+        f"{held}; {nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}",
+        arrays,
+        certificate,
         advice=result.advice,
         statistics={**result.statistics, "robust": effort},
         robustness=Robustness(errors, nominal, robust, found.errors, result.arrays),
     )
+    if not certificate.passed:
+        rejected = ", ".join(check.name for check in certificate.failed)
+        message = f"found for {_whatever(scene)}, but the independent check rejects: {rejected}"
+        return replace(changed, status=Status.NOT_SOLVED, message=message)
     if robust.holds:
-        return changed
+        return changed if certificate.acceptable else flawed(changed, UNSTABLE)
     failed = robust.margins.size - robust.held
-    message = f"held at all corners of robust, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
+    corners = "corners of robust" if scene.robust else "friction states sought"
+    message = f"held at all {corners}, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
     return replace(changed, status=Status.FEASIBLE, message=message)
+
+
+def _whatever(scene: GraspScene) -> str:
+    """What must not matter, in words."""
+    both = ("the errors within robust", scene.robust), ("the friction states of the tendons", scene.state_columns)
+    return " and ".join(words for words, there in both if there)
 
 
 def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
@@ -116,7 +145,7 @@ def _tension(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
 def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
     """No robust grasp: with which part of the bounds there is one."""
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(HALVINGS if result.scene.robust else 0):
         middle = 0.5 * (low + high)
         if budget.over:
             break
@@ -127,12 +156,19 @@ def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Rob
     failing = [response for response in found.responses if not response.holds]
     worst = min(failing, key=lambda response: response.reserve, default=None)
     text = (
-        f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found for all errors"
+        f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
+        f"whatever {_whatever(result.scene)}"
     )
-    violated = () if worst is None else (f"corner {_written(worst)}: {worst.weakest or 'no posture balances'}",)
+    violated = () if worst is None else (f"{_written(worst)}: {_failing(worst)}",)
     base = replace(result, robustness=robustness, violated=violated, sensitivity=())
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
+        if not result.scene.robust:
+            advice = (
+                "Lower tendons.friction, raise contacts.friction or contacts.normal_force_max, which tendons that slid "
+                "back press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
+                "after they are pulled."
+            )
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
     text += f"; with {low:.0%} of all bounds there is one"
     repair = f"multiply all bounds in robust by {low:.4g}"
@@ -146,10 +182,18 @@ def _times(bounds: Robust, factor: float) -> Robust:
     return bounds.replaced(**{name: factor * getattr(bounds, name) for name in names})
 
 
+def _failing(response: Response) -> str:
+    broken = ", ".join(str(violation) for violation in response.attempt.violations[:2])
+    return response.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
+
+
 def _written(response: Response) -> str:
-    x, y, angle, size, friction, mass = response.error
+    x, y, angle, size, friction, mass, *states = response.error
     place = f"({1e3 * x:+.3g}, {1e3 * y:+.3g}) mm, {np.degrees(angle):+.3g} deg"
-    return f"{place}, size {size:+.1%}, friction {friction:+.1%}, mass {mass:+.1%}"
+    words = [f"corner {place}, size {size:+.1%}, friction {friction:+.1%}, mass {mass:+.1%}"]
+    if not response.error[:OBJECT].any():
+        words = []
+    return ", ".join(words + [f"friction states {' '.join(f'{z:+.3g}' for z in states)}"] * bool(states))
 
 
 def _trials(
@@ -169,7 +213,11 @@ def _trials(
     for response in failed:
         name = response.weakest or "balance"
         weakest[name] = weakest.get(name, 0) + 1
-    single = {name: min(responder.to(error).margin for error in ends) for name, ends in alone(bounds).items()}
+    states = extremes(scene, arrays)
+    ends = {name: with_states(errors, states[:1]) for name, errors in alone(bounds).items()}
+    if states.size:
+        ends["tendon friction"] = with_states(np.zeros((1, OBJECT)), states)
+    single = {name: min(responder.to(error).margin for error in each) for name, each in ends.items()}
     return Trials(
         _tension(scene, arrays),
         np.array([response.margin for response in responses]),

@@ -176,7 +176,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     moments = (np.conj(arms)[..., None] * edges[:, None]).imag * reaches[..., None]
     moments = moments.reshape(*at.shape, -1)
     tendons, used = setup.tendons, finger.tendons_used
-    low, high = tendons.min_tension, tendons.max_tension
+    low, high = tendons.min_tension, setup.max_tension
     moments = np.concatenate([moments, channel.shape(length * at)[..., None] * np.asarray(channel.arms)], axis=2)
     com = origin + turn * complex(*scene.object.com)
     onto = _onto(loads, points - com, edges, lifts)

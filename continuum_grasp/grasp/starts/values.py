@@ -55,6 +55,8 @@ class Start:
     """Sum of the tensions [N] to be expected of the basin that it stands for; NaN: unknown."""
     imbalance: float = math.nan
     """Part of the loads that the best forces within their limits leave unbalanced there; NaN: unknown."""
+    friction_states: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    """Of the fingers whose tendons have others than those of pulling them from the straight finger on."""
 
 
 def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:

@@ -14,6 +14,8 @@ from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
 
     from continuum_grasp.grasp.result import GraspResult
@@ -29,10 +31,12 @@ _BARS = 30
 def plot_robustness(result: GraspResult) -> list[Axes]:
     """Draw the grasp for all errors and that without errors, and the friction margins of both in random draws.
 
+    Of tendons with friction also postures with other friction states.
+
     Parameters
     ----------
     result : GraspResult
-        Of a scene with ``robust``.
+        Of a scene with ``robust``, or of tendons whose friction states must not matter.
 
     Returns
     -------
@@ -48,16 +52,23 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
     ['x [m]', 'least friction margin of a draw [1]']
     """
     if result.robustness is None:
-        raise InputError("this result has no trials with errors: expected one of a scene with robust", key="robust")
+        raise InputError(
+            "this result has no trials with errors: expected one of a scene with robust, or with tendons.friction",
+            key="robust",
+        )
     left, right = new_figure(9.0, 4.2).subplots(1, 2)
     return [_shapes(quiet(left), result, result.robustness), _margins(quiet(right), result.robustness)]
 
 
 def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
     scene, drawn = result.scene, []
-    both = [(found.nominal_arrays, GRAY, "without errors", 0.35)]
+    both: list[tuple[Mapping[str, Array], str, str, float]] = [(found.nominal_arrays, GRAY, found.names[1], 0.35)]
     if found.robust is not None:
-        both.append((result.arrays, BLUE, "for all errors", 0.3))
+        both.append((result.arrays, BLUE, found.names[2], 0.3))
+    # As one body each: postures with other friction states of the tendons.
+    for k in range(len(result.arrays.get("held.object.pose", ()))):
+        held = {key.removeprefix("held."): value[k] for key, value in result.arrays.items() if key.startswith("held.")}
+        both.insert(k, (held, GRAY, "other friction" if k == 0 else "", 0.2))
     for arrays, color, name, alpha in both:
         for k, (finger, own) in enumerate(scene.named_fingers.items()):
             line = np.asarray(arrays[f"{finger}.backbone"])
@@ -79,9 +90,9 @@ def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
 
 def _margins(ax: Axes, found: Robustness) -> Axes:
     edges = np.linspace(_LOWEST, 1.0, _BARS + 1)
-    trials = [(found.nominal, GRAY, "without errors")]
+    trials = [(found.nominal, GRAY, found.names[1])]
     if found.robust is not None:
-        trials.append((found.robust, BLUE, "for all errors"))
+        trials.append((found.robust, BLUE, found.names[2]))
     for one, color, name in trials:
         margins = np.clip(np.nan_to_num(one.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
         share = np.full(margins.size, 100.0 / margins.size)

@@ -1,0 +1,152 @@
+"""Contact detected by motor angle and torque alone, on a chain of guides that is not the detector's model.
+
+Run ``OPENBLAS_NUM_THREADS=1 python -m benchmarks.bench_contact`` in the root of the repository (5 min). One tendon on a
+motor bends the finger by 1.3 rad; angles come from an encoder of 14 bits, torques have noise of 0.2 mN m. A push
+grows by 1 N/s, in the middle by 3 N/s. ``default``: the plant is less stiff by 20 %, its tendon friction greater by
+50 % and the motor's dry friction by 30 %, as the detector's defaults allow; ``identified``: errors of 2, 10 and 10 %
+are allowed, and the plant has none. Free motions are random, of plants that are random within the defaults.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import Report, Table
+from continuum_grasp.control import Contact, ContactDetector
+from tests.contact_cases import EXACT, NOISE, RADIUS, STEP, plant, scene, trial
+
+FRICTIONS = (0.05, 0.1, 0.2, 0.3)
+IDENTIFIED = {"bending_stiffness": 0.02, "tendon_friction": 0.1, "coulomb_friction": 0.1, "tension": 0.03}
+PLACES = {"tip": (1, None, 1.0), "middle": (0, 10, 3.0)}
+"""Entry of the detector's places, hinges before the push, and how fast it grows [N/s]."""
+BENT = 0.00695
+"""Cable wound up at 1.3 rad [m]."""
+LATEST = 0.05
+"""Time after three times the threshold in which a contact has to be detected [s]."""
+
+
+def thresholds(friction: float) -> list[float]:
+    """Half the loop of the tension [N], and least forces at the tip and in the middle [mN] by what is not known."""
+    found = []
+    for history_known, asked in ((False, EXACT), (True, EXACT), (True, IDENTIFIED), (True, {})):
+        own = ContactDetector(scene(friction, detection=asked | {"history_known": history_known}))
+        torque = 0.0
+        for _ in range(2):  # the second time with the torque that holds the free finger, which is no contact
+            own.reset([BENT], reached_by="pulling" if history_known else None)
+            for _ in range(100):
+                feels = own.step([BENT / RADIUS, torque])
+                torque -= 0.2 * RADIUS * feels.residual[0]
+        half = 0.5 * float(np.ptp(feels.bounds))
+        if asked is EXACT:
+            # Of the history alone, and of the motor's dry friction alone.
+            dry, noise = own.settings["dry"][0], own.settings["noise"][0]
+            half = dry if history_known else half - dry - noise
+            found += [half] * (not history_known)
+        found += [1e3 * half / abs(feels.gain[0, place]) for place in (1, 0)]
+    return found
+
+
+def pushes(friction: float, name: str, place: str) -> list[list[Any]]:
+    """Rows of pushes at a place: both ways, from both histories."""
+    at, pushed, speed = PLACES[place]
+    asked, wrong = ({}, {"stiffness": 0.8, "dry": 1.3}) if name == "default" else (IDENTIFIED, {})
+    own, rows = ContactDetector(scene(friction, detection=asked)), list[list[Any]]()
+    for back in (False, True):
+        for way in (1.0, -1.0):
+            driven = plant(friction * (1.5 if wrong else 1.0), pushed=pushed, time_step=1e-3, **wrong)
+            reports = trial(own, driven, back=back, speed=way * speed)
+            free = [feels for _, force, feels in reports if force == 0.0]
+            threshold = float(free[-1].threshold[at])
+            first = next(((t, force, feels) for t, force, feels in reports if force and feels.detected), None)
+            late = 1.2 if first is None else first[0] - 0.8 - 3.0 * threshold / speed
+            words = name, str(friction), place, "releasing" if back else "pulling", "helps" if way > 0 else "opposes"
+            row: list[Any] = [", ".join(words)]
+            row += [1e3 * threshold, np.nan if first is None else 1e3 * first[1], 1e3 * late]
+            if first is not None:
+                row += [1e3 * float(v) for v in first[2].forces[at]]
+            rows.append([*row, sum(feels.contact is not Contact.FREE for feels in free)])
+    return rows
+
+
+def free_motion(steps: int, seed: int) -> tuple[int, int, float]:
+    """Alarms, uncertain steps, and the greatest residual per bound, of a random plant in random motion."""
+    rng = np.random.default_rng(seed)
+    known = 0.1
+    own = ContactDetector(scene(known, detection={"payload": 0.002}, period=2.5e-3))
+    driven = plant(
+        known * rng.uniform(0.5, 1.5),
+        stiffness=rng.uniform(0.8, 1.2),
+        dry=rng.uniform(0.7, 1.3),
+        payload=rng.uniform(0.0, 0.002),
+        hinges=16,
+        time_step=1.25e-3,
+    )
+    every = round(own.period / driven.chain.time_step)
+    alarms = uncertain = 0
+    use, command, goal, speed = 0.0, 0.0, 0.0, 1.0
+    for k in range(steps * every):
+        if k % 320 == 0:  # every 0.4 s
+            goal, speed = rng.uniform(0.0, 1.0), rng.uniform(0.2, 2.0)
+        command += float(np.clip(goal - command, -1.25e-3 * speed, 1.25e-3 * speed))
+        driven.advance(command)
+        if (k + 1) % every == 0:
+            feels = own.step(driven.readings(STEP, NOISE, rng))
+            alarms += feels.contact is Contact.DETECTED
+            uncertain += feels.contact is Contact.UNCERTAIN
+            use = max(
+                use,
+                float((feels.residual / feels.bounds[:, 1]).max()),
+                float((feels.residual / feels.bounds[:, 0]).max()),
+            )
+    return alarms, uncertain, use
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--plants", type=int, default=50, help="plants of 2000 steps each")
+    plants = parser.parse_args().plants
+    report = Report("contact", 0)
+    columns = [
+        f"{what}, {at}" for what in ("history unknown", "dry friction", "identified", "default") for at in PLACES
+    ]
+    least = [[friction, *thresholds(friction)] for friction in FRICTIONS]
+    report.tables.append(Table("Least forces that are detected [mN]", ["friction", *columns], least))
+    for row, known in zip(least, ((19, 69), (38, 137), (76, 275), (115, 413)), strict=True):
+        for value, wanted, at in zip(row[1:3], known, PLACES, strict=True):
+            report.claim(
+                f"history unknown, friction {row[0]}, {at}: off the trial", abs(value / wanted - 1.0), "<=", 0.06
+            )
+    print(least, flush=True)
+    rows = [
+        row
+        for name in ("identified", "default")
+        for friction in (0.1, 0.3)
+        for place in PLACES
+        for row in pushes(friction, name, place)
+    ]
+    columns = ["", "threshold [mN]", "detected at [mN]", "after three times the threshold [ms]", "force, least [mN]"]
+    report.tables.append(Table("Pushes", [*columns, "force, most [mN]", "alarms before"], rows))
+    report.claim(
+        "latest detection after three times the threshold [s]", 1e-3 * max(row[3] for row in rows), "<=", LATEST
+    )
+    report.claim("alarms before pushes", sum(row[-1] for row in rows), "<=", 0)
+    for row in rows:
+        print(row, flush=True)
+    found = []
+    for seed in range(plants):
+        found.append(free_motion(2000, seed))
+        print(seed, found[-1], flush=True)
+    alarms, uncertain, use = zip(*found, strict=True)
+    table = [[2000 * plants, sum(alarms), sum(uncertain), float(max(use))]]
+    report.tables.append(Table("Free motion", ["steps", "alarms", "uncertain", "greatest residual per bound"], table))
+    report.claim(f"false alarms in {2000 * plants} steps", sum(alarms), "<=", 0)
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()

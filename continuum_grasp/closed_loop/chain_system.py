@@ -1,0 +1,502 @@
+"""A finger as a chain of hinges with a guide of its tendons at each, and what it touches: the finest plant.
+
+It has no kinematics, inertia, elasticity or tendon law in common with ``model``, whose fingers controllers assume: bars
+between hinges, each of which bends what is of the rod within a half length of a bar on either side. At a guide a tendon
+sticks, or slides at the capstan limit against the direction of its sliding; between guides it is elastic. What is
+outside of the finger, object, supports, contacts and drives, is that of ``model``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.body import Body
+from continuum_grasp.model.planar import Scalar, Vec, column
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
+from continuum_grasp.model.winches import winches_of
+from continuum_grasp.scene.graded import ends
+from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.tendons import Tendon
+
+Array = NDArray[np.float64]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NO_TENSION = 1e-9
+"""Tension below which a tendon has no friction that could be read off [N]."""
+_NO_BEND = 1e-9
+"""The same of its greatest loss, in logarithms [1]."""
+_OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
+"""What of the finger may be changed without compiling anew."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point of the chain: which bar, counted from that after the first hinge (-1: before it), how far along [m]."""
+
+    bar: int
+    along: float
+
+
+@dataclass(frozen=True)
+class Guided:
+    """A tendon and its guides from the drum on: that of a conduit, if any, then one per hinge up to its end.
+
+    ``arms`` (N) [m] are what a bend of each hinge draws in, zero beyond its end; ``gives`` are the compliances [m/N]
+    of its pieces: to the first guide, from guide to guide, and to its end.
+    """
+
+    arms: Array
+    gives: Array
+    friction: float
+    conduit: float
+    wound: bool
+
+    @property
+    def guides(self) -> int:
+        """Number of guides."""
+        return len(self.gives) - 1
+
+
+class ChainSystem:
+    """A chain of hinges as ``System`` is a finger: x = [bends, their rates, tensions, drives, object, contacts].
+
+    Tensions [N] are those of the pieces of each tendon, from that after its first guide on. It has what ``PlantModel``
+    reads off a system, and ``around`` for the integration of its motion; there is no ``forward_dynamics``, since what
+    sticks at a guide is decided step by step.
+
+    Parameters
+    ----------
+    scene : Scene
+        The plant's finger in its surroundings; its tendons have no lag.
+    hinges : int
+        Number of hinges.
+    axial_stiffness : float, optional
+        Of tendons whose tension is commanded [N].
+    parameters, object_parameters : sequence of str
+        As those of ``System``; of the finger ``bending_stiffness``, ``material_damping``, ``tendon_friction``.
+
+    Raises
+    ------
+    InputError
+        Of what a chain does not have: no tendons, stops, a body beside the tip, tendons that are rigid.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        hinges: int,
+        axial_stiffness: float | None = None,
+        parameters: Sequence[str] = (),
+        object_parameters: Sequence[str] = (),
+    ) -> None:
+        self.scene, self.hinges = scene, hinges
+        self._axial = axial_stiffness
+        self._check(scene, parameters)
+        finger = scene.finger
+        self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
+        self.finger_model = FingerModel(
+            scene.replaced(finger=finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
+        )
+        self.winches = winches_of(finger.tendon_list, self.length)
+        self.tendons = [self._guided(tendon) for tendon in finger.tendon_list]
+        self.surroundings = scene if scene.object is not None else None
+        model = self.finger_model
+        self.n, self.u_names, self.nu = hinges, model.u_names, model.nu
+        self._finger_parameters, self._object_parameters = tuple(parameters), tuple(object_parameters)
+        values = {"bending_stiffness": 1.0, "material_damping": 1.0, "tendon_friction": 1.0, "friction_factor": 1.0}
+        values |= {"object_mass": 1.0 if scene.object is None else scene.object.mass}
+        self.p_nominal = [values[name] for name in (*parameters, *object_parameters)]
+        self.np = len(self.p_nominal)
+        self._build()
+
+    def _check(self, scene: Scene, parameters: Sequence[str]) -> None:
+        finger = scene.finger
+        if not finger.tendon_list:
+            raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
+        if finger.stops is not None:
+            raise InputError("a chain of guides has no stops: leave finger.stops out", key="plant.guides")
+        if finger.damping.dry_friction:
+            raise InputError(
+                "a chain of guides bends without dry friction: leave finger.damping.dry_friction out",
+                key="plant.guides",
+            )
+        if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
+            raise InputError(
+                "a chain of guides carries a body at the tip only on its axis: "
+                f"finger.tip_body.center_of_mass[0] = {finger.tip_body.center_of_mass[0]:g} m, expected 0",
+                key="plant.guides",
+            )
+        if self._axial is None and any(tendon.axial_stiffness is None for tendon in finger.tendon_list):
+            raise InputError(
+                "needed for plant.guides where the tension is commanded: a tendon that sticks at two guides must be "
+                "elastic between them",
+                key="plant.axial_stiffness",
+            )
+        odd = [name for name in parameters if name not in _OF_FINGER]
+        if odd:
+            raise InputError(f"a chain of guides has no run-time argument {odd[0]}", key="plant.guides")
+
+    # -- constants ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _hinge_at(self) -> Array:
+        return np.asarray(self.pitch * (np.arange(self.hinges) + 0.5))
+
+    def place(self, at: float) -> Place:
+        """Return the point at a position along the finger [m]."""
+        bar = int(np.floor(at / self.pitch - 0.5 + 1e-9))
+        bar = min(max(bar, -1), self.hinges - 1)
+        return Place(bar, at - (self._hinge_at[bar] if bar >= 0 else 0.0))
+
+    @cached_property
+    def bars(self) -> Array:
+        """Lengths of the bars after each hinge (N) [m]."""
+        lengths = np.full(self.hinges, self.pitch)
+        lengths[-1] = 0.5 * self.pitch
+        return lengths
+
+    def _integral(self, low: float, high: float, *powers: int) -> list[float]:
+        """Integrals of the density times powers of the distance from ``low``, then of the rotary inertia."""
+        profile, found = self.scene.finger.profile, np.zeros(len(powers) + 1)
+        inner = [low, *[at for at in profile.breaks if low < at < high], high]
+        for a, b in pairwise(inner):
+            s, weights = 0.5 * (a + b) + 0.5 * (b - a) * _NODES, 0.5 * (b - a) * _WEIGHTS
+            density = profile.linear_density(s)
+            found += [*(float(weights @ (density * (s - low) ** k)) for k in powers), 0.0]
+            found[-1] += float(weights @ profile.rotary_inertia(s))
+        return [float(v) for v in found]
+
+    @cached_property
+    def inertia(self) -> tuple[Array, Array]:
+        """Weights (N, N) [kg m2] of the products of the bars' turning, and first moments (N) [kg m] of their weight."""
+        n, finger = self.hinges, self.scene.finger
+        mass, first, second = np.zeros(n), np.zeros(n), np.zeros(n)
+        for i, start in enumerate(self._hinge_at):
+            own = self._integral(start, start + self.bars[i], 0, 1, 2)
+            mass[i], first[i], second[i] = own[0], own[1], own[2] + own[3]
+        points = [(self.place(one.at), one.mass) for one in finger.masses]
+        if finger.tip_body is not None:
+            body, tip = finger.tip_body, self.place(self.length)
+            points.append((Place(tip.bar, tip.along + body.center_of_mass[1]), body.mass))
+            second[-1] += body.rotary_inertia
+        for place, own_mass in points:
+            if place.bar >= 0:
+                mass[place.bar] += own_mass
+                first[place.bar] += own_mass * place.along
+                second[place.bar] += own_mass * place.along**2
+        beyond = np.append(np.cumsum(mass[::-1])[::-1], 0.0)[1:]
+        carried = first + self.bars * beyond
+        weights = np.zeros((n, n))
+        for i in range(n):
+            weights[i, i] = second[i] + self.bars[i] ** 2 * beyond[i]
+            weights[i, i + 1 :] = weights[i + 1 :, i] = self.bars[i] * carried[i + 1 :]
+        return weights, carried
+
+    @cached_property
+    def elasticity(self) -> tuple[Array, Array, Array]:
+        """Stiffness [N m], bend at rest [rad] and damping [N m s] of the hinges (N) each."""
+        profile, n = self.scene.finger.profile, self.hinges
+        soft, rest = np.zeros(n), np.zeros(n)
+        for i in range(n):
+            low, high = i * self.pitch, (i + 1) * self.pitch
+            for a, b in pairwise([low, *[at for at in profile.breaks if low < at < high], high]):
+                s, weights = 0.5 * (a + b) + 0.5 * (b - a) * _NODES, 0.5 * (b - a) * _WEIGHTS
+                soft[i] += float(weights @ (1.0 / profile.bending_stiffness(s)))
+                rest[i] += float(weights @ profile.rest_curvature(s))
+        # Kelvin-Voigt: the damping is that at the base, and goes with the stiffness of the section.
+        viscosity = self.scene.finger.damping.material / float(profile.bending_stiffness(0.0))
+        return 1.0 / soft, rest, viscosity / soft
+
+    def _guided(self, tendon: Tendon) -> Guided:
+        to = self.length if tendon.to is None else tendon.to
+        at = self._hinge_at[self._hinge_at < to]
+        first, last = ends(tendon.offset)
+        # The constant cosine between a tendon and the backbone.
+        arms = np.zeros(self.hinges)
+        arms[: len(at)] = (first + (last - first) * at / to) / np.sqrt(1.0 + tendon.slope(self.length) ** 2)
+        stiffness = tendon.axial_stiffness or self._axial or np.inf
+        free = 0.0 if tendon.series_stiffness is None else 1.0 / tendon.series_stiffness
+        pieces = np.diff([0.0, *at, to]) / stiffness
+        conduit = tendon.conduit_bend > 0.0
+        gives = np.array([free, *pieces] if conduit else [free + pieces[0], *pieces[1:]])
+        return Guided(arms, gives, tendon.friction, tendon.conduit_bend, tendon.drive is not None)
+
+    def numbers(self, p: Array) -> Array:
+        """All that the C of the motion needs to know, at run-time arguments."""
+        factors = dict(zip(self._finger_parameters, p.tolist(), strict=False))
+        stiffness, rest, damping = self.elasticity
+        weights, carried = self.inertia
+        # Material damping follows from the stiffness of the section as it is described.
+        scaled = factors.get("bending_stiffness", 1.0) * stiffness, factors.get("material_damping", 1.0) * damping
+        base = self.scene.finger.base
+        places = [self.place(at) for at in self.places]
+        parts: list[ArrayLike] = [
+            [*base.position, base.angle, 0.5 * self.pitch, *self.scene.gravity],
+            weights.ravel(),
+            scaled[0],
+            rest,
+            scaled[1],
+            carried,
+            self.bars,
+            [place.bar for place in places],
+            [place.along for place in places],
+        ]
+        for tendon in self.tendons:
+            gives = np.zeros(self.hinges + 2)
+            gives[: len(tendon.gives)] = tendon.gives
+            friction = factors.get("tendon_friction", 1.0) * tendon.friction
+            own = [tendon.guides, float(tendon.wound), float(tendon.conduit > 0.0), friction, tendon.conduit, 0.0, 0.0]
+            parts += [own, tendon.arms, gives]
+        return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
+
+    # -- what surrounds the chain -------------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        scene, model = self.scene, self.finger_model
+        ways = [at for at in model.contacts if at < self.length]
+        forces = [load for load in model.loads if isinstance(load, ForceLoad)]
+        if len(forces) < len(model.loads):
+            raise InputError("a chain of guides takes forces as loads, no moments", key="loads")
+        self.places = [*ways, self.length, *(load.at for load in forces)]
+        self._motion = ca.SX.sym("places", 6, len(self.places))
+        w, p = ca.SX.sym("w", model.nw), ca.SX.sym("p", len(self._object_parameters))
+        given = dict(zip(self._object_parameters, ca.vertsplit(p), strict=True)) if p.numel() else {}
+        half = scene.finger.profile.half_thickness
+        self._body: Body | None = None
+        self._pairs: list[Pair] = []
+        names = [*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]
+        if scene.object is not None and scene.contact_law is not None:
+            x, y = scene.object.position
+            place = given.get("object_x", x), given.get("object_y", y)
+            grip = given.get("friction_factor", 1.0)
+            self._body = body = Body(scene.object, scene, given.get("object_mass"), grip, place)
+            law = scene.contact_law
+            for k, name in enumerate(names):
+                m = self._motion[:, k]
+                disc = Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5])
+                self._pairs.append(disc_pair(body, law, disc))
+            self._pairs += support_pairs(body, law, scene.walls, scene.pegs)
+            if scene.table is not None:
+                self._pairs.append(table_pair(body, law, scene.table.friction))
+        self.touch_names = [pair.name for pair in self._pairs]
+        self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
+        pose, rates, wrench = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
+        own_names: list[str] = []
+        self.w_names = list(model.w_names)
+        if self._body is not None:
+            pose, rates, wrench = self._body.pose, self._body.rates, self._body.wrench
+            own_names, self.w_names = self._body.x_names, [*self.w_names, *self._body.w_names]
+        z = [pair.z for pair in self._pairs]
+        self._others = ca.vertcat(self._states, pose, rates, *z)
+        winch_names = [name for k, winch in enumerate(self.winches) for name in winch.names(k + 1)]
+        contact_names = [name for pair in self._pairs for name in pair.z_names]
+        q_names = [f"bend_{k + 1} [rad]" for k in range(self.hinges)]
+        tension_names = [
+            f"tension_{j + 1}_{k + 1} [N]" for j in range(len(self.tendons)) for k in range(self.hinges + 1)
+        ]
+        self.x_names = [*q_names, *(name.replace(" [rad]", "_rate [rad/s]") for name in q_names), *tension_names]
+        self.first_other = len(self.x_names)
+        self.x_names += [*winch_names, *own_names, *contact_names]
+        self.nx, self.nw = len(self.x_names), len(self.w_names)
+        pose_at = self.first_other + len(winch_names)
+        self.object_states = slice(pose_at, pose_at + pose.numel())
+        self._w, self._p = ca.vertcat(w, wrench), p
+        self._u, self._tension = ca.SX.sym("u", self.nu), ca.SX.sym("tension", len(self.tendons))
+        self._loads = forces
+
+    @cached_property
+    def _split_states(self) -> list[list[Scalar]]:
+        found, at = list[list[Scalar]](), 0
+        for winch in self.winches:
+            found.append([self._states[at + k] for k in range(winch.states)])
+            at += winch.states
+        return found
+
+    @cached_property
+    def drums(self) -> ca.Function:
+        """``(others, u) -> drum``: what each tendon has at its drive: a length wound up [m], or a tension [N]."""
+        given: list[Scalar] = [] if self.winches else [self._u[j] for j in range(len(self.tendons))]
+        for winch, states in zip(self.winches, self._split_states, strict=True):
+            given += winch.wound(winch.drum(states))
+        return ca.Function("drums", [self._others, self._u], [column(given)], ["others", "u"], ["drum"])
+
+    @cached_property
+    def around(self) -> ca.Function:
+        """``(places, tension, others, u, w, p) -> force, rate``: forces and couples (3, K) on the places, world, and
+        the rates of the other states; places (6, K) have position, velocity, angle and spin, tensions are those at the
+        drives.
+        """
+        forces = [ca.SX(3, 1) for _ in self.places]
+        w_at = {name: self._w[k] for k, name in enumerate(self.w_names)}
+        contacts = len(self.finger_model.contacts)
+        for k in range(contacts):
+            forces[k] += ca.vertcat(*[w_at[f"contact_{k + 1}_{axis} [N]"] for axis in "xy"], 0.0)
+        if "tip_x [N]" in w_at:
+            forces[contacts] += ca.vertcat(w_at["tip_x [N]"], w_at["tip_y [N]"], 0.0)
+        for k, load in enumerate(self._loads):
+            at = contacts + 1 + k
+            axes = ("across", "along") if load.follows else ("x", "y")
+            fx, fy = (w_at[f"load_{k + 1}_{axis} [N]"] for axis in axes)
+            if load.follows:
+                c, s = ca.cos(self._motion[4, at]), ca.sin(self._motion[4, at])
+                fx, fy = c * fx - s * fy, s * fx + c * fy
+            forces[at] += ca.vertcat(fx, fy, 0.0)
+        for k, pair in enumerate(self._pairs[: contacts + 1]):
+            center = Vec(self._motion[0, k], self._motion[1, k])
+            couple = (pair.point - center).cross(pair.force)
+            forces[k] += ca.vertcat(pair.force.x, pair.force.y, couple)
+        rates: list[Scalar] = []
+        taken = iter(ca.vertsplit(self._tension))
+        for k, (winch, states) in enumerate(zip(self.winches, self._split_states, strict=True)):
+            rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
+        if self._body is not None:
+            given = [(pair.point, pair.force.scaled(-1.0)) for pair in self._pairs]
+            rates += self._body.state_rate(Vec(*self.scene.gravity), given, [pair.lift for pair in self._pairs])
+        for pair in self._pairs:
+            rates += pair.z_rate
+        inputs = [self._motion, self._tension, self._others, self._u, self._w, self._p]
+        outputs = ca.cse([ca.densify(ca.horzcat(*forces)), ca.densify(column(rates))])
+        names = ["places", "tension", "others", "u", "w", "p"]
+        return ca.Function("around", inputs, outputs, names, ["force", "rate"])
+
+    # -- what is read off -------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu), ca.SX.sym("p", self.np)
+
+    def _function(self, name: str, values: Sequence[ca.SX], names: Sequence[str]) -> ca.Function:
+        return ca.Function(name, list(self._symbols), [ca.densify(v) for v in values], ["x", "u", "p"], list(names))
+
+    def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """Position, velocity, angle and spin of a point of the chain."""
+        n, (x, *_), base, place = self.hinges, self._symbols, self.scene.finger.base, self.place(at)
+        angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
+        start = 0.5 * self.pitch if place.bar >= 0 else place.along
+        position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
+        velocity = ca.SX(2, 1)
+        for i in range(place.bar + 1):
+            length = float(self.bars[i]) if i < place.bar else place.along
+            way = length * ca.vertcat(-ca.sin(angle[i]), ca.cos(angle[i]))
+            position += way
+            velocity += spin[i] * ca.vertcat(-way[1], way[0])
+        if place.bar < 0:
+            return position, velocity, ca.SX(base.angle), ca.SX(0.0)
+        return position, velocity, angle[place.bar], spin[place.bar]
+
+    @cached_property
+    def tip(self) -> ca.Function:
+        """``(x, u, p) -> r``: world position of the tip (2) [m]."""
+        return self._function("tip", [self._at(self.length)[0]], ["r"])
+
+    def sections(self, stations: Sequence[float]) -> ca.Function:
+        """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""
+        (x, *_), n = self._symbols, self.hinges
+        points = [self._at(at)[0] for at in stations]
+        angles = []
+        for at in stations:
+            whole = min(int(at / self.pitch), n - 1)
+            angle = self.scene.finger.base.angle + ca.sum1(x[:whole])
+            angles.append(angle + (at / self.pitch - whole) * x[whole])
+        return self._function("sections", [ca.horzcat(*points), ca.vertcat(*angles)], ["r", "angle"])
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """``(x, u, p) -> kappa``: curvature of each hinge's part (N) [1/m]."""
+        return self._function("curvature", [self._symbols[0][: self.hinges] / self.pitch], ["kappa"])
+
+    @cached_property
+    def range_use(self) -> ca.Function:
+        """``(x, u, p) -> use``: bend per that at which neighboring bars are at a right angle (N) [1]."""
+        return self._function("range_use", [ca.fabs(self._symbols[0][: self.hinges]) / (0.5 * np.pi)], ["use"])
+
+    @cached_property
+    def tensions(self) -> ca.Function:
+        """``(x, u, p) -> tensions``: of each tendon at its drive [N]."""
+        (x, u, _), n = self._symbols, self.hinges
+        drums = ca.vertsplit(self.drums(x[self.first_other : self.nx][: self._others.numel()], u))
+        found = []
+        for j, (tendon, drum) in enumerate(zip(self.tendons, drums, strict=True)):
+            if not tendon.wound:
+                found.append(drum)
+                continue
+            own = x[2 * n + j * (n + 1) : 2 * n + (j + 1) * (n + 1)]
+            stretched = ca.dot(ca.DM(tendon.gives[1:]), own[: tendon.guides])
+            away = drum - ca.dot(ca.DM(tendon.arms), x[:n]) - stretched
+            found.append(ca.fmax(away, 0.0) / float(tendon.gives[0]))
+        return self._function("tensions", [ca.vertcat(*found)], ["tensions"])
+
+    def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
+        """Which way friction acts on a tendon between two positions [m]: its loss there per the greatest one."""
+        own, n = self.tendons[tendon], self.hinges
+        first = int(own.conduit > 0.0)
+        base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
+        at = 2 * n + tendon * (n + 1)
+        along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
+        inside = [k for k in range(own.guides - first) if start <= self._hinge_at[k] <= end]
+        if not inside or own.friction == 0.0:
+            return ca.SX(0.0)
+        loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])
+        most = own.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + _NO_BEND
+        return ca.fmin(ca.fmax(loss / most, -1.0), 1.0)
+
+    @cached_property
+    def touch(self) -> ca.Function:
+        """``(x, u, w, p) -> gap, ...``: as of a ``System``."""
+        (x, u, p), pairs = self._symbols, self._pairs
+
+        def columns(vectors: list[Vec]) -> ca.SX:
+            return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
+
+        values = {
+            "gap": column([pair.gap for pair in pairs]),
+            "normal_force": column([pair.normal_force for pair in pairs]),
+            "friction": column([pair.tangential for pair in pairs]),
+            "lift": column([pair.lift for pair in pairs]),
+            "force": columns([pair.force.scaled(-1.0) for pair in pairs]),
+            "point": columns([pair.point for pair in pairs]),
+            "normal": columns([pair.normal for pair in pairs]),
+        }
+        own = ca.Function("own", [self._motion, self._others, self._w, self._p], list(values.values()))
+        motion = ca.horzcat(*[ca.vertcat(*self._at(at)) for at in self.places])
+        w = ca.SX.sym("w", self.nw)
+        found = own.call([motion, x[self.first_other :], w, p[len(self._finger_parameters) :]])
+        dense = [ca.densify(v) for v in ca.cse(found)]
+        return ca.Function("touch", [x, u, w, p], dense, ["x", "u", "w", "p"], list(values))
+
+    # -- the start ----------------------------------------------------------------------------------------------------
+
+    def start(self, q: Array, qd: Array, drives: Array, u: Array, initial: Initial) -> Array:
+        """State at rest in bends (N) under drives; guides have slid as a pose was ``reached_by``, or not at all."""
+        if initial.friction_states is not None:
+            raise InputError("state is that of cells, which a chain of guides has not", key="initial.reached_by")
+        x = np.zeros(self.nx)
+        x[: self.n], x[self.n : 2 * self.n] = q, qd
+        x[self.first_other : self.first_other + len(drives)] = drives
+        if self._body is not None:
+            x[self.object_states] = self._body.start
+        drums = np.array(self.drums(x[self.first_other :], u)).ravel()
+        way = {"pulling": 1.0, "releasing": -1.0}.get(initial.reached_by or "", 0.0)
+        for j, tendon in enumerate(self.tendons):
+            drawn = tendon.arms * q
+            beyond = np.cumsum(drawn[::-1])[::-1] - 0.5 * drawn
+            losses = way * np.sign(beyond) * tendon.friction * np.abs(q)
+            if tendon.conduit:
+                losses = np.append(way * np.sign(drawn.sum()) * tendon.friction * tendon.conduit, losses)
+            shares = np.exp(-np.cumsum([0.0, *losses[: tendon.guides]]))
+            tension = drums[j]
+            if tendon.wound:
+                tension = max(drums[j] - float(drawn.sum()), 0.0) / float(tendon.gives @ shares)
+            at = 2 * self.n + j * (self.n + 1)
+            x[at : at + tendon.guides] = tension * shares[1:]
+        return x

@@ -1,0 +1,224 @@
+"""Settings and functions of a contact detector: members for what is uncertain, friction of motors, noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.control.compiled import Field
+from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
+from continuum_grasp.control.estimation.model import position_name, torque_name, torque_per_reading
+from continuum_grasp.control.prediction import Prediction, first_state
+from continuum_grasp.core.calls import straight_function
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.winches import SLOW, Winch, winches_of
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Measured
+from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.simulate import Initial
+from continuum_grasp.simulation.statics import Friction, friction_of
+
+Array = NDArray[np.float64]
+
+_NOISE = 6.0
+"""Standard deviations that noise reaches [1]: one sample of normal noise in 5e8 exceeds them."""
+_SURE = 4.0
+"""Standard deviations of a speed by differences from which on its direction is known [1]."""
+_MOST = 4000
+"""Samples of an impulse response [1]: the longest filter, 1 s at periods of 1 ms, has died down to 2 %."""
+
+
+@dataclass(frozen=True)
+class ContactModel:
+    """The model of a contact detector.
+
+    Attributes
+    ----------
+    finger : FreeFinger
+    measured : casadi.Function
+        (y, u, before, h) -> length (winches), pull (winches): what winches have wound up [m], and what motors or
+        sensors pull them with [N].
+    measurement_names : tuple of str
+        Name and unit of each entry of y.
+    members : (M, np) ndarray
+        Parameters of the first member, and of those for each end of an uncertain number.
+    groups : tuple of int
+        Of each member, what it is uncertain in; -1: the first member.
+    scene : ControlScene
+        The scene.
+    """
+
+    finger: FreeFinger
+    measured: ca.Function
+    measurement_names: tuple[str, ...]
+    members: Array
+    groups: tuple[int, ...]
+    scene: ControlScene
+
+    @cached_property
+    def fields(self) -> list[Field]:
+        """Members of ``contact_settings``, the states at the start first."""
+        return _fields(self.scene, self)
+
+    @property
+    def functions(self) -> list[ca.Function]:
+        """All that the C calls."""
+        return [self.measured, self.finger.step, self.finger.tension, self.finger.gain]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Dimensions of the C."""
+        finger = self.finger
+        return {
+            "ND": len(finger.winches),
+            "NS": finger.size,
+            "NF": finger.friction_states,
+            "NP": finger.nominal.size,
+            "NM": len(self.groups),
+            "NG": max(self.groups) + 1,
+            "NY": len(self.measurement_names),
+            "NU": len(finger.winches),
+            "NL": len(finger.places),
+        }
+
+    def first(self, lengths: Array, friction: Friction | None) -> Array:
+        """States (M, size) of all members at rest where the winches have wound up lengths [m].
+
+        ``friction`` says how the finger came there, as ``equilibrium_under`` takes it; None: that is not known.
+        """
+        finger, count = self.finger, len(self.groups)
+        if friction is not None or not finger.friction_states:
+            return np.tile(finger.start(lengths, friction or {}), (count, 1))
+        states = np.tile(finger.start(lengths, {"reached_by": "pulling"}), (count, 1))
+        states[-1] = finger.start(lengths, {"reached_by": "releasing"})
+        return states
+
+
+def contact_model_of(scene: ControlScene) -> ContactModel:
+    """Build the model of a scene's contact detector."""
+    asked = None if scene.estimator is None else scene.estimator.contact_detection
+    if scene.estimator is None or asked is None:
+        raise InputError("this needs `estimator.contact_detection`", key="estimator.contact_detection")
+    finger = scene.finger
+    errors = {
+        "bending_stiffness": asked.bending_stiffness,
+        "tendon_friction": asked.tendon_friction if finger.has_tendon_friction else 0.0,
+        "tip_mass": asked.payload,
+    }
+    names = tuple(name for name, error in errors.items() if error > 0.0)
+    length = finger.rod.length
+    free = FreeFinger(scene, names, asked.places or (0.5 * length, length))
+    members, groups = [free.nominal], [-1]
+    for k, name in enumerate(names):
+        for side in (-1.0, 1.0):
+            own = free.nominal.copy()
+            own[k] += side * errors[name] * (1.0 if name == "tip_mass" else own[k])
+            if own[k] >= 0.0:
+                members.append(own)
+                groups.append(k)
+    if finger.has_tendon_friction:
+        members += [free.nominal] * 2
+        groups += [len(names)] * 2
+    measured, labels = _measured(scene.estimator.measured, winches_of(finger.tendon_list, length), scene)
+    return ContactModel(free, measured, labels, np.array(members), tuple(groups), scene)
+
+
+def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) -> tuple[ca.Function, tuple[str, ...]]:
+    count = len(winches)
+    names = [position_name(winch, k + 1) for k, winch in enumerate(winches)]
+    if winches[0].follows:
+        names += [f"tension_{k + 1} [N]" for k in range(len(scene.finger.tendon_list))]
+    elif asked.torque is not None or asked.current is not None:
+        names += [torque_name(asked, k + 1)[1] for k in range(count)]
+    sizes = {"y": len(names), "u": count, "before": count, "h": 1}
+    given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    y, u = given["y"], given["u"]
+    lengths, pulls = [], list[Scalar]()
+    for k, winch in enumerate(winches):
+        lengths.append(winch.radius * y[k])
+        drive = winch.drive
+        if not isinstance(drive, MotorDrive):
+            pulls.append(
+                sum((side * y[count + j] for side, j in zip(winch.sides, winch.tendons, strict=True)), ca.SX(0))
+            )
+            continue
+        if len(names) > count:
+            torque: Scalar = torque_per_reading(asked, winch) * y[count + k]
+        else:
+            torque = winch.torque(u[k], y[k], (lengths[k] - given["before"][k]) / (given["h"] * winch.radius))
+        pulls.append(torque / winch.radius)
+    found = {"length": ca.vertcat(*lengths), "pull": ca.densify(ca.vertcat(*pulls))}
+    return straight_function("contact_measured", given, found), tuple(names)
+
+
+def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
+    if scene.estimator is None or scene.estimator.contact_detection is None:
+        raise InputError("this needs `estimator.contact_detection`", key="estimator.contact_detection")
+    asked, period = scene.estimator.contact_detection, scene.controller.step
+    finger = model.finger
+    blend = -math.expm1(-period / asked.time_constant)
+    motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
+    prediction = Prediction(scene)
+    start = first_state(scene, prediction)
+    lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=True)])
+    own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
+    return [
+        Field(
+            "first", model.first(lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None)
+        ),
+        Field("p", model.members),
+        Field("group", model.groups, whole=True),
+        Field("period", period),
+        Field("substeps", steps_per_period(finger, period), whole=True),
+        Field("blend", blend),
+        *[Field(name, [each[name] for each in own]) for name in ("inertia", "viscous", "dry", "slow", "noise")],
+        Field("single", [int(len(winch.tendons) == 1) for winch in motors], whole=True),
+        Field("dry_error", asked.coulomb_friction),
+        Field("model_error", asked.tension),
+    ]
+
+
+def _friction_at_start(initial: Initial, finger: FreeFinger) -> Friction:
+    if initial.reached_by is not None:
+        return friction_of(initial, finger.model)
+    return {"reached_by": "state", "friction_states": [0.0] * finger.friction_states}  # it never slid
+
+
+def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> dict[str, float]:
+    """Inertia and friction of a motor by the cable, and the noise of its residual."""
+    drive, radius = winch.drive, winch.radius
+    motor = drive if isinstance(drive, MotorDrive) else None
+    inertia = 0.0 if motor is None else motor.inertia / radius**2
+    viscous = 0.0 if motor is None else motor.viscous_friction / radius**2
+    noisy = radius * ((measured.angle if motor is not None else measured.length) or 0.0)
+    # As the C weighs samples now, one and two periods before.
+    stiff = float(winch.stiffness) * len(winch.tendons)
+    weights = -stiff * np.array([0.25, 0.5, 0.25]) - inertia / period**2 * np.array([1.0, -2.0, 1.0])
+    weights -= viscous / (2.0 * period) * np.array([1.0, 0.0, -1.0])
+    if motor is None:
+        pulled = (measured.tension or 0.0) * math.sqrt(len(winch.tendons))
+    elif measured.torque is not None or measured.current is not None:
+        pulled = (measured.torque or measured.current or 0.0) * torque_per_reading(measured, winch) / radius
+    else:
+        pulled = 0.0  # of commands, which are known
+    variance = (noisy * _filtered(weights, blend)) ** 2 + (pulled * _filtered(np.array([0.25, 0.5, 0.25]), blend)) ** 2
+    slow = radius * SLOW if motor is not None else 1.0
+    return {
+        "inertia": inertia,
+        "viscous": viscous,
+        "dry": 0.0 if motor is None else motor.coulomb_friction / radius,
+        "slow": max(slow, _SURE * math.sqrt(2.0) * noisy / period),
+        "noise": _NOISE * math.sqrt(variance),
+    }
+
+
+def _filtered(weights: Array, blend: float) -> float:
+    """Deviation of weighted white noise after the low-pass filter, per deviation of a sample."""
+    response = np.convolve(weights, blend * (1.0 - blend) ** np.arange(_MOST))
+    return float(np.linalg.norm(response))

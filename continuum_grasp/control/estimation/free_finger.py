@@ -1,0 +1,206 @@
+"""A finger that touches nothing, wound up as its winches are measured: what its tendons would pull."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core.calls import call, straight_function
+from continuum_grasp.core.integrators import differentiated_step
+from continuum_grasp.core.integrators.derivatives import solve
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.tendon_friction import RETURN_TIME
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.simulation.spectrum import sample_shapes
+from continuum_grasp.simulation.statics import Friction, equilibrium_under
+
+Array = NDArray[np.float64]
+
+_STABLE = 2.5
+"""Greatest product of a Runge-Kutta step and the fastest rate [1]: 2.78 is where steps of order 4 become unstable."""
+
+
+class FreeFinger:
+    """The finger of a control scene without its surroundings, whose winches are where they are measured.
+
+    Its state is s = [q, qd, friction states]. ``wound`` is what each winch has wound up, ``[length, rate]`` per winch
+    [m, m/s], counted from where its drive is at zero.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        Its finger, gravity and fidelity.
+    parameters : tuple of str
+        Model parameters that are arguments.
+    places : tuple of float
+        Positions along the finger where a contact is considered [m].
+    """
+
+    def __init__(self, scene: ControlScene, parameters: tuple[str, ...], places: tuple[float, ...]) -> None:
+        self.model = FingerModel(
+            _followed(scene.finger),
+            family=scene.fidelity.family,
+            elements=scene.fidelity.elements,
+            bending_range=scene.fidelity.bending_range,
+            accuracy=scene.fidelity.accuracy,
+            gravity=scene.gravity,
+            parameters=parameters,
+            loads=[],
+            tip_force=False,
+        )
+        self.places = places
+        made = self.model.structure
+        self.winches, self.n = made.winches, self.model.n
+        self.friction_states = len(self.model.friction_names)
+        self.size = 2 * self.n + self.friction_states
+        self.nominal = np.array(self.model.p_nominal)
+
+    @cached_property
+    def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        names, sizes = ("s", "wound", "p"), (self.size, 2 * len(self.winches), self.model.np)
+        s, wound, p = (ca.SX.sym(name, size) for name, size in zip(names, sizes, strict=True))
+        return s, wound, p
+
+    @property
+    def _x(self) -> ca.SX:
+        s, wound, _ = self._arguments
+        return ca.vertcat(s[: 2 * self.n], wound, s[2 * self.n :])
+
+    @property
+    def _lengths(self) -> ca.SX:
+        return self._arguments[1][::2]
+
+    def _given(self) -> dict[str, ca.SX]:
+        return dict(zip(("s", "wound", "p"), self._arguments, strict=True))
+
+    @cached_property
+    def rate(self) -> ca.Function:
+        """``(s, wound, p) -> rate``: rate of the state."""
+        n, x = self.n, self._x
+        xd = self.model.forward_dynamics(x, self._lengths, ca.DM.zeros(self.model.nw), self._arguments[2])
+        kept = [*range(2 * n), *range(x.numel() - self.friction_states, x.numel())]
+        return straight_function("free_rate", self._given(), {"rate": xd[kept]})
+
+    @cached_property
+    def tension(self) -> ca.Function:
+        """``(s, wound, p) -> tension``: what the tendons pull each winch with [N], on a pulley the difference."""
+        return straight_function("free_tension", self._given(), {"tension": self._pulls()})
+
+    def _pulls(self) -> ca.SX:
+        tensions = self.model.tensions()(self._x, self._lengths, self._arguments[2])[0]
+        return ca.vertcat(
+            *[
+                sum((side * tensions[j] for side, j in zip(winch.sides, winch.tendons, strict=True)), ca.SX(0.0))
+                for winch in self.winches
+            ]
+        )
+
+    @cached_property
+    def gain(self) -> ca.Function:
+        """``(s, wound, p) -> sliding, most``: tension per force across the finger at rest (winches, places) [1].
+
+        The force is positive to the left of the finger, seen from the base to the tip. ``sliding`` is that of tendons
+        that go on sliding. Those that stick stiffen the finger and feel more of the force, but no more than ``most``,
+        which balances it at the base.
+        """
+        s, _, p = self._arguments
+        q, lengths, base = s[: self.n], self._lengths, self.model.position(s[: self.n], self._lengths, 0.0, p)
+        across, levers = [], []
+        for at in self.places:
+            angle = self.model.orientation(q, lengths, at, p)
+            normal = ca.vertcat(-ca.cos(angle), -ca.sin(angle))
+            across.append(ca.mtimes(self.model.jacobian(q, lengths, at, p).T, normal))
+            reach = self.model.position(q, lengths, at, p) - base
+            levers.append(reach[0] * normal[1] - reach[1] * normal[0])
+        history = [ca.vertcat(s[2 * self.n :], 0.0)] if self.friction_states else []
+        stiffness = self.model.statics(q, lengths, ca.DM.zeros(self.model.nw), p, *history)[1]
+        slope = ca.jacobian(self._pulls(), s)[:, : self.n]
+        sliding = ca.mtimes(slope, solve(ca.densify(stiffness), ca.horzcat(*across)))
+        own = self.model.structure.own_tendons
+        arms = [own[winch.tendons[0]].arms[winch.tendons[0]] for winch in self.winches]
+        most = ca.DM([-1.0 / arm for arm in arms]) @ ca.horzcat(*levers)
+        found = {"sliding": ca.densify(sliding), "most": ca.densify(most)}
+        return straight_function("free_gain", self._given(), found)
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """``(s, wound, p, h) -> end``: one Runge-Kutta step, in which the winches have a constant rate."""
+        given = self._given()
+        wound, p = given["wound"], given["p"]
+        count = len(self.winches)
+        moved = ca.SX.sym("moved", self.size + count)
+        lengths, rates = moved[self.size :], wound[1::2]
+        now = ca.vec(ca.horzcat(lengths, rates).T)
+        both = {"moved": moved, "wound": wound, "p": p}
+        rate = ca.vertcat(self.rate(moved[: self.size], now, p), rates)
+        # Of its derivatives, which nothing here needs, the pattern alone is asked for.
+        none = ca.SX(rate.numel(), rate.numel())
+        slope = straight_function("free_slope", both, {"rate": rate, "jacobian": none})
+        names = ["s", "wound", "p", "h"]
+        s, y, parameters, h = (
+            ca.MX.sym(n, v) for n, v in zip(names, (self.size, 2 * count, p.numel(), 1), strict=True)
+        )
+        begin = straight_function("free_begin", given, {"moved": ca.vertcat(given["s"], wound[::2])})
+        end = straight_function("free_end", {"moved": moved}, {"end": moved[: self.size]})
+        (start,) = call(begin, s, y, parameters)
+        (reached,) = differentiated_step("rk4", "free", slope, start, (y, parameters), h, instants=0)
+        return ca.Function("free_step", [s, y, parameters, h], call(end, reached), names, ["end"])
+
+    def start(self, lengths: Array, friction: Friction) -> Array:
+        """State at rest where the winches have wound up lengths [m]; ``friction`` says how it came there."""
+        found = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), **friction)
+        return np.concatenate([found.q, np.zeros(self.n), found.friction_states])
+
+    @property
+    def substeps_per_second(self) -> float:
+        """Steps per second that stay stable in all shapes, with tendons that slide and that stick."""
+        jacobian = ca.Function(
+            "jacobian", list(self._arguments), [ca.jacobian(self.rate(*self._arguments), self._arguments[0])]
+        )
+        fastest = 1.0 / RETURN_TIME if self.friction_states else 0.0
+        # Taut as far as the tendons bear: elastic cables make a finger stiffer, and tensions as well.
+        for shape in sample_shapes(self.model, np.zeros(self.n)):
+            for states in (0.0, 1.0) if self.friction_states else (0.0,):
+                friction = np.full(self.friction_states, states)
+                s = np.concatenate([shape, np.zeros(self.n), friction])
+                wound = np.zeros((len(self.winches), 2))
+                wound[:, 0] = self._taut(shape, friction)
+                found = np.array(jacobian(s, wound.ravel(), self.nominal))
+                if not np.all(np.isfinite(found)):
+                    raise NumericalError("the linearized motion is not finite", state=shape)
+                fastest = max(fastest, float(np.abs(np.linalg.eigvals(found)).max()))
+        return fastest / _STABLE
+
+    def _taut(self, shape: Array, friction: Array) -> list[float]:
+        """Lengths [m] at which each winch holds a fifth of what its tendon bears."""
+        most = 0.2 * min(tendon.max_tension for tendon in self.model.finger.tendon_list)
+        return self.model.drives_at(shape, np.zeros(self.model.nu), friction, pulled=most)[::2]
+
+
+def _followed(finger: Finger) -> Finger:
+    """The finger with winches that follow lengths, in place of motors."""
+
+    def changed(drive: object) -> LengthDrive:
+        own = {name: getattr(drive, name) for name in ("arrangement", "pretension", "slack")}
+        return LengthDrive(kind="length", time_constant=1.0, **own)
+
+    tendons = finger.tendons
+    if isinstance(tendons, tuple):
+        return finger.model_copy(
+            update={"tendons": tuple(t.model_copy(update={"drive": changed(t.drive)}) for t in tendons)}
+        )
+    if tendons is None:
+        return finger
+    return finger.model_copy(update={"tendons": tendons.model_copy(update={"drive": changed(tendons.drive)})})
+
+
+def steps_per_period(finger: FreeFinger, period: float) -> int:
+    """Runge-Kutta steps in a period [s]."""
+    return max(1, math.ceil(finger.substeps_per_second * period))

@@ -1,0 +1,192 @@
+"""What the drives of a finger are at in a grasp, and whether they can be, from its stored shape and tensions alone.
+
+A taut tendon of tension T at its drive is wound up by y = (its path along the bent finger) + C T; C is the elongation
+of cable and tendon per tension at the drive, the latter by the share of the tension that friction leaves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.grasp_drive import DriveLaw
+
+Array = NDArray[Any]
+
+SOFT = 20e-6
+"""Half the length in which a tendon goes from slack to taut [m]: that of the law that is verified."""
+TAUT = 1e-6
+"""Tension above which a tendon counts as taut, per greatest tension."""
+_FINE = 400
+"""Panels along a finger: the path of a tendon is exact to 1e-10 of the length."""
+
+
+@dataclass(frozen=True)
+class DriveState:
+    """What one drive is at.
+
+    Attributes
+    ----------
+    tendons : tuple of str
+        Which it winds up, ``left`` (the -X side) or ``right``.
+    position : float
+        Cable wound up since zero [m], or for motors the angle of the motor [rad].
+    torque : float
+        That holds the tensions without friction of the motor [N m]; NaN for winches that follow a length.
+    torque_to_reach : float
+        Greatest magnitude while the grasp is reached, the motor's dry friction included [N m].
+    current : float
+        By the torque constant [A]; NaN where there is none.
+    command : float
+        What the drive takes [m, rad, N m or A].
+    """
+
+    tendons: tuple[str, ...]
+    position: float
+    torque: float
+    torque_to_reach: float
+    current: float
+    command: float
+
+
+class WoundTendons:
+    """The two tendons of a finger and the drives that wind them up; tensions (2,) are at the drives [N]."""
+
+    def __init__(
+        self, setup: FingerSetup, law: DriveLaw, shape: FingerShape, tensions: Array, friction: TendonFriction | None
+    ) -> None:
+        self.law, self.tensions, self._most = law, tensions, setup.tendons.max_tension
+        self._shape, self._friction = shape, friction
+
+    @cached_property
+    def path(self) -> float:
+        """How far the bend draws in the tendon on the -X side, and pays out the other [m]."""
+        (channel,), length = self._shape.channels, self._shape.joints[-1]
+        edges = np.unique(np.concatenate([np.linspace(0.0, length, _FINE + 1), self._shape.joints]))
+        nodes, weights = np.polynomial.legendre.leggauss(4)
+        half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
+        s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
+        return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
+
+    @property
+    def paths(self) -> Array:
+        """Of both tendons (2,) [m]."""
+        return self.path * np.array([1.0, -1.0])
+
+    @cached_property
+    def compliances(self) -> Array:
+        """Elongation per tension at the drive (2,) [m/N]."""
+        means = np.ones(2)
+        if self._friction is not None:
+            means = np.array([self._friction.mean(arm) for arm in self._shape.channels[0].arms])
+        return self.law.series + self.law.axial * means
+
+    @property
+    def taut(self) -> NDArray[np.bool_]:
+        """Whether each pulls (2,)."""
+        return np.asarray(self.tensions > TAUT * self._most)
+
+    @cached_property
+    def wound(self) -> Array:
+        """Cable wound up (2,) [m]; of a slack tendon, as much as would make it just taut."""
+        return np.asarray(self.paths + _unsoftened(self.compliances * self.tensions, self.taut))
+
+    @property
+    def _wound_by_pulley(self) -> float:
+        """What the pulley winds up of the one and pays out of the other, counted from zero [m]."""
+        first = self.tensions[0] >= self.tensions[1]
+        return float(self.wound[0] - self.law.start if first else self.law.start - self.wound[1])
+
+    @property
+    def held(self) -> Array:
+        """What the drives hold while friction or object change: cable [m] of drives that lock, one for each; of a motor
+        on a pulley under a torque the difference of the tensions [N]; of others the tensions (2,) [N].
+        """
+        law, (left, right) = self.law, self.tensions
+        if law.pulley:
+            return np.array([self._wound_by_pulley + law.servo * (left - right) if law.locks else left - right])
+        if not law.locks:
+            return self.tensions
+        # A tendon that does not pull is let out until it is slack.
+        elongation = self.compliances * self.tensions
+        let_out = SOFT / (1.0 + (elongation / SOFT) ** 4)
+        return np.asarray(self.paths + elongation - let_out + law.servo * self.tensions)
+
+    def misfit(self, held: Array | None = None) -> float:
+        """By how much the tensions are not those of the drives where they hold, greatest of the tendons [N]; None: only
+        whether the two tendons of a pulley go together.
+        """
+        law, (left, right) = self.law, self.tensions
+        if law.pulley:
+            wound = self._wound_by_pulley
+            if held is not None and not law.locks and abs(left - right - held[0]) > 0.0:
+                return float(max(abs(left - right - held[0]), self.misfit()))
+            if held is not None and law.locks:
+                wound = held[0] - law.servo * (left - right)
+            given = law.start + wound * np.array([1.0, -1.0])
+        elif held is None:
+            return 0.0
+        elif not law.locks:
+            return float(np.abs(self.tensions - held).max())
+        else:
+            given = held - law.servo * self.tensions
+        return float(np.abs(_softened(given - self.paths) / self.compliances - self.tensions).max())
+
+    @property
+    def over(self) -> float:
+        """By how much the torque is above the greatest [N of tension]; negative within."""
+        pulls = [abs(self.tensions[0] - self.tensions[1])] if self.law.pulley else self.tensions
+        return float(np.max(pulls)) - self.law.greatest
+
+    @property
+    def stiffness(self) -> float:
+        """Difference of the tensions per path drawn in while the drives hold [N/m]."""
+        own, servo = np.where(self.taut, 1.0 / self.compliances, 0.0), self.law.servo if self.law.locks else 0.0
+        if self.law.pulley:
+            return float(own.sum() / (1.0 + servo * own.sum()))
+        return float((own / (1.0 + servo * own)).sum())
+
+    @property
+    def drives(self) -> tuple[DriveState, ...]:
+        """What the drives are at."""
+        pulls = np.where(self.taut, self.tensions, 0.0)
+        if self.law.pulley:
+            return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)
+        each = zip(("left", "right"), self.wound - self.law.start, pulls, strict=True)
+        return tuple(self._state((name,), float(wound), float(pull)) for name, wound, pull in each)
+
+    def _state(self, tendons: tuple[str, ...], wound: float, pull: float) -> DriveState:
+        law, drive = self.law, self.law.drive
+        if not isinstance(drive, MotorDrive):
+            return DriveState(tendons, wound, np.nan, np.nan, np.nan, wound)
+        position, torque = wound / law.radius, pull * law.radius
+        if drive.gear_stiffness is not None:  # the motor is ahead of the drum by the twist of the gear and its play
+            position += torque / drive.gear_stiffness + 0.5 * drive.backlash * float(np.sign(torque))
+        current = np.nan if drive.torque_constant is None else torque / drive.torque_constant
+        command = torque if drive.torque_constant is None else current
+        if drive.position_gain is not None:
+            command = position + torque / drive.position_gain
+        return DriveState(tendons, position, torque, abs(torque) + drive.coulomb_friction, current, command)
+
+
+def _softened(length: Array) -> Array:
+    """Elongation [m] by what is wound up beyond taut [m]; rounded off within `SOFT` to either side."""
+    v = np.clip(length / SOFT, -1.0, 1.0)
+    return np.asarray(SOFT / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v))) + np.maximum(length - SOFT, 0.0))
+
+
+def _unsoftened(elongation: Array, taut: NDArray[np.bool_]) -> Array:
+    """What is wound up beyond taut for an elongation [m]; none of a slack tendon. By Newton's method."""
+    x = np.asarray(elongation, dtype=float).copy()
+    for _ in range(50):
+        v = np.clip(x / SOFT, -1.0 + 1e-9, 1.0)
+        x -= np.clip((_softened(x) - elongation) / ((8.0 + 12.0 * v - 4.0 * v**3) / 16.0), -SOFT, SOFT)
+    return np.asarray(np.where(taut, x, 0.0))

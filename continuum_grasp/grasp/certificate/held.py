@@ -1,0 +1,64 @@
+"""Whether a grasp holds with other friction states of its tendons: postures of their own, each with all checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.check import LIMIT, Check, worst
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+
+Array = NDArray[Any]
+Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | None]]
+
+CONES = 1e-4
+"""Limit of friction cones with other friction states, as a part of the greatest force: of their reserve is sought what
+is greatest, which the places at which fingers are looked at for clearance change by up to 4e-5."""
+YIELDS = 0.1
+"""How far an object that fingers alone hold may move as friction changes: part of its size, and rad."""
+
+
+def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:
+    """The checks of what is stored with ``held.`` before its name, one for each set of friction states."""
+    given = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
+    if not given:
+        return
+    columns = [given[f"{finger.name}.friction_states"] for finger in grasp.fingers if finger.friction]
+    states = np.concatenate(columns, axis=1)
+    yield Check("friction states within their range", float(np.abs(states).max() - 1.0), LIMIT)
+    slid = np.concatenate([finger.friction.pulled for finger in grasp.fingers if finger.friction])
+    pulled = np.where(slid < 0.0, -1.0, 1.0)
+    missing = [not (states == way * pulled).all(axis=1).any() for way in (1.0, -1.0)]
+    yield Check("pulled and released tendons that are not among the friction states", float(sum(missing)), 0.0)
+    for k in range(len(states)):
+        own = {**arrays, **{key: value[k] for key, value in given.items()}}
+        yield Check(f"held with friction states, {k + 1}", _worst(grasp, arrays, own, recompute), 1.0, "1", "limits")
+
+
+def _worst(grasp: RecomputedGrasp, arrays: Mapping[str, Any], own: Mapping[str, Any], recompute: Recompute) -> float:
+    """The greatest part of a limit that a posture takes."""
+    checks, posture = recompute(own)
+    if posture is None:
+        return float("inf")
+    # Where the object may be is another limit here.
+    parts = [_part(check) for check in checks if check.name != "object pose"]
+    moved = np.abs(posture.pose - grasp.pose) / [grasp.size, grasp.size, 1.0]
+    fixed = any(contact.finger is None for contact in grasp.contacts) and grasp.scene.object.free is None
+    parts.append(float(moved.max()) / (LIMIT if fixed else YIELDS))
+    for finger, other in zip(grasp.fingers, posture.fingers, strict=True):
+        # Bases are those of the grasp, and tensions, or what drives hold in their place.
+        off = float(np.abs(other.tensions - finger.tensions).max())
+        if finger.wound is not None and other.wound is not None:
+            off = other.wound.misfit(finger.wound.held)
+        parts.append(off / finger.setup.tendons.max_tension / LIMIT)
+        parts.append(float(np.abs(other.base - finger.base).max() / finger.length) / LIMIT)
+    return worst(*parts)
+
+
+def _part(check: Check) -> float:
+    """The part of its limit that a check takes."""
+    limit = CONES if check.name.startswith("friction cone") else check.limit
+    return check.value / limit if limit > 0.0 else 0.0 if check.passed else float("inf")

@@ -1,0 +1,99 @@
+"""Friction states of the tendons with which a grasp must hold, as further columns of errors.
+
+At given tensions at the base, what a tendon with friction exerts depends on its history. By the capstan law the tension
+may change across each friction cell by anything between exp(-friction turn) and exp(friction turn): a state z in
+[-1, 1] per cell, +1 where the tendon on the -X side was pulled last. The bending moment at every section falls with
+every z before it, so that tendons pulled all along and released all along give the least and the greatest moment
+everywhere. Forces of contacts are no such sums: contacts at several places, or weight, make them grow with some z and
+fall with others. To first order, in a posture that stays, the greatest reserve of the cones is the optimum of a linear
+problem with z on its right-hand side, so concave: least at a vertex of the box, which need be neither of the two.
+
+So a grasp is tried with both, then with the vertex that the slope of its reserve points to, from there again, and last
+with states drawn at random from the whole box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.robust.response import Responder, Response
+from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+
+OBJECT = 6
+"""Columns of errors of the object, before the friction states."""
+STEPS = 8
+"""Steps from friction states to worse ones; the first or the second is the last as a rule (mug)."""
+
+
+def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
+    """States (2, K) of tendons that were pulled all along, and released; (1, 0) where none matter."""
+    setups = [setup for setup in scene.setups if setup.name in scene.state_columns]
+    if not setups:
+        return np.zeros((1, 0))
+    slid = np.concatenate([TendonFriction(setup, FingerShape(setup, arrays)).pulled for setup in setups])
+    pulled = np.where(slid < 0.0, -1.0, 1.0)
+    return np.array([pulled, -pulled])
+
+
+def with_states(errors: Array, states: Array) -> Array:
+    """Each error (E, 6) of the object with each of the states (S, K): (E S, 6 + K)."""
+    return np.concatenate([np.repeat(errors, len(states), axis=0), np.tile(states, (len(errors), 1))], axis=1)
+
+
+def with_drawn_states(scene: GraspScene, errors: Array) -> Array:
+    """Each error (E, 6) with states drawn at random (E, 6 + K): a half of all, evenly, at the bounds."""
+    size = max((columns.stop for columns in scene.state_columns.values()), default=0)
+    states = np.random.default_rng(scene.solver.random_seed).uniform(-2.0, 2.0, (len(errors), size))
+    return np.concatenate([errors, np.clip(states, -1.0, 1.0)], axis=1)
+
+
+def worst_vertex(response: Response) -> Array:
+    """The same error with the states (6 + K,) at which the reserve is least, to first order; itself without slope."""
+    error, attempt, solver = response.error.copy(), response.attempt, response.solver
+    if not attempt.converged:
+        return error
+    # What is minimized is the reserve turned around.
+    slope = np.asarray(solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
+    for name, columns in response.scene.state_columns.items():
+        own = slope[solver.problem.numbers.at[f"{name}.friction_history"]][:-1]
+        states = error[OBJECT:][columns]
+        error[OBJECT:][columns] = np.where(own > 0.0, 1.0, np.where(own < 0.0, -1.0, states))
+    return error
+
+
+def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[Response]:
+    """From each response on to the friction states that lower its reserve, until none does."""
+    known = {response.error.tobytes() for response in responses}
+    for response in responses if responder.scene.state_columns else ():
+        last = response
+        for _ in range(STEPS):
+            error = worst_vertex(last)
+            if error.tobytes() in known:
+                break
+            known.add(error.tobytes())
+            new = responder.to(error)
+            yield new
+            if new.reserve >= last.reserve:
+                break
+            last = new
+
+
+def held_arrays(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> dict[str, Array]:
+    """Postures of a grasp with friction states that its certificate is to verify: those of `extremes`, and the worst
+    ones from there; each array of a grasp with the states as first axis, ``held.`` before its name.
+    """
+    responder = Responder(scene, arrays, budget)
+    found = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
+    found += list(descended(responder, found))
+    each = [response.arrays for response in found]
+    same = ("contact_names", "contact_parts", *(f"{name}.family" for name in scene.named_fingers))
+    return {f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}

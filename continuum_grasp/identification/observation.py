@@ -1,0 +1,130 @@
+"""What is measured, as expressions of a model: along the finger, and at the drives of its tendons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.data import Reading
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.drives import MotorDrive
+
+_Function = Callable[..., ca.SX]
+
+
+def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX, p: ca.SX, *history: ca.SX) -> ca.SX:
+    """Readings of a finger at rest; ``history`` is that of tendon friction, where there is any.
+
+    Raises
+    ------
+    InputError
+        If a position is not on the finger, or a drive is not one of it.
+    """
+
+    def drives() -> tuple[ca.SX, ca.SX]:
+        return model.tensions_at_rest()(q, u, p, *history), model.drives_at_rest()(q, u, p, *history)[0]
+
+    return _observed(model, readings, q, u, p, drives)
+
+
+def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    """Readings of a finger that moves; errors as of ``at_rest``."""
+    end = model.nx - len(model.friction_names)
+    return _observed(
+        model,
+        readings,
+        x[: model.n],
+        felt(model, x, u, p),
+        p,
+        lambda: (model.tensions()(x, u, p)[0], x[2 * model.n : end]),
+    )
+
+
+def felt(model: FingerModel, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    """Inputs that act on the shape of a state: with a lag, tensions that give the lagged moment."""
+    acting, made = ca.SX(u), model.structure
+    for k, source in enumerate(one for one in made.sources if one.time_constant is not None):
+        state = x[2 * (model.n + k)]
+        if source.tendon is not None:
+            acting[source.tendon] = state
+            continue
+        # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
+        pulling = [j for j, arm in enumerate(source.arms) if arm != 0.0]
+        for j in pulling:
+            acting[j] = 0.0
+        arm: ca.SX | float = source.arms[pulling[0]]
+        if made.parameters.is_runtime("tendon_offset"):
+            arm = math.copysign(1.0, source.arms[pulling[0]]) * p[model.p_names.index("tendon_offset [m]")]
+        acting[pulling[0]] = state / arm
+    return acting
+
+
+def _observed(
+    model: FingerModel,
+    readings: Sequence[Reading],
+    q: ca.SX,
+    u: ca.SX,
+    p: ca.SX,
+    drives: Callable[[], tuple[ca.SX, ca.SX]],
+) -> ca.SX:
+    values, given = [], None
+    for one in readings:
+        if not one.of_drive:
+            values.append(_along(model, one, q, u, p))
+            continue
+        given = given or drives()
+        values.append(_at_drive(model, one, u, *given))
+    return ca.vertcat(*values)
+
+
+def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    length = model.finger.rod.length
+    s = length if one.at is None else one.at
+    if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
+        raise InputError(f"{one.quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
+    if one.quantity in ("x", "y"):
+        return model.position(q, u, s, p)["xy".index(one.quantity)]
+    base = model.orientation(q, u, one.since or 0.0, p) if one.quantity == "bend" else 0.0
+    return model.orientation(q, u, s, p) - base
+
+
+def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:
+    number, winches = (one.of or 1) - 1, model.structure.winches
+    count = len(model.finger.tendon_list) if one.quantity == "tension" else len(winches)
+    if number >= count:
+        what = "tendons" if one.quantity == "tension" else "drives"
+        raise InputError(f"{one.quantity} {number + 1} of {count} {what}", key="measured")
+    if one.quantity == "tension":
+        return tensions[number]
+    start = sum(winch.states for winch in winches[:number])
+    winch, own = winches[number], states[start : start + winches[number].states]
+    if one.quantity == "length":
+        return winch.radius * own[0]
+    if not isinstance(winch.drive, MotorDrive):
+        raise InputError(f"{one.quantity} is that of a motor; this drive has kind: {winch.drive.kind}", key="measured")
+    if one.quantity == "motor_angle":
+        return own[0]
+    torque = ca.SX(winch.torque(u[number], own[0], own[1]))
+    if one.quantity == "torque":
+        return torque
+    if winch.drive.torque_constant is None:
+        raise InputError("current needs drive.torque_constant; or read torque", key="measured")
+    return torque / winch.drive.torque_constant
+
+
+def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -> None:
+    """Refuse tensions of tendons that have none of their own.
+
+    Raises
+    ------
+    InputError
+    """
+    if not model.structure.own_tendons and any(one.quantity == "tension" for one in readings):
+        raise InputError(
+            "a tension that was measured at a drive is predicted for tendons with friction or on winches; here it is "
+            "what is commanded: make it a condition",
+            key=name,
+        )

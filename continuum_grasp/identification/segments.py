@@ -1,0 +1,246 @@
+"""Segments of an excitation: what drives are commanded in each, and how far they may go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import SolverError
+from continuum_grasp.identification.commands import InputNames
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.graded import ends
+from continuum_grasp.scene.identify import Excitation
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.modes import modes
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_BASE = 0.03
+"""Tension at which tendons stay taut, per greatest tension [1]."""
+_HALVINGS = 12
+"""Bisections of the greatest command: to a part in 4000."""
+_LOOP = ((0.0, 0.0), (0.3, 1.0), (0.5, 0.35), (0.65, 0.8), (1.0, 0.0))
+"""A loop with an inner one: shares of time and of the greatest command [1]."""
+_STEPS = ((0.0, 0.0), (0.05, 0.3), (0.3, 0.6), (0.5, 0.45), (0.7, 0.6), (0.85, 0.0))
+"""Shares of time at which the command changes, and to which share of the greatest one [1]."""
+_RISE = 2.0
+"""Samples in which a step rises [1]."""
+_MIDDLE, _SWING = 0.4, 0.15
+"""Command about which a sweep swings, and by how much, per greatest one [1]."""
+_BAND = 0.2, 1.5
+"""Frequencies from which and up to which it goes, per first natural frequency [1]."""
+_NYQUIST = 0.1
+"""Greatest frequency times the time between samples [1]."""
+
+
+class Segment(NamedTuple):
+    """A part of the commands: its name, what it shows, start and end [s]."""
+
+    name: str
+    shows: str
+    start: float
+    end: float
+
+
+class Pattern(NamedTuple):
+    """How the drives go together: name, commands per unit, and the greatest factor to try."""
+
+    name: str
+    commands: Array
+    most: float
+
+
+class _Part(NamedTuple):
+    name: str
+    shows: str
+    form: str
+    pattern: int
+
+
+_SHOWS = {
+    "loop": "slow: stiffness (slope), tendon friction (width), presliding and elasticity (where it turns)",
+    "steps": "lag, delay and inertia of the drives; damping",
+    "sweep": "masses and damping, viscous friction of the drives",
+}
+
+
+def base_of(scene: Scene) -> Array:
+    """Commands at which the tendons are just taut."""
+    names, finger = InputNames.of(scene), scene.finger
+    tendons = finger.tendon_list
+    base = np.zeros(len(names.entries))
+    if names.key == "tensions":
+        return np.array([max(one.min_tension, _BASE * one.max_tension) for one in tendons])
+    if names.key in ("torques", "currents") and finger.winches[0].arrangement == "per_tendon":
+        for k, drive in enumerate(finger.winches):
+            if isinstance(drive, MotorDrive):
+                base[k] = _BASE * tendons[k].max_tension * drive.winch_radius / (drive.torque_constant or 1.0)
+    return base
+
+
+def patterns_of(scene: Scene) -> list[Pattern]:
+    """To one side, to the other, and both tendons together."""
+    names, finger = InputNames.of(scene), scene.finger
+    count, tendons = len(names.entries), finger.tendon_list
+    model = FingerModel(scene, input_rates=False)
+    bend = float(sum(model.ranges))
+    if not tendons:
+        most = bend * finger.rod.stiffness / finger.rod.length
+        return [Pattern("to the left", np.array([1.0]), most), Pattern("to the right", np.array([-1.0]), most)]
+    sides = np.array([np.sign(ends(one.offset)[0]) for one in tendons])
+    strong = max(one.max_tension for one in tendons)
+    found: list[Pattern] = []
+    if names.key == "tensions":
+        for side, name in ((1.0, "to the left"), (-1.0, "to the right")):
+            if np.any(sides == side):
+                found.append(Pattern(name, (sides == side).astype(float), strong))
+        return found + [Pattern("together", np.ones(count), strong)] * (len(found) > 1)
+    winches = model.structure.winches
+    # Cable for the whole bending range, and for the elongation by the greatest tension.
+    offset = max(abs(at) for one in tendons for at in ends(one.offset))
+    cable = bend * offset + strong / float(winches[0].stiffness)
+    drive = finger.winches[0]
+    if isinstance(drive, MotorDrive):
+        cable = cable / drive.winch_radius if names.key == "angles" else float(drive.limit or 0.0)
+    if drive.arrangement == "one_pulley":
+        return [Pattern("to the left", np.array([1.0]), cable), Pattern("to the right", np.array([-1.0]), cable)]
+    # Those on the other side pay out what their path takes: they stay as taut as they are.
+    bent = finger.rod.stiffness / (finger.rod.length * offset)
+    paid = 0.0 if names.key in ("torques", "currents") else offset / (offset + bent / float(winches[0].stiffness))
+    for side, name in ((1.0, "to the left"), (-1.0, "to the right")):
+        if np.any(sides == side):
+            found.append(Pattern(name, np.where(sides == side, 1.0, -paid), cable))
+    return found + [Pattern("together", np.ones(count), cable)] * (len(found) > 1)
+
+
+class Design:
+    """Commands of a scene's drives, by shares of time of their segments.
+
+    Each is as large as ``reach`` of the bending range, of the tensions and of what the drives take allows at rest.
+    """
+
+    def __init__(self, scene: Scene, patterns: Sequence[Pattern], options: Excitation) -> None:
+        self._scene, self.options, self._base = scene, options, base_of(scene)
+        self._names = InputNames.of(scene)
+        taut = self._commanded([(0.0, self._base), (1.0, self._base)])
+        self._model = FingerModel(taut, input_rates=False)
+        self._forces = Signals(taut, self._model).w(0.0)[0]
+        self._patterns = patterns
+        self._greatest = [self._reach(one) for one in patterns]
+        self.parts = [_Part("hold", "noise of the sensors", "hold", 0)]
+        for form in ("loop", "steps", "sweep"):
+            for k, one in enumerate(patterns):
+                if not (one.name == "together" and form == "sweep"):
+                    self.parts.append(_Part(f"{form} {one.name}", _SHOWS[form], form, k))
+        self._frequency = self._first_frequency()
+
+    def _reach(self, pattern: Pattern) -> float:
+        """Greatest factor of a pattern at rest."""
+        low, high = 0.0, pattern.most
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._allowed(self._base + middle * pattern.commands) else (low, middle)
+        return low
+
+    def _allowed(self, u: Array) -> bool:
+        model, reach = self._model, self.options.reach
+        tendons, drives = model.finger.tendon_list, model.finger.winches
+        limits = [drive.limit for drive in drives] if drives else [one.max_tension for one in tendons]
+        if any(limit is not None and abs(one) > reach * limit for one, limit in zip(u, limits, strict=False)):
+            return False
+        w = self._forces
+        given = np.concatenate([u, np.zeros(model.nu - u.size)])
+        try:
+            found = equilibrium_under(model, given, w)
+        except SolverError:
+            return False
+        use = np.array(model.range_use(found.q, given, model.p_nominal)).max()
+        history = (found.history,) if found.history.size else ()
+        if not drives:
+            return bool(use <= reach)
+        tensions = np.array(model.tensions_at_rest()(found.q, given, model.p_nominal, *history)).ravel()
+        most = np.array([one.max_tension for one in tendons])
+        return bool(use <= reach and np.all(tensions <= reach * most))
+
+    def within(self, motion: Trajectory) -> bool:
+        """Whether a motion stays within the bending range and the greatest tensions."""
+        use = np.array(
+            motion.model.range_use.map(len(motion.t))(motion.q.T, motion.acting.T, np.zeros((0, len(motion.t))))
+        )
+        tensions, tendons = motion.tensions, motion.model.finger.tendon_list
+        if use.max() > 1.0:
+            return False
+        return tensions is None or bool(np.all(tensions.max(axis=0) <= [one.max_tension for one in tendons]))
+
+    def _first_frequency(self) -> float:
+        """Of the finger alone [Hz]: where drives hold it, it is higher, and the sweep stays below."""
+        finger = self._scene.finger.model_copy(update={"tendons": None})
+        alone = self._scene.model_copy(update={"finger": finger, "actuation": None, "loads": ()})
+        initial = alone.initial.model_copy(update={"reached_by": None, "friction_states": None})
+        found = modes(alone.model_copy(update={"initial": initial}))
+        return float(found.frequencies_hz[0])
+
+    def segments(self, weights: Array) -> tuple[Segment, ...]:
+        """The segments with their times."""
+        ends_at = np.cumsum(weights) / weights.sum() * self.options.duration
+        starts = np.append(0.0, ends_at[:-1])
+        rows = zip(self.parts, starts.tolist(), ends_at.tolist(), strict=True)
+        return tuple(Segment(part.name, part.shows, start, end) for part, start, end in rows)
+
+    def scene(self, weights: Array, scale: float) -> Scene:
+        """The scene under the commands."""
+        points: list[tuple[float, Array]] = []
+        for part, one in zip(self.parts, self.segments(weights), strict=True):
+            most = scale * self._greatest[part.pattern]
+            for at, level in self._form(part.form, one.end - one.start):
+                points.append((one.start + at, self._base + (most * level) * self._patterns[part.pattern].commands))
+        return self._commanded(points)
+
+    def _form(self, form: str, duration: float) -> list[tuple[float, float]]:
+        """Instants [s] and shares of the greatest command."""
+        if form == "hold":
+            return [(0.0, 0.0), (duration, 0.0)]
+        if form == "loop":
+            return [(share * duration, level) for share, level in _LOOP]
+        rise = _RISE * self.options.sample
+        if form == "steps":
+            found, before = list[tuple[float, float]](), 0.0
+            for share, level in _STEPS:
+                found += [(share * duration, before), (share * duration + rise, level)]
+                before = level
+            return [*found, (duration, 0.0)]
+        low, high = (min(part * self._frequency, _NYQUIST / self.options.sample) for part in _BAND)
+        ramp = 0.1 * duration
+        found, t, k = [(0.0, 0.0), (ramp, _MIDDLE)], ramp, 0
+        while True:
+            share = (t - ramp) / (0.8 * duration)
+            t += 0.5 / (low + (high - low) * share)
+            if t > 0.9 * duration:
+                break
+            k += 1
+            found.append((t, _MIDDLE + _SWING * (1.0 if k % 2 else -1.0)))
+        return [*found, (duration, 0.0)]
+
+    def _commanded(self, points: Sequence[tuple[float, Array]]) -> Scene:
+        """The scene under commands at some instants, smooth between them."""
+        least = 1e-3 * self.options.sample
+        times, rows = [points[0][0]], [points[0][1]]
+        for at, row in points[1:]:
+            if at > times[-1] + least:
+                times.append(at)
+                rows.append(row)
+            else:
+                rows[-1] = row
+        columns = np.array(rows).T
+        given = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
+        actuation = {self._names.key: given if self._names.several else given[0]}
+        options = self.options
+        duration = round(options.duration / options.sample) * options.sample
+        return self._scene.changed({"actuation": actuation, "time": {"duration": duration, "step": options.sample}})

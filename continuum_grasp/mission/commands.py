@@ -1,0 +1,75 @@
+"""What drives are commanded so that tendons have the tensions of a grasp, or of a finger on its way to it."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.winches import Winch, winches_of
+from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.finger import Finger
+
+Array = NDArray[np.float64]
+
+TAKEN = ("tensions", "lengths", "angles")
+"""What a mission commands, by its key in ``actuation``."""
+
+
+def check_commands(finger: Finger, key: str) -> None:
+    """Refuse a finger that takes something else than tensions or positions; ``key`` is where it is in the scene."""
+    if finger.input_key not in TAKEN:
+        raise InputError(
+            f"a mission commands tensions, lengths of winches or angles of motors with a position_gain, not "
+            f"{finger.input_key}",
+            key=key,
+        )
+
+
+class Commands:
+    """Commands by tensions of a finger whose tendons were pulled to where they are; ``s`` are places along it [m]."""
+
+    def __init__(self, finger: Finger, s: ArrayLike) -> None:
+        self._finger, self._s = finger, np.asarray(s, dtype=float)
+        self._winches = winches_of(finger.tendon_list, finger.rod.length)
+
+    def of(self, tensions: ArrayLike, angles: ArrayLike) -> Array:
+        """Commands (nu) under tensions (T) [N] at the drives, with angles of the backbone at ``s`` [rad]."""
+        pulled = np.asarray(tensions, dtype=float)
+        if not self._winches:
+            return pulled.copy()
+        drawn = [self._drawn(k, np.asarray(angles, dtype=float)) for k in range(len(pulled))]
+        return np.array([self._command(winch, pulled, drawn) for winch in self._winches])
+
+    def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
+        """How much of a tendon is drawn in by the bend [m], and by tension [m/N]."""
+        own = self._finger.tendon_list[tendon]
+        channel = next(one for one in self._finger.channels if one.arms[tendon])
+        middle = 0.5 * (self._s[1:] + self._s[:-1])
+        inside = np.clip(np.diff(np.minimum(self._s, channel.to)), 0.0, None)
+        bends = np.diff(angles)
+        path = channel.arms[tendon] * float(channel.shape(middle) @ bends)
+        # A tendon that was drawn in loses tension towards its end, one that was let out gains it.
+        passed = own.conduit_bend + np.cumsum(np.abs(bends)) - 0.5 * np.abs(bends)
+        share = np.exp(-math.copysign(own.friction, path) * passed)
+        if own.axial_stiffness is None or own.series_stiffness is None:
+            raise TypeError("a tendon whose tension is commanded has no compliance")
+        return path, float(inside @ share) / own.axial_stiffness + 1.0 / own.series_stiffness
+
+    def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
+        own = [drawn[k] for k in winch.tendons]
+        taut = [path + give * pulled[k] for (path, give), k in zip(own, winch.tendons, strict=True)]
+        position = float(ca.DM(winch.position(taut, [float(pulled[k]) for k in winch.tendons])))
+        drive = winch.drive
+        if not isinstance(drive, MotorDrive):
+            return position
+        # Of two on one pulley the second has what this position leaves it.
+        held = [
+            max(wound - path, 0.0) / give
+            for wound, (path, give) in zip(map(float, winch.wound(position)), own, strict=True)
+        ]
+        torque = winch.radius * sum(side * tension for side, tension in zip(winch.sides, held, strict=True))
+        return position + torque / (drive.position_gain or math.inf)

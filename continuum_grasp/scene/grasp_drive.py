@@ -1,0 +1,67 @@
+"""What winds up the tendons of a finger that grasps, as plain numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.scene.finger import Finger
+
+
+@dataclass(frozen=True)
+class DriveLaw:
+    """The winches or motors of a pair of tendons, at rest."""
+
+    drive: LengthDrive | MotorDrive
+    series: float
+    """Elongation of what is between drive and finger per tension [m/N]."""
+    axial: float
+    """Elongation along the finger per tension that is the same all along [m/N]."""
+
+    @staticmethod
+    def of(finger: Finger) -> DriveLaw | None:
+        """That of a finger; None where its tensions are commanded."""
+        tendon = finger.tendon_list[0]
+        if tendon.drive is None or tendon.axial_stiffness is None or tendon.series_stiffness is None:
+            return None
+        length = finger.rod.length if tendon.to is None else tendon.to
+        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, length / tendon.axial_stiffness)
+
+    @property
+    def pulley(self) -> bool:
+        """Whether one drive winds up the one tendon by as much as it pays out the other."""
+        return self.drive.arrangement == "one_pulley"
+
+    @property
+    def locks(self) -> bool:
+        """Whether it holds its position by itself: a winch that follows a length, or a motor under a servo."""
+        return isinstance(self.drive, LengthDrive) or self.drive.position_gain is not None
+
+    @property
+    def start(self) -> float:
+        """Cable wound up of the straight finger while the drive is at zero [m], counted from where it is taut."""
+        return self.drive.pretension * (self.series + self.axial) - self.drive.slack
+
+    @property
+    def radius(self) -> float:
+        """Cable per position [m per rad, or 1]."""
+        return self.drive.winch_radius if isinstance(self.drive, MotorDrive) else 1.0
+
+    @property
+    def servo(self) -> float:
+        """Cable that a position servo yields per tension [m/N]."""
+        gain = self.drive.position_gain if isinstance(self.drive, MotorDrive) else None
+        return 0.0 if gain is None else self.radius**2 / gain
+
+    @property
+    def friction(self) -> float:
+        """Dry friction of the motor, as a tension [N]."""
+        return self.drive.coulomb_friction / self.radius if isinstance(self.drive, MotorDrive) else 0.0
+
+    @property
+    def greatest(self) -> float:
+        """Greatest tension, or difference of the two on a pulley, that the motor pulls up against its friction [N]."""
+        if not isinstance(self.drive, MotorDrive):
+            return math.inf
+        return self.drive.torque_max / self.radius - self.friction

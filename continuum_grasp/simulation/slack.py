@@ -1,0 +1,84 @@
+"""When tendons that winches and motors wind up go slack, and when they pull more than they may."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.scene.finger import Finger
+
+_SLACK = 1e-6
+"""Tension below which a tendon is slack [N]."""
+
+
+@dataclass(frozen=True)
+class SlackTime:
+    """A time in which a tendon is slack: nothing pulls there, and its friction forgets what was before.
+
+    Attributes
+    ----------
+    tendon : int
+        Which one, from 1.
+    begins, ends : float
+        First instant at which it is slack, and the first at which it is taut again [s]: infinite if it never is.
+    """
+
+    tendon: int
+    begins: float
+    ends: float
+
+
+@check_arguments
+def slack_times(t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
+    """Times in which tendons are slack.
+
+    Parameters
+    ----------
+    t : (T,) array_like
+        Instants [s].
+    tensions : (T, tendons) array_like
+        Tensions at the drives [N].
+
+    Returns
+    -------
+    list of SlackTime
+        By tendon and instant.
+
+    Examples
+    --------
+    >>> from continuum_grasp.simulation import slack_times
+    >>> slack_times([0.0, 0.1, 0.2, 0.3], [[1.0], [0.0], [0.0], [2.0]])
+    [SlackTime(tendon=1, begins=0.1, ends=0.3)]
+    """
+    instants, found = np.asarray(t, dtype=float), list[SlackTime]()
+    for k, own in enumerate(np.asarray(tensions, dtype=float).T):
+        slack = np.concatenate([[False], own < _SLACK, [False]])
+        starts, stops = np.flatnonzero(np.diff(slack.astype(int)) > 0), np.flatnonzero(np.diff(slack.astype(int)) < 0)
+        after = [*instants.tolist(), np.inf]
+        found += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
+    return found
+
+
+def tension_warnings(finger: Finger, t: NDArray[np.float64], tensions: NDArray[np.float64] | None) -> tuple[str, ...]:
+    """What the user must know of tensions (T, tendons) [N] that winches and motors leave to the motion."""
+    if tensions is None or not finger.winches:
+        return ()
+    found, times = [], slack_times(t, tensions)
+    for k, tendon in enumerate(finger.tendon_list):
+        own = tensions[:, k]
+        high = np.flatnonzero(own > tendon.max_tension)
+        if high.size:
+            found.append(
+                f"tendon {k + 1} exceeds max_tension = {tendon.max_tension:g} N at t = {t[high[0]]:g} s (greatest: "
+                f"{own.max():.3g} N)"
+            )
+        # One that is slack from the start on, as drives may leave it, does not go slack.
+        begun = [each for each in times if each.tendon == k + 1 and each.begins > t[0]]
+        if begun:
+            again = f" until t = {begun[0].ends:g} s" if np.isfinite(begun[0].ends) else ""
+            often = f" ({len(begun)} times in all)" if len(begun) > 1 else ""
+            found.append(f"tendon {k + 1} goes slack at t = {begun[0].begins:g} s: nothing pulls there{again}{often}")
+    return tuple(found)

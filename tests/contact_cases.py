@@ -1,0 +1,91 @@
+"""A finger with one tendon on a motor, for detecting contact: its scene, and a chain of guides that is pushed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+import continuum_grasp as cg
+from continuum_grasp.control import ContactDetector, DetectedContact
+from tests.truth.servo import ServoedChain
+from tests.truth.tendon_motion import MovingFinger
+
+LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
+RADIUS = 0.008
+STEP, NOISE = 2.0 * math.pi / 16384, 2e-4
+MOTOR = {
+    "kind": "motor",
+    "winch_radius": RADIUS,
+    "inertia": 2e-6,
+    "viscous_friction": 1e-5,
+    "coulomb_friction": 2e-3,
+    "torque_max": 0.4,
+    "position_gain": 0.8,
+    "rate_gain": 2.5e-3,
+}
+TENDON = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
+EXACT = {"bending_stiffness": 0.0, "tendon_friction": 0.0, "coulomb_friction": 0.0, "tension": 0.0}
+
+
+def scene(
+    friction=0.1, measured=None, detection=None, drive=None, input_limits=None, period=0.005, **estimator
+) -> cg.ControlScene:
+    return cg.ControlScene(
+        finger={
+            "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
+            "damping": {"material": 3e-5},
+            "masses": [{"at": LENGTH, "mass": 0.002}],
+            "tendons": [{**TENDON, "friction": friction, "drive": drive or MOTOR}],
+        },
+        gravity=(0.0, 0.0),
+        fidelity={"family": "clothoid", "elements": 2},
+        controller={
+            "horizon": {"stages": 10, "stage": period},
+            "cost": {"tip_angle": {"running": 1.0}, "effort": 0.1},
+            "input": {"angles": (-1.5, 1.5)} if input_limits is None else input_limits,
+        },
+        reference={"tip_angle": 0.0},
+        initial={"pose": "straight"},
+        estimator={
+            "measured": measured or {"angle": STEP / math.sqrt(12.0), "torque": NOISE},
+            "contact_detection": detection or {},
+            **estimator,
+        },
+    )
+
+
+def plant(friction, *, stiffness=1.0, dry=1.0, payload=0.0, pushed=None, hinges=20, time_step=5e-4) -> ServoedChain:
+    """A chain of guides on its motor, other than the detector knows it by factors and a payload [kg]."""
+    chain = MovingFinger(
+        LENGTH,
+        STIFFNESS * stiffness,
+        OFFSET,
+        friction,
+        sides=(1.0,),
+        hinges=hinges,
+        time_step=time_step,
+        tip_mass=0.002 + payload,
+        pushed=pushed,
+    )
+    return ServoedChain(chain, 0.0, dry=2e-3 * dry)
+
+
+def trial(
+    found: ContactDetector, driven: ServoedChain, *, back=False, speed=0.0, at=0.8, seed=0
+) -> list[tuple[float, float, DetectedContact]]:
+    """Instants, forces and reports of a finger that is bent, ``back`` a little, and pushed from ``at`` [s] on with
+    ``speed`` [N/s].
+    """
+    rng, step = np.random.default_rng(seed), driven.chain.time_step
+    found.reset()
+    rows = []
+    over = 0.1 if back else 0.0
+    for k in range(1, round(1.2 / step) + 1):
+        t = k * step
+        turned = (1.0 + over) * t / 0.4 if t < 0.4 else 1.0 + over * max(0.0, 1.0 - (t - 0.4) / 0.2)
+        force = speed * max(0.0, t - at)
+        driven.advance(0.8 * turned, force)
+        if k % round(found.period / step) == 0:
+            rows.append((t, force, found.step(driven.readings(STEP, NOISE, rng))))
+    return rows

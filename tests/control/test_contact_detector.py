@@ -1,0 +1,174 @@
+"""Contact by motor angle and torque alone, on a chain of guides that is not the detector's model."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from continuum_grasp.control import Contact, ContactDetector, Controller, Estimator
+from continuum_grasp.errors import InputError
+from tests.contact_cases import EXACT, LENGTH, MOTOR, NOISE, OFFSET, RADIUS, STEP, STIFFNESS, plant, scene, trial
+from tests.truth.tendon import HingedFinger
+
+
+@lru_cache
+def detector(friction=0.1, **detection) -> ContactDetector:
+    return ContactDetector(scene(friction, detection=detection))
+
+
+@pytest.mark.parametrize(("at", "gain"), [(0, 4.0), (1, 14.4)])
+def test_its_gains_are_those_of_a_finger_whose_winch_is_locked(at, gain):
+    """Without friction, bent by 1.3 rad: by a chain at rest, and the trial's 14.4 and 4.0 N/N."""
+    own = ContactDetector(scene(0.0, detection=EXACT))
+    wound = 0.00695
+    own.reset([wound])
+    feels = own.step([wound / RADIUS, 0.0])
+    assert -feels.gain[0, at] == pytest.approx(gain, rel=0.03)
+    if at == 1:
+        chain, tensions = HingedFinger(LENGTH, STIFFNESS, OFFSET, 0.0, sides=(1.0,), hinges=60), []
+        for k in range(1, 21):
+            chain.move([("length", wound * k / 20)])
+        for force in (-0.001, 0.001):
+            chain.move([("length", wound)], (-force * math.cos(chain.angle), -force * math.sin(chain.angle)))
+            tensions.append(chain.tensions[0])
+        assert feels.gain[0, at] == pytest.approx((tensions[1] - tensions[0]) / 0.002, rel=5e-3)
+
+
+@pytest.mark.parametrize(("friction", "half"), [(0.05, 0.27), (0.1, 0.55), (0.2, 1.10), (0.3, 1.65)])
+def test_an_unknown_history_is_the_loop_of_the_tension(friction, half):
+    """Half the width of the loop in the tension at 1.3 rad [N]; after it was slack, it is known."""
+    own = ContactDetector(scene(friction, detection=EXACT | {"history_known": False}))
+    at = 0.00695
+    own.reset([at])
+    torque = 0.0
+
+    def moved(shares):
+        nonlocal torque
+        for share in shares:
+            feels = own.step([share * at / RADIUS, torque])
+            torque -= 0.2 * RADIUS * feels.residual[0]  # as much as the free finger pulls
+        return feels
+
+    feels = moved([1.0] * 100)
+    bare = own.settings["noise"][0] + own.settings["dry"][0]
+    assert np.ptp(feels.bounds) / 2.0 - bare == pytest.approx(half, rel=0.06)
+    # What is slack forgets, and is known when it is pulled again.
+    feels = moved([*np.linspace(1.0, -0.05, 800), *np.linspace(-0.05, 1.0, 800), *[1.0] * 100])
+    assert np.ptp(feels.bounds) / 2.0 - bare < 0.02
+
+
+@pytest.mark.parametrize("pushed", [None, 10])
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_a_push_is_detected_early(pushed, back, speed):
+    """At the tip and in the middle, helping the bend and opposing it, after pulling and after releasing: at most 50 ms
+    after three times the threshold.
+    """
+    place = 1 if pushed is None else 0
+    rows = trial(
+        detector(coulomb_friction=0.0, bending_stiffness=0.02, tendon_friction=0.1),
+        plant(0.1, pushed=pushed),
+        back=back,
+        speed=speed * (1.0 if place else 3.0),
+    )
+    before = [feels for _, force, feels in rows if force == 0.0]
+    assert all(feels.contact is Contact.FREE for feels in before)
+    threshold = before[-1].threshold[place]
+    detected = next(t for t, force, feels in rows if force != 0.0 and feels.detected)
+    assert detected <= next(t for t, force, _ in rows if abs(force) > 3.0 * threshold) + 0.05
+    # Where it is cannot be told, and what it is only where it is supposed to be there.
+    strong = [(force, feels) for _, force, feels in rows if threshold < abs(force) < 3.0 * threshold]
+    assert all(feels.place is None for _, feels in strong)
+    assert all(feels.forces[place, 0] - 0.005 < force < feels.forces[place, 1] + 0.005 for force, feels in strong)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "friction", "dry", "payload"),
+    [(0.8, 0.15, 1.3, 0.002), (1.2, 0.05, 0.7, 0.0), (1.2, 0.15, 1.3, 0.002)],
+)
+def test_wrong_models_raise_no_alarm(stiffness, friction, dry, payload):
+    rows = trial(detector(payload=0.002), plant(friction, stiffness=stiffness, dry=dry, payload=payload), back=True)
+    assert {feels.contact for _, _, feels in rows} == {Contact.FREE}
+
+
+def test_after_a_contact_the_history_is_not_known():
+    own = detector(bending_stiffness=0.02, tendon_friction=0.1)
+    rows = trial(own, plant(0.1), speed=1.0)
+    widths = [float(np.ptp(feels.bounds)) for _, _, feels in rows]
+    at = next(k for k, (_, _, feels) in enumerate(rows) if feels.detected)
+    assert max(widths[at + 20 :]) > widths[at - 1] + 0.5
+
+
+def test_without_a_reading_it_stays_as_it_is():
+    own = detector()
+    own.reset()
+    own.step([0.0, 0.0])
+    saved = own.save_state()
+    assert own.step([math.nan, 0.0]).contact is Contact.MISSING
+    assert own.save_state() == saved
+
+
+def test_torque_current_and_servo_agree():
+    torque = ContactDetector(scene(measured={"angle": STEP, "torque": NOISE}))
+    constant = {**MOTOR, "torque_constant": 0.02}
+    del constant["position_gain"], constant["rate_gain"]
+    current = ContactDetector(scene(measured={"angle": STEP, "current": NOISE / 0.02}, drive=constant, input_limits={}))
+    servo = ContactDetector(scene(measured={"angle": STEP}))
+    for each in (torque, current, servo):
+        each.reset([0.0], reached_by="pulling")
+    angle, command = 0.0, 0.0
+    for k in range(60):
+        before, angle, command = angle, 0.01 * k, 0.01 * k + 0.03
+        wanted = 0.8 * (command - angle) - 2.5e-3 * (angle - before) / 0.005
+        feels = [torque.step([angle, wanted]), current.step([angle, wanted / 0.02]), servo.step([angle], [command])]
+    assert [each.residual[0] for each in feels] == pytest.approx([feels[0].residual[0]] * 3, abs=1e-9)
+
+
+def test_single_precision_detects_as_double_does():
+    pair = [ContactDetector(scene(), precision=precision) for precision in ("double", "float")]
+    for k in range(100):
+        feels = [each.step([0.008 * k, 4e-4 * k]) for each in pair]
+    assert feels[1].residual == pytest.approx(feels[0].residual, abs=5e-3)
+    assert feels[1].contact is feels[0].contact
+
+
+def test_the_estimator_reports_it_along():
+    own = Estimator(scene())
+    names = own.measurement_names
+    assert names == ("motor_angle_1 [rad]", "motor_torque_1 [N m]")
+    found = own.step([0.0, 0.0], [0.02])
+    assert found.contact.contact is Contact.FREE
+    saved = own.save_state()
+    first = own.step([0.01, 0.02], [0.02])
+    own.restore(saved)
+    again = own.step([0.01, 0.02], [0.02])
+    assert first.contact.residual == again.contact.residual
+    assert first.z.tolist() == again.z.tolist()
+
+
+def test_a_controller_reports_it_as_the_detector_does():
+    controller, alone = Controller(scene(), deadline=math.inf), ContactDetector(scene())
+    for k in range(8):
+        measured = [0.002 * k, 0.002 * k]
+        command, feels = controller.step(measured), alone.step(measured)
+        assert command.contact.residual == pytest.approx(feels.residual, abs=1e-12)
+        assert command.contact.forces == pytest.approx(feels.forces, abs=1e-9)
+        assert command.contact.contact is feels.contact
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"measured": {"tip": 1e-3, "torque": 1e-4}}, "needs estimator.measured.angle"),
+        ({"measured": {"angle": 1e-3, "length": 1e-5}}, "estimator.measured.length is that of drive.kind: length"),
+        ({"measured": {"angle": 1e-3, "current": 1e-3}}, "needs drive.torque_constant"),
+        ({"measured": {"angle": 1e-3}, "delay": 0.005}, "needs estimator.measured.torque or current"),
+        ({"detection": {"places": (0.3,)}}, "beyond the finger"),
+    ],
+)
+def test_what_shows_no_contact_is_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        scene(**changes)

@@ -1,0 +1,240 @@
+"""Drives of grasps: closed forms of pulled and released tendons, exact columns with locked winches, algebra."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from benchmarks.grasp_oracle.check import LIMITS, residuals
+from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.drives import WoundTendons
+from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.objects import Box, Circle
+from continuum_grasp.scene.supports import Palm
+from tests import certificate_cases as cases
+from tests.grasp_scenes import CONFIGS
+
+SERIES, AXIAL = 1.0 / 3e-5, 1e4
+"""Stiffnesses of the cable before the finger [N/m] and along it [N]."""
+CABLE = {"axial_stiffness": AXIAL, "series_stiffness": SERIES}
+LENGTH_DRIVE = LengthDrive(kind="length", time_constant=0.02)
+MOTOR = MotorDrive(
+    kind="motor", winch_radius=0.008, inertia=2e-6, coulomb_friction=2e-3, torque_max=0.5, torque_constant=0.02
+)
+PULLEY = {"arrangement": "one_pulley", "pretension": 2.0}
+L, EI, OFFSET = 0.18, 6.11e-3, 0.005
+
+
+def mug(drive, friction=0.0, **changes):
+    """The mug of the shipped scene, held by a finger with drives."""
+    scene = load(CONFIGS / "mug.yaml")
+    tendons = Tendons(offset=OFFSET, max_tension=70.0, friction=friction, drive=drive, **(CABLE if drive else {}))
+    fidelity = scene.fidelity.replaced(family="clothoid")
+    return scene.replaced(finger=scene.finger.replaced(tendons=tendons), fidelity=fidelity, **changes)
+
+
+# -- closed forms of a free rod, shared/drives.md section 6: 1 / T falls or rises evenly along it ---------------------
+
+
+def free_rod(tension, friction, way, elements=60):
+    """Stored arrays of a free rod whose tendon 1 was pulled (way = 1) or let out (-1) all along; T(s) and bend."""
+    tendons = Tendons(offset=OFFSET, max_tension=60.0, friction=friction, drive=LENGTH_DRIVE, **CABLE)
+    rod = Rod(length=L, linear_density=0.034, bending_stiffness=EI)
+    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
+    finger = cases.make_finger(rod=rod, tendons=tendons)
+    scene = cases.make_scene(finger, disc, {"tip": "auto"}, family="clothoid", elements=elements)
+    nodes = np.linspace(0.0, L, elements + 1)
+    pull = 1.0 / (1.0 / tension + way * friction * OFFSET / EI * nodes)
+    arrays = cases.finger_arrays(scene, "finger", OFFSET * pull / EI, tensions=(tension, 0.0))
+    bend = way * math.log(1.0 + way * friction * OFFSET / EI * tension * L) / friction
+    return scene.setups[0], arrays, pull, bend
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_pulled_and_released_tendons_are_those_of_the_free_rod(friction, way):
+    tension = 20.0 if way > 0.0 else 5.0
+    setup, arrays, pull, bend = free_rod(tension, friction, way)
+    shape = FingerShape(setup, arrays)
+    cells = TendonFriction(setup, shape, way * np.ones(setup.friction_states))
+    np.testing.assert_allclose(cells.shares(OFFSET, shape.joints), pull / tension, rtol=2e-4)
+    # At the ends of cells the two tensions differ by what their mean leaves out, so in the middle of elements.
+    middles = 0.5 * (shape.joints[1:] + shape.joints[:-1])
+    moment = OFFSET / (1.0 / tension + way * friction * OFFSET / EI * middles)
+    np.testing.assert_allclose(cells.moment(middles, np.array([tension, 0.0])), moment, rtol=5e-4)
+    # The other tendon slides the other way, so that the product of both is the same all along.
+    product = cells.shares(OFFSET, shape.joints) * cells.shares(-OFFSET, shape.joints)
+    np.testing.assert_allclose(product, 1.0, rtol=1e-12)
+    # Wound up: the path and the elongation, the integral of T / EA = theta EI / (e EA).
+    wound = WoundTendons(setup, setup.drive, shape, np.array([tension, 0.0]), cells).wound[0]
+    assert wound == pytest.approx(bend * (OFFSET + EI / (OFFSET * AXIAL)) + tension / SERIES, rel=2e-4)
+    if way > 0.0 and friction == 0.1:
+        assert wound == pytest.approx(13.8255721e-3, rel=2e-4)
+
+
+def test_tendons_that_slid_from_straight_were_pulled_whichever_way_the_finger_bends():
+    for side in (1.0, -1.0):
+        setup, arrays, _, _ = free_rod(20.0, 0.1, 1.0, elements=4)
+        arrays["finger.q"] = side * arrays["finger.q"]
+        assert (TendonFriction(setup, FingerShape(setup, arrays)).pulled[:-1] == side).all()
+
+
+# -- stability: a locked tendon is a spring on the angle of the tip ---------------------------------------------------
+
+
+def critical_weight(spring):
+    """Weight per length [N/m] at which a clamped upright rod with a torsional spring [N m/rad] at its top falls."""
+
+    def missing(weight):
+        def rates(s, y):
+            return [y[1], -weight * (L - s) / EI * y[0]]
+
+        end = solve_ivp(rates, (0.0, L), [0.0, 1.0], method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
+        return EI * end[1] + spring * end[0]
+
+    weights = np.linspace(1.0, 40.0, 200) * EI / L**3
+    values = [missing(weight) for weight in weights]
+    k = next(k for k in range(1, len(values)) if values[k - 1] * values[k] < 0.0)
+    return brentq(missing, weights[k - 1], weights[k])
+
+
+@pytest.mark.parametrize(
+    ("drive", "tensions", "spring"),
+    [
+        (LENGTH_DRIVE, (5.0, 5.0), lambda c: 2.0 / c),
+        (LENGTH_DRIVE.replaced(**PULLEY), (2.0, 2.0), lambda c: 2.0 / c),
+        # In series with the servo: the one yields by r^2 / gain per tension, on a pulley by that of the difference.
+        (MOTOR.replaced(torque_constant=None, position_gain=0.5), (5.0, 5.0), lambda c: 2.0 / (c + 0.008**2 / 0.5)),
+        (
+            MOTOR.replaced(torque_constant=None, position_gain=0.5, **PULLEY),
+            (2.0, 2.0),
+            lambda c: 1.0 / (0.5 * c + 0.008**2 / 0.5),
+        ),
+        (MOTOR, (5.0, 5.0), lambda c: 0.0),
+        (MOTOR.replaced(**PULLEY), (2.0, 2.0), lambda c: 0.0),
+    ],
+)
+def test_an_upright_finger_with_locked_winches_stands_as_with_a_spring_at_its_tip(drive, tensions, spring):
+    """Pulled at by both tendons it stays straight; weight makes it fall, which the tendons resist by e^2 per 1 / C."""
+    compliance = 1.0 / SERIES + L / AXIAL
+    weight = critical_weight(OFFSET**2 * spring(compliance))
+    assert spring(compliance) > 0.0 or weight == pytest.approx(7.8373 * EI / L**3, rel=1e-4)
+    supports = {
+        "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
+        "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
+    }
+    body = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
+    contacts = [
+        (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
+        for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
+        for k, x in ((1, 0.38), (2, 0.42))
+    ]
+    for share, stable in ((0.98, True), (1.02, False)):
+        rod = Rod(length=L, linear_density=share * weight / 9.81, bending_stiffness=EI)
+        tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
+        finger = cases.make_finger(rod=rod, tendons=tendons)
+        scene = cases.make_scene(finger, body, {"tip": "auto"}, cases.PLANAR, "clothoid", supports=supports)
+        arrays = cases.stored(scene, {"finger": {"tensions": tensions}}, contacts)
+        found = certify(scene, arrays).stability
+        assert found.stable is stable
+        assert found.assumptions.startswith("locked" if spring(compliance) else "constant tensions")
+
+
+# -- grasps -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_motor_for_each_tendon_holds_as_tensions_do_and_says_where_it_is():
+    free = optimize_grasp(mug(None))
+    found = optimize_grasp(mug(MOTOR))
+    assert found.status is Status.OPTIMAL
+    assert found.tension == pytest.approx(free.tension, rel=1e-7)
+    left, right = found.drives["finger"]
+    tension = found.fingers["finger"].tensions[0]
+    turned = found.fingers["finger"].backbone[-1, 3] + math.pi / 2
+    wound = OFFSET * turned + (1.0 / SERIES + L / AXIAL) * tension
+    assert left.position == pytest.approx(wound / 0.008, rel=1e-6)
+    assert right.position == pytest.approx(-OFFSET * turned / 0.008, rel=1e-6)
+    assert left.torque == pytest.approx(0.008 * tension)
+    assert left.current == left.command == pytest.approx(left.torque / 0.02)
+    assert left.torque_to_reach == pytest.approx(left.torque + 2e-3)
+
+
+def test_a_motor_that_is_too_weak_is_the_reason():
+    weak = MOTOR.replaced(torque_max=0.2)
+    found = optimize_grasp(mug(weak), raise_on_failure=False)
+    assert found.status is Status.INFEASIBLE
+    reason = next(reason for reason in found.reasons if reason.name == "tension")
+    # What the winch pulls against its own friction, and what the same finger takes with a motor that is strong enough.
+    assert reason.limit == pytest.approx((0.2 - 2e-3) / 0.008)
+    needed = optimize_grasp(mug(MOTOR)).fingers["finger"].tensions.max()
+    assert reason.needed == pytest.approx(needed, rel=1e-3)
+    assert f"torque_max = {0.008 * needed + 2e-3:.3g}" in reason.repair
+
+
+@pytest.mark.parametrize("pretension", [2.0, 25.0])
+def test_tendons_of_one_pulley_go_together(pretension):
+    """Both taut: C (T1 + T2) = 2 C pretension, whatever the bend; else the second is slack."""
+    drive = MOTOR.replaced(arrangement="one_pulley", pretension=pretension)
+    found = optimize_grasp(mug(drive))
+    assert found.certificate.passed
+    first, second = found.fingers["finger"].tensions
+    if first < 2.0 * pretension:
+        assert first + second == pytest.approx(2.0 * pretension, rel=1e-6)
+    else:
+        assert second == pytest.approx(0.0, abs=1e-6)
+    (state,) = found.drives["finger"]
+    assert state.torque == pytest.approx(0.008 * (first - second), rel=1e-6)
+    changed = {**found.arrays, "finger.tensions": found.arrays["finger.tensions"] + [0.1, 0.1]}
+    assert "tendons of one pulley, finger" in {check.name for check in certify(found.scene, changed).failed}
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        None,
+        LENGTH_DRIVE,
+        pytest.param(MOTOR, marks=pytest.mark.slow),
+        pytest.param(MOTOR.replaced(**PULLEY), marks=pytest.mark.slow),
+        pytest.param(LENGTH_DRIVE.replaced(**PULLEY), marks=pytest.mark.slow),
+        MOTOR.replaced(torque_constant=None, position_gain=2.0),
+    ],
+)
+def test_a_grasp_holds_whatever_the_friction_states(drive):
+    scene = mug(drive, 0.1)
+    found, pulled = optimize_grasp(scene), optimize_grasp(scene.replaced(friction_states="pulled"))
+    assert found.status is Status.OPTIMAL
+    assert found.certificate.states >= 2
+    assert found.robustness.robust.holds
+    assert found.tension >= pulled.tension * (1.0 - 1e-6)
+    assert pulled.certificate.states == 0
+    # Code of another hand, from the capstan law, for the grasp and each posture of its friction states.
+    for name, value in residuals(found.scene, found.arrays).items():
+        assert value < LIMITS[name], name
+
+
+def test_a_posture_of_friction_states_that_is_changed_is_refused():
+    found = optimize_grasp(mug(LENGTH_DRIVE, 0.1))
+    last = len(found.arrays["held.object.pose"])
+
+    def failed(key, change):
+        value = found.arrays[f"held.{key}"].copy()
+        value[-1] = change(value[-1])
+        return {check.name for check in certify(found.scene, {**found.arrays, f"held.{key}": value}).failed}
+
+    one = f"held with friction states, {last}"
+    assert one in failed("finger.friction_states", lambda z: 0.98 * z)
+    assert one in failed("finger.tensions", lambda t: 1.001 * t)
+    assert one in failed("contact_forces", lambda f: 1.001 * f)
+    assert one in failed("object.pose", lambda p: p + np.array([1e-5, 0.0, 0.0]))
+    assert "friction states within their range" in failed("finger.friction_states", lambda z: 1.1 * z)
+    fewer = {key: value[1:] if key.startswith("held.") else value for key, value in found.arrays.items()}
+    assert any("pulled and released" in check.name for check in certify(found.scene, fewer).failed)

@@ -1,0 +1,215 @@
+"""Drives and friction with memory: derivatives, known parameters from the chain of guides, commands that show them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_excitation
+from continuum_grasp.identification.blocks import PosesBlock
+from continuum_grasp.identification.excitation import csv_of, yaml_of
+from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.unknowns import read_unknowns
+from tests.identification_cases import coverage, slope_error
+from tests.truth.tendon_motion import MovingFinger
+
+LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
+FINGER = {
+    "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
+    "damping": {"material": 3e-5},
+    "masses": [{"at": LENGTH, "mass": 0.002}],
+}
+TENDONS = {"offset": OFFSET, "max_tension": 40.0, "axial_stiffness": 1e4, "series_stiffness": 3.3e4}
+WINCHES = {"kind": "length", "time_constant": 0.02, "rate_max": 0.1, "pretension": 6.0}
+MOTOR = {
+    "kind": "motor",
+    "arrangement": "one_pulley",
+    "pretension": 3.0,
+    "winch_radius": 0.008,
+    "inertia": 2e-6,
+    "viscous_friction": 2e-4,
+    "coulomb_friction": 2e-3,
+    "presliding_angle": 0.01,
+    "torque_max": 0.25,
+    "position_gain": 2.0,
+    "rate_gain": 0.01,
+}
+TIMES = [0.0, 0.1, 0.17, 0.25]
+
+
+def driven(drive: dict, key: str, values: list, friction: float = 0.15, **keys) -> cg.Scene:
+    actuation = {key: [{"times": TIMES, "values": one} for one in values] if values else [0.0, 0.0]}
+    return cg.Scene(
+        finger=FINGER | {"tendons": TENDONS | {"friction": friction, "drive": drive}},
+        gravity=(0.0, 0.0),
+        fidelity={"family": "arc", "elements": 2},
+        actuation=actuation,
+        **keys,
+    )
+
+
+def read(*readings: tuple[str, int], count: int) -> list[Reading]:
+    return [Reading(quantity, np.zeros(count), of=of) for quantity, of in readings]
+
+
+@pytest.mark.parametrize(
+    ("scene", "names", "readings"),
+    [
+        (
+            driven(WINCHES, "lengths", [[0.0, 8e-3, 3e-3, 6e-3], [0.0, -8e-3, -3e-3, -6e-3]]),
+            "bending_stiffness tendon_friction tendon_presliding tendon_axial_stiffness tendon_series_stiffness "
+            "drive_pretension drive_time_constant drive_delay",
+            [("tension", 1), ("tension", 2), ("length", 2)],
+        ),
+        (
+            driven(MOTOR, "angles", [[0.0, 0.9, 0.3, 0.7]]),
+            "tendon_friction drive_pretension drive_inertia drive_viscous_friction drive_coulomb_friction drive_delay",
+            [("motor_angle", 1), ("torque", 1), ("tension", 2)],
+        ),
+    ],
+)
+def test_derivatives_of_motions_with_friction_states(scene, names, readings):
+    """As exactly as differences tell across the instants at which friction turns."""
+    t = np.linspace(0.0, 0.25, 26)[1:]
+    none = np.zeros(t.size)
+    unknowns = read_unknowns(scene, names.split())
+    block = PathBlock(scene, TipPath(t, none, none, measured=read(*readings, count=t.size)), unknowns)
+    at = np.array([0.01 if one.name == "drive_delay" else one.start for one in unknowns])
+    errors = slope_error(block, at, np.array([one.typical for one in unknowns]))
+    assert errors.max() < 2e-3
+    assert errors.min() < 1e-6
+
+
+def test_derivatives_of_rows_that_follow_one_another():
+    scene = driven(WINCHES, "lengths", [])
+    wound = np.array([2e-3, 6e-3, 5.985e-3, 1e-3, 1.02e-3])  # partly within presliding
+    none = np.zeros(wound.size)
+    data = Poses(
+        [Reading("x", none), *read(("tension", 1), ("tension", 2), count=wound.size)],
+        {"length_1": wound, "length_2": -wound},
+        sequence=True,
+    )
+    names = ["bending_stiffness", "tendon_friction", "tendon_presliding", "tendon_series_stiffness", "drive_pretension"]
+    unknowns = read_unknowns(scene, names)
+    block = PosesBlock(scene, data, unknowns)
+    sizes = np.array([one.typical for one in unknowns])
+    assert slope_error(block, np.array([one.start for one in unknowns]), sizes).max() < 1e-7
+
+
+def guided(friction: float, **keys) -> MovingFinger:
+    return MovingFinger(
+        LENGTH, STIFFNESS, OFFSET, friction, axial_stiffness=1e4, series_compliance=1 / 3.3e4, hinges=24, **keys
+    )
+
+
+def test_a_slow_loop_of_the_chain_of_guides_gives_its_friction_and_elasticity():
+    chain = guided(0.15, density=1e-9, damping=1e-12, tip_mass=0.0, time_step=1.0)
+    taut = 6.0 * (1 / 3.3e4 + LENGTH / 1e4)
+    chain.start([("length", taut)] * 2)
+    turns, wound, rows = [0.0, 6e-3, 1e-3, 5e-3, 0.0], [], []
+    for start, end in pairwise(turns):
+        for k, y in enumerate(np.linspace(start, end, 33)[1:]):
+            chain.advance([("length", taut + y), ("length", taut - y)])
+            if k % 4 == 3:
+                wound.append(y)
+                rows.append([*chain.tip, *chain.tensions])
+    x, y, first, second = np.array(rows).T
+    readings = [
+        Reading("x", x, sigma=2e-4),
+        Reading("y", y, sigma=2e-4),
+        Reading("tension", first, sigma=0.05, of=1),
+        Reading("tension", second, sigma=0.05, of=2),
+    ]
+    data = Poses(readings, {"length_1": wound, "length_2": [-y for y in wound]}, sequence=True)
+    scene = driven(WINCHES, "lengths", []).changed({"fidelity.family": "clothoid"})
+    starts = {"bending_stiffness": 9e-3, "tendon_friction": 0.05, "tendon_series_stiffness": 1e4, "drive_pretension": 1}
+    fit = cg.identify(scene, data, parameters=[Estimate(name=name, start=start) for name, start in starts.items()])
+    assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=2e-3)
+    assert fit["tendon_friction"] == pytest.approx(0.15, abs=0.004)
+    assert fit["drive_pretension"] == pytest.approx(6.0, rel=2e-3)
+    # At rest the sliding by elongation is left out.
+    assert fit["tendon_series_stiffness"] == pytest.approx(3.3e4, rel=0.08)
+    applied = fit.apply().finger.tendons
+    assert (applied.friction, applied.series_stiffness) == (fit["tendon_friction"], fit["tendon_series_stiffness"])
+    assert applied.drive.pretension == fit["drive_pretension"]
+    # Rows by themselves, all of them pulled, do not close that loop.
+    alone = Poses(readings, data.conditions)
+    apart = cg.identify(scene, alone, parameters=["tendon_friction"])
+    assert apart.errors[2].rms > 20.0 * fit.errors[2].rms
+
+
+def test_intervals_of_friction_and_pretension_cover_the_truth():
+    scene = driven(WINCHES, "lengths", []).changed({"fidelity.elements": 1})
+    wound = np.array([2e-3, 6e-3, 3e-3, 1e-3, 5e-3, 2e-3])
+    conditions = {"length_1": wound, "length_2": -wound}
+    data = Poses(read(("tension", 1), ("tension", 2), count=wound.size), conditions, sequence=True)
+    unknowns = read_unknowns(scene, ["tendon_friction", "drive_pretension"])
+    truth = [one.start for one in unknowns]
+    values = PosesBlock(scene, data, unknowns).predict(np.array(truth))[0].reshape(-1, 2)
+    exact = Poses(
+        [Reading("tension", values[:, 0], of=1), Reading("tension", values[:, 1], of=2)],
+        conditions,
+        sequence=True,
+    )
+    hits = coverage([PosesBlock(scene, exact, unknowns)], unknowns, truth, 0.05, 60)
+    # 95 %, three standard deviations of 60 repeats
+    assert np.all(hits >= 52)
+
+
+# -- commands that show the unknowns ----------------------------------------------------------------------------------
+
+
+def loop(drive: dict, names: list[str], measured: list[dict], **keys) -> IdentifyScene:
+    return IdentifyScene(
+        finger=FINGER | {"tendons": TENDONS | {"friction": 0.15, "drive": drive}},
+        gravity=(0.0, 0.0),
+        fidelity={"family": "arc", "elements": 1},
+        estimate=[{"name": name} for name in names],
+        data=[{"kind": "trajectory", "sigma": 3e-4, "measured": measured, **keys}],
+        excitation={"duration": 3.0, "sample": 0.015, "reach": 0.5},
+    )
+
+
+def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
+    """The deviations beforehand are those of a fit to readings with that noise, and hold for many repeats."""
+    measured = [{"quantity": "tension", "column": "T", "sigma": 0.1}]
+    scene = loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured)
+    plan = design_excitation(scene)
+    assert plan.rehearsal.tensions.max() < 40.0
+    assert not any("bending range" in one or "cannot see" in one for one in plan.warnings)
+    assert plan.segments[0].name == "hold"
+    assert plan.segments[-1].end == pytest.approx(3.0)
+    rng = np.random.default_rng(2)
+    motion = plan.rehearsal
+    noisy = [
+        values + sigma * rng.standard_normal(values.size)
+        for values, sigma in ((motion.tip[1:, 0], 3e-4), (motion.tip[1:, 1], 3e-4), (motion.tensions[1:, 0], 0.1))
+    ]
+    path = TipPath(motion.t[1:], *noisy[:2], sigma=3e-4, measured=[Reading("tension", noisy[2], sigma=0.1, of=1)])
+    fit = cg.identify(plan.scene, path, parameters=list(plan.names))
+    assert fit.deviations == pytest.approx(plan.deviations, rel=0.1)
+    assert np.all(np.abs(fit.values - plan.values) < 4.0 * plan.deviations)
+
+
+def test_commands_say_what_they_cannot_show():
+    measured = [{"quantity": "length", "column": "y", "sigma": 1e-5}]
+    plan = design_excitation(loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured, x=None, y=None))
+    assert any("these commands cannot see tendon_friction" in one for one in plan.warnings)
+    assert math.isinf(plan.deviations[0])
+    assert plan.shown_in[0] == "none"
+    rows = csv_of(plan).splitlines()
+    assert rows[0] == "t [s],length_1 [m],length_2 [m]"
+    assert len(rows) == 202
+    assert yaml_of(plan).startswith("# 0 to ")
+
+
+def test_a_design_needs_readings_of_known_scatter():
+    scene = loop(WINCHES, ["tendon_friction"], [{"quantity": "tension", "column": "T"}])
+    with pytest.raises(InputError, match="deviations cannot be predicted") as error:
+        design_excitation(scene)
+    assert error.value.key == "data[0].measured[0].sigma"
