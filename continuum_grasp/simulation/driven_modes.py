@@ -1,8 +1,8 @@
 """Small motions of a finger that has friction, or whose tendons are wound up.
 
 Three limits, between which a motion is: friction acts as it does and the drives are held; all sticks, so that branches
-of dry friction add their stiffness, and each stretch of a tendon that is wound up elongates with the finger's bend and
-adds E A e^2; the drives are free to turn, with their inertia. Dry friction of motors is left out.
+of dry friction add their stiffness, and tendons that are wound up elongate locally with the finger's bend and add
+E A e^2; the drives are free to turn, with their inertia. Dry friction of motors is left out.
 """
 
 from __future__ import annotations
@@ -74,16 +74,16 @@ def _condensed(stiffness: Array, heavy: NDArray[np.bool_]) -> Array:
     """A stiffness without the places that have no inertia, which follow the others."""
     if heavy.all():
         return stiffness
-    kept, light = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, ~heavy)]
+    own, light = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, ~heavy)]
     follow = np.linalg.solve(light, stiffness[np.ix_(~heavy, heavy)])
-    return np.asarray(kept - stiffness[np.ix_(heavy, ~heavy)] @ follow)
+    return np.asarray(own - stiffness[np.ix_(heavy, ~heavy)] @ follow)
 
 
 def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
     """Stiffness of taut tendons: of those with friction as if they were glued to the finger all along."""
     made, total = model.structure, np.zeros((model.n, model.n))
     tensions = np.array(model.tensions()(x, found.u, found.p)[0]).ravel()
-    rubbing = {tendon for cells in made.cell_sets for tendon in cells.tendons}
+    frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}
     for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
         if tension <= _TAUT or tendon.axial_stiffness is None:
             continue
@@ -94,9 +94,9 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
             for s, weights in nodes_of(made.mesh.panels(element, shape, made.mesh.stiffness)):
                 bent = arm * shape(s) * made.family.shapes_at(element, s)[:-1]
                 drawn[local] += bent @ weights
-                if k in rubbing:
+                if k in frictional:
                     total[np.ix_(local, local)] += tendon.axial_stiffness * (bent * weights) @ bent.T
-        if k not in rubbing:
+        if k not in frictional:
             total += np.outer(drawn, drawn) / compliance(tendon, made.length)
     return total
 

@@ -23,12 +23,12 @@ REEL = {"kind": "length", "time_constant": 0.02}
 def scene(tendons, actuation, *, reached_by="pulling", gravity=(0.0, 0.0), **fidelity):
     rod = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
     listed = tendons if isinstance(tendons, list) else [tendons]
-    rubbing = any(one["friction"] for one in listed)
+    frictional = any(one["friction"] for one in listed)
     return cg.Scene(
         finger={"rod": rod, "tendons": tendons},
         gravity=gravity,
         actuation=actuation,
-        initial={"pose": "equilibrium", **({"reached_by": reached_by} if rubbing else {})},
+        initial={"pose": "equilibrium", **({"reached_by": reached_by} if frictional else {})},
         fidelity=fidelity or {"family": "clothoid"},
     )
 
