@@ -187,6 +187,9 @@ _CORNERS = 32
 _BETWEEN = 32
 """Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
 
+_SLIDING = 1.5
+"""A friction state beyond its range [1], as of what slides."""
+
 Array = NDArray[np.float64]
 
 
@@ -198,9 +201,11 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
     reach, radius = np.array([field.high for field in states[: model.n]]), 0.0
+    count = len(model.friction_names)
     for p in _corners(model, parameters, rng):
-        for shape in _shapes(reach, rng):
-            x = np.concatenate([shape, np.zeros(model.nx - model.n)])
+        # What sticks is stiff, and states of what slides return to their range.
+        for shape, z in itertools.product(_shapes(reach, rng), (0.0, _SLIDING) if count else (0.0,)):
+            x = np.concatenate([shape, np.zeros(model.nx - model.n - count), np.full(count, z)])
             jacobian = np.array(model.linearization(x, np.zeros(model.nu), np.zeros(model.nw), p)[0])
             if not np.isfinite(jacobian).all():
                 raise NumericalError(
