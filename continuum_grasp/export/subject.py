@@ -21,6 +21,7 @@ from continuum_grasp.export.ranges import TipRange, force_fields, input_fields, 
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.simulation.spectrum import SLIDING
 
 
 @dataclass(frozen=True)
@@ -186,8 +187,6 @@ _CORNERS = 32
 """Corners of the box of parameters, all of them for up to five parameters."""
 _TAUT = 1.0
 """Tension of a tendon that is taut [N]."""
-_SLIDING = 1.5
-"""A friction state beyond its range [1], as of a tendon that slides."""
 _BETWEEN = 32
 """Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
 
@@ -203,6 +202,7 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
     reach, radius = np.array([field.high for field in states[: model.n]]), 0.0
+    count = len(model.friction_names)
     for p in _corners(model, parameters, rng):
         for shape in _shapes(reach, rng):
             for rest, u in _driven(model, shape, p):
@@ -217,21 +217,21 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
 
 
 def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Array]]:
-    """States of drives and of tendon friction, and inputs, among which the stiffest are, in a shape."""
+    """States of drives and of friction, and inputs, among which the stiffest are, in a shape."""
     tendons, structure, u = model.finger.tendon_list, model.structure, np.zeros(model.nu)
-    if not structure.own_tendons:
-        return [(np.zeros(model.nx - 2 * model.n), u)]
-    greatest = [tendon.max_tension for tendon in tendons]
-    if structure.winches:
-        # A pulley has both of its tendons taut at their pretension; what is stiff about friction grows with tension.
-        least = max(_TAUT, *(winch.drive.pretension for winch in structure.winches))
-        drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
-    else:
-        u[: len(greatest)] = greatest
-        drives = [structure.lag_at(u.tolist())]
-    friction = (0.0, _SLIDING) if model.friction_names else (0.0,)
     count = len(model.friction_names)
-    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in friction]
+    drives = [[0.0] * (model.nx - 2 * model.n - count)]
+    if structure.own_tendons:
+        greatest = [tendon.max_tension for tendon in tendons]
+        if structure.winches:
+            # A pulley has both of its tendons taut at their pretension; what is stiff about friction grows with tension.
+            least = max(_TAUT, *(winch.drive.pretension for winch in structure.winches))
+            drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
+        else:
+            u[: len(greatest)] = greatest
+            drives = [structure.lag_at(u.tolist())]
+    # What sticks is stiff, and states of what slides return to their range.
+    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
 
 
 def _check_step(step: float, substeps: int, radius: float) -> None:
