@@ -202,7 +202,6 @@ def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Se
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
     reach, radius = np.array([field.high for field in states[: model.n]]), 0.0
-    count = len(model.friction_names)
     for p in _corners(model, parameters, rng):
         for shape in _shapes(reach, rng):
             for rest, u in _driven(model, shape, p):
@@ -224,7 +223,7 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
     if structure.own_tendons:
         greatest = [tendon.max_tension for tendon in tendons]
         if structure.winches:
-            # A pulley has both of its tendons taut at their pretension; what is stiff about friction grows with tension.
+            # Both tendons of a pulley are taut at their pretension; what is stiff about friction grows with tension.
             least = max(_TAUT, *(winch.drive.pretension for winch in structure.winches))
             drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
         else:
