@@ -57,10 +57,9 @@ static void contact_bounds(const contact_state *state, const contact_settings *s
   for (int g = 0; g < groups; ++g) {
     real least = 0, most = 0;
     for (int m = 1; m < CONTACT_NM; ++m) {
-      const real off = state->deviation[m][d];
       if (settings->group[m] != g) continue;
-      if (off < least) least = off;
-      if (off > most) most = off;
+      if (state->least[m][d] < least) least = state->least[m][d];
+      if (state->most[m][d] > most) most = state->most[m][d];
     }
     *low += least;
     *high += most;
@@ -153,6 +152,10 @@ int contact_step(contact_state *state, const contact_settings *settings, const r
       if (state->steps < 2) continue;
       if (m == 0) free_mean[d] = both;
       else state->deviation[m][d] += settings->blend * (both - free_mean[d] - state->deviation[m][d]);
+      const real off = state->deviation[m][d], low = settings->fade * state->least[m][d];
+      const real high = settings->fade * state->most[m][d];
+      state->least[m][d] = off < low ? off : low;
+      state->most[m][d] = off > high ? off : high;
     }
   }
   for (int d = 0; d < CONTACT_ND; ++d) {

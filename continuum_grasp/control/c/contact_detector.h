@@ -37,6 +37,8 @@ typedef struct {
   real period;                /* [s] */
   int substeps;
   real blend;                 /* share of a new residual in the filtered one */
+  real fade;                  /* share of a member's deviation that is left after a period: one that swings counts as
+                                 much as it swings, also while it passes zero */
   real inertia[CONTACT_ND];   /* tension per acceleration of the cable [kg] */
   real viscous[CONTACT_ND];   /* tension per speed [N s/m] */
   real dry[CONTACT_ND];       /* dry friction of the motor, as a tension [N] */
@@ -51,6 +53,7 @@ typedef struct {
   real s[CONTACT_NM][CONTACT_NS];
   real tension[CONTACT_NM][CONTACT_ND], mean[CONTACT_NM][CONTACT_ND];       /* now, and over the period before */
   real deviation[CONTACT_NM][CONTACT_ND];                             /* filtered */
+  real least[CONTACT_NM][CONTACT_ND], most[CONTACT_NM][CONTACT_ND];         /* of it, of late */
   real length[CONTACT_ND], speed[3][CONTACT_ND], pull[CONTACT_ND], pull_mean[CONTACT_ND];
   real residual[CONTACT_ND], dry[CONTACT_ND], size[CONTACT_ND];           /* filtered */
   int steps;                  /* so far, up to three */

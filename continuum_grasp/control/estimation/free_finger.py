@@ -85,8 +85,8 @@ class FreeFinger:
         """``(s, wound, p) -> rate``: rate of the state."""
         n, x = self.n, self._x
         xd = self.model.forward_dynamics(x, self._lengths, ca.DM.zeros(self.model.nw), self._arguments[2])
-        kept = [*range(2 * n), *range(x.numel() - self.friction_states, x.numel())]
-        return straight_function("free_rate", self._given(), {"rate": xd[kept]})
+        own = [*range(2 * n), *range(x.numel() - self.friction_states, x.numel())]
+        return straight_function("free_rate", self._given(), {"rate": xd[own]})
 
     @cached_property
     def tension(self) -> ca.Function:
