@@ -14,6 +14,7 @@ from continuum_grasp.plotting.drawing.axes import Box, bend_box, colors, head, n
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GRAY, GREEN, INK, ORANGE, Z
+from continuum_grasp.scene.drives import COMMANDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -183,20 +184,22 @@ def _draw_moment(ax: Axes, mission: MissionRun, t: float, pose: Array, **style: 
 
 
 def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
-    """Draw tensions, contact forces, use of friction and motion of the object over the phases.
+    """Draw inputs, contact forces, use of friction and motion of the object over the phases.
 
-    The five axes, in one figure where none are given, are of phases, tensions, normal forces, friction, and motion.
+    The five axes, in one figure where none are given, are of phases, inputs, normal forces, friction, and motion.
     """
     if ax is None:
         ax = new_figure(8.6, 9.4).subplots(5, 1, sharex=True, height_ratios=(0.66, 1.0, 1.35, 1.0, 1.0))
     strip, *rest = ax
+    word, unit = COMMANDS[mission.assignment.control.finger.input_key]
+    taken = f"{word} [{unit}]"
     end = max(float(mission.run.t[-1]), 1e-3)
     for one, (draw, text) in zip(rest, _CURVES, strict=True):
         quiet(one)
         for span in mission.spans:
             one.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
         draw(one, mission)
-        one.set_ylabel(text, color=INK)
+        one.set_ylabel(text.format(input=taken), color=INK)
         head(one, None, _ONE_ROW)
     rest[-1].set_xlabel("time [s]", color=INK)
     rest[-1].set_xlim(0.0, end)
@@ -228,7 +231,7 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
     ax.set_title(mission.name or " ", fontsize=10, color=INK, loc="left")
 
 
-def _draw_tensions(ax: Axes, mission: MissionRun) -> None:
+def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
     run = mission.run
     for column, name, color in zip(run.u.T, run.u_names, colors(len(run.u_names)), strict=True):
         ax.stairs(column, run.t, color=color, linewidth=1.3, baseline=None, label=words(name))
@@ -277,7 +280,7 @@ def _draw_moved(ax: Axes, mission: MissionRun) -> None:
 
 
 _CURVES = (
-    (_draw_tensions, "tension [N]"),
+    (_draw_inputs, "{input}"),
     (_draw_normal_forces, "normal force [N]"),
     (_draw_friction, "friction used [1]"),
     (_draw_moved, "object moved [mm]"),
