@@ -143,7 +143,7 @@ DRIVES = {
 
 
 def driven_scene(name, *, tendons=None, controller=None, **changes) -> ControlScene:
-    """The hand finger with tendons that rub and have a drive; changes override."""
+    """The hand finger with tendon friction and drives; changes override."""
     drive, limits = DRIVES[name]
     asked = {
         "horizon": {"stages": 20, "stage": 0.01},
