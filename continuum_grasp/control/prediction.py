@@ -185,8 +185,8 @@ class Prediction(Remade):
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)
             paths = [max(map(abs, ends(finger.tendon_list[k].offset))) * bend for k in winch.tendons]
-            stretch = drive.torque_max / (winch.radius * float(winch.stiffness))
-            reach = (max(paths) + stretch + abs(float(winch.start))) / winch.radius
+            elongation = drive.torque_max / (winch.radius * float(winch.stiffness))
+            reach = (max(paths) + elongation + abs(float(winch.start))) / winch.radius
         return DriveState(state, follows or (0.0,) * self.nu, reach, lag)
 
     # -- what the system takes ----------------------------------------------------------------------------------------

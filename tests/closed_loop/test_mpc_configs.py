@@ -151,7 +151,7 @@ def test_a_moment_lifts_the_rod():
     assert np.linalg.norm(found.tip[-10:] - found.tip_reference[-10:], axis=1).max() < 0.015
 
 
-def test_winches_follow_although_tendons_rub_half_as_much_again():
+def test_winches_follow_although_friction_is_half_as_much_again():
     found = checked(run("winches", 1.0))
     assert found.scene.plant.tendon_friction == pytest.approx(1.5 * found.scene.finger.tendon_friction)
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
