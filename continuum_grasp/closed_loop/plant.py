@@ -22,7 +22,7 @@ from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Measured
+from continuum_grasp.scene.estimator import Measured
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
 
 Array = NDArray[np.float64]

@@ -1,185 +1,25 @@
-"""C of controllers and estimators: their settings, their source, and objects of it that take and return doubles."""
+"""C of controllers and estimators: their source, and objects of it that take and return doubles."""
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
-import math
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from continuum_grasp.control.estimation.contact_model import ContactModel
 from continuum_grasp.control.estimation.model import Estimation
-from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
-from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.field import Field
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.source import plain_source
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-
-if TYPE_CHECKING:
-    from continuum_grasp.control.estimation.contact_model import ContactModel
 
 Array = NDArray[np.float64]
-
-_RAMP = 0.5
-"""Time in which the safe ramp crosses the whole range of an input [s]: longer than the period of the first mode of the
-shipped fingers (0.4 s), so that the ramp does not make them swing."""
-_WINDOW = 0.2
-"""Time over which mismatch and activity are averaged [s]: a shorter one reports noise, and a swinging loop is lost
-within a second."""
-_LEAST_WINDOW = 20
-"""Least number of calls of that window [1]: a mean over fewer exceeds the thresholds of ``c/supervisor.c`` by
-chance."""
-_SETTLING = 3
-"""Calls beyond the estimator's delay until innovations are compared [1]: the first ones contain the error of the
-start."""
-_RUNGS = 2
-"""Fourfold raises of the weight of the command's rate [1]: 16 times the weight tolerates three periods of unmodeled
-delay."""
-_STILL = 1e-3
-"""Change of a reading, relative to its sensor's standard deviation, up to which it is at rest [1]: 20 readings of white
-noise in a row stay within it once in 1e60 cases, at a tenth of the declared noise once in 1e45."""
-_CROSSING = 0.1
-"""Time in which a fully active command crosses its range where its rate has no tighter limit [s]: that of the shipped
-scenes (59 N at 600 N/s)."""
-_FAR = 0.1
-"""Distance of the tip from its setpoint beyond which it is away, in finger lengths [1]: working loops stay below 0.09
-(configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
-
-
-@dataclass(frozen=True)
-class Field:
-    """A member of a C structure of settings, and its values."""
-
-    member: str
-    values: ArrayLike
-    whole: bool = False
-
-
-def delay_periods(scene: ControlScene) -> int:
-    """Return the age of measurements in control periods."""
-    return 0 if scene.estimator is None else round(scene.estimator.delay / scene.controller.step)
-
-
-def estimator_fields(
-    scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation, ranges: Ranges
-) -> list[Field]:
-    """List the members of ``ekf_settings`` of a scene with an estimator."""
-    process, initial, measured = noise_of(scene, model, estimation)
-    states = np.vstack([ranges.x, ranges.disturbances])
-    period = scene.controller.step
-    # Steps as long as those of the stages, which the stiffness allows; rounding must not add one.
-    substeps = max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9))
-    return [
-        Field("noise", process),
-        Field("initial", initial),
-        Field("z_min", states[:, 0]),
-        Field("z_max", states[:, 1]),
-        Field("mixing", estimation.mixing),
-        Field("variance", measured),
-        Field("y_min", ranges.measurement[:, 0]),
-        Field("y_max", ranges.measurement[:, 1]),
-        Field("period", period),
-        Field("substeps", substeps, whole=True),
-        Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
-        Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
-        *([Field("friction", estimation.friction, whole=True)] if estimation.friction else []),
-    ]
-
-
-def controller_fields(
-    scene: ControlScene,
-    model: Prediction,
-    stages: Stages,
-    estimation: Estimation | None,
-    precision: str,
-    contact: ContactModel | None = None,
-) -> list[Field]:
-    """List the members of ``controller_settings``, for C in double or float."""
-    ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
-    fields = [
-        *_nested("rti", _iteration_fields(scene, stages, precision)),
-        Field("period", asked.step),
-        Field("u_rate", np.full(stages.nu, asked.input.rate_max or ABSENT)),
-        Field("u_safe", scene.rest_input),
-        # The C refuses a rate of zero, which an input that cannot move would have.
-        Field("safe_rate", np.maximum((stages.u_max - stages.u_min) / _RAMP, 1e-9)),
-        Field("applied_min", ranges.applied[:, 0]),
-        Field("applied_max", ranges.applied[:, 1]),
-        Field("r_min", ranges.r[:, 0]),
-        Field("r_max", ranges.r[:, 1]),
-        Field("p_min", ranges.p[:, 0]),
-        Field("p_max", ranges.p[:, 1]),
-        Field("x_min", ranges.x[:, 0]),
-        Field("x_max", ranges.x[:, 1]),
-        Field("sqp_iterations", asked.sqp_iterations, whole=True),
-        Field("start_iterations", asked.start_iterations, whole=True),
-        *_nested("supervisor", _supervisor_fields(scene, stages, estimation)),
-    ]
-    if estimation is not None:
-        fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
-        if contact is not None:
-            felt = [estimation.measurement_names.index(name) for name in contact.measurement_names]
-            fields += [*_nested("contact", contact.fields), Field("felt", felt, whole=True)]
-    return fields
-
-
-def _iteration_fields(scene: ControlScene, stages: Stages, precision: str) -> list[Field]:
-    """List the members of ``rti_settings``."""
-    real = np.float64 if precision == "double" else np.float32
-    return [
-        *[Field(name, getattr(stages, name)) for name in rti.SETTINGS],
-        Field("stage", stages.stage),
-        Field("substeps", stages.substeps, whole=True),
-        Field("iterations", scene.controller.iterations, whole=True),
-        Field("tolerance", float(real(rti.TOLERANCE[precision]))),
-        Field("regularization", float(real(rti.REGULARIZATION))),
-    ]
-
-
-def _nested(name: str, fields: list[Field]) -> list[Field]:
-    return [Field(f"{name}.{f.member}", f.values, f.whole) for f in fields]
-
-
-def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimation | None) -> list[Field]:
-    """List the members of ``supervisor_settings``."""
-    asked, period = scene.controller, scene.controller.step
-    window = max(_LEAST_WINDOW, math.ceil(_WINDOW / period - 1e-9)) if asked.supervisor else 0
-    names = estimation.measurement_names if estimation is not None else tuple("x" * stages.nd)
-    devices = estimation.sensor_names if estimation is not None else ()
-    sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
-    checks_frozen = scene.estimator is not None and scene.estimator.frozen
-    rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
-    return [
-        Field("window", window, whole=True),
-        Field("delay", delay_periods(scene) + _SETTLING, whole=True),
-        # Without a weight of the command's rate there is nothing to raise.
-        Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
-        Field("sensor", sensor, whole=True),
-        # Tip and angles show the shape; drives do not.
-        Field("shape", [int(name in ("tip", "bending")) for name in devices] or [0], whole=True),
-        # A tension moves with its own command, everything else with all of them.
-        Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
-        # Below zero: not tested.
-        Field("still", [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names]),
-        # Divisors in the C: not zero where an input cannot move.
-        Field("change", np.maximum(rate * period, 1e-12)),
-        Field("tip", _first("tip_x [m]", names), whole=True),
-        Field("setpoint", _first("tip_x [m]", stages.r_names), whole=True),
-        Field("far", _FAR * scene.finger.rod.length),
-    ]
-
-
-def _first(name: str, names: tuple[str, ...]) -> int:
-    return names.index(name) if name in names else -1
 
 
 def estimator_source(

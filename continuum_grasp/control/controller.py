@@ -15,14 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments, positive, shown
 from continuum_grasp.control.arguments import numbers, vector
 from continuum_grasp.control.command import Command, Layout
-from continuum_grasp.control.compiled import Compiled, Field, controller_fields, controller_source, delay_periods
+from continuum_grasp.control.compiled import Compiled, controller_source
 from continuum_grasp.control.estimation.contact_detector import contact_parts
 from continuum_grasp.control.estimation.contact_model import contact_model_of
 from continuum_grasp.control.estimation.model import estimation_of
+from continuum_grasp.control.field import Field
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
+from continuum_grasp.control.settings import controller_fields, delay_periods
 from continuum_grasp.control.status import Statistics, Status
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError

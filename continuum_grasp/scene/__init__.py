@@ -9,16 +9,12 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene as ControlScene
-    from continuum_grasp.scene.controller import BendingSensors as BendingSensors
     from continuum_grasp.scene.controller import Bounds as Bounds
     from continuum_grasp.scene.controller import Controller as Controller
     from continuum_grasp.scene.controller import DiscZone as DiscZone
-    from continuum_grasp.scene.controller import Disturbed as Disturbed
-    from continuum_grasp.scene.controller import Estimator as Estimator
     from continuum_grasp.scene.controller import HalfPlaneZone as HalfPlaneZone
     from continuum_grasp.scene.controller import Horizon as Horizon
     from continuum_grasp.scene.controller import InputLimits as InputLimits
-    from continuum_grasp.scene.controller import Measured as Measured
     from continuum_grasp.scene.controller import Penalty as Penalty
     from continuum_grasp.scene.controller import Plant as Plant
     from continuum_grasp.scene.cost import CircleReference as CircleReference
@@ -35,6 +31,10 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.design import DesignVariable as DesignVariable
     from continuum_grasp.scene.design import QuantityLimit as QuantityLimit
     from continuum_grasp.scene.design import Tolerance as Tolerance
+    from continuum_grasp.scene.estimator import BendingSensors as BendingSensors
+    from continuum_grasp.scene.estimator import Disturbed as Disturbed
+    from continuum_grasp.scene.estimator import Estimator as Estimator
+    from continuum_grasp.scene.estimator import Measured as Measured
     from continuum_grasp.scene.finger import BasePose as BasePose
     from continuum_grasp.scene.finger import Finger as Finger
     from continuum_grasp.scene.finger import PiecewiseCurvature as PiecewiseCurvature

@@ -8,9 +8,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.controller import Controller, Estimator, Plant
+from continuum_grasp.scene.controller import Controller, Plant
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
+from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial

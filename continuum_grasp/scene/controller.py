@@ -1,4 +1,4 @@
-"""A nonlinear model predictive controller, its estimator, and the plant: bounds, horizon, sensors, differences."""
+"""A nonlinear model predictive controller and the plant: bounds, horizon, differences."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.contact_detection import ContactDetection
 from continuum_grasp.scene.cost import Cost
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
@@ -21,7 +20,6 @@ from continuum_grasp.scene.value import (
     Distance,
     Duration,
     Friction,
-    Length,
     Mass,
     NonNegative,
     Position,
@@ -229,102 +227,6 @@ class Controller(Value):
     def step(self) -> float:
         """Time from one command to the next [s]."""
         return self.horizon.stage if self.period is None else self.period
-
-
-class BendingSensors(Value):
-    """Angles of sections."""
-
-    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
-    """Positions along the finger [m]."""
-    std: Annotated[Positive, Field(examples=[0.003, "3 mrad"]), Unit("rad")]
-    """Standard deviation of a measured angle [rad]."""
-
-
-class Measured(Value):
-    """Measured quantities, each with the standard deviation of its noise."""
-
-    tip: Annotated[Positive, Field(examples=[3e-4, "0.3 mm"]), Unit("m")] | None = None
-    """Of each coordinate of the tip's world position, by a camera [m]."""
-    tension: Annotated[Positive, Field(examples=[0.1]), Unit("N or N m")] | None = None
-    """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since without
-    one it is the input itself."""
-    bending: BendingSensors | None = None
-    """Angles of sections; None: not measured."""
-    length: Annotated[Positive, Field(examples=[2e-5, "20 um"]), Unit("m")] | None = None
-    """Of the cable that each winch has wound up, with ``drive.kind: length`` [m]; of an encoder, a step over the root
-    of 12."""
-    angle: Annotated[Positive, Field(examples=[4e-4, "0.4 mrad"]), Unit("rad")] | None = None
-    """Of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
-    torque: Annotated[Positive, Field(examples=[1e-4]), Unit("N m")] | None = None
-    """Of the torque of each motor at its drum [N m]."""
-    current: Annotated[Positive, Field(examples=[5e-3]), Unit("A")] | None = None
-    """Of the current of each motor with a ``torque_constant`` [A]."""
-
-    def _check(self) -> None:
-        shows = ("tip", "bending", "length", "angle")
-        if all(getattr(self, name) is None for name in shows):
-            raise ValueError(
-                "measure the tip, the bending, or what winches have wound up (length, angle): the shape cannot be "
-                "estimated from a tension alone"
-            )
-        if self.torque is not None and self.current is not None:
-            raise ValueError("torque and current exclude each other: the current times torque_constant is the torque")
-
-    def check(self, finger: Finger, key: str) -> None:
-        """Refuse sensors of drives that the finger lacks; ``key`` is where they are in the scene."""
-        drive = finger.winches[0] if finger.winches else None
-        kind = None if drive is None else drive.kind
-        for name, needed in (("length", "length"), ("angle", "motor"), ("torque", "motor"), ("current", "motor")):
-            if getattr(self, name) is not None and kind != needed:
-                got = "commanded tensions" if kind is None else f"drive.kind: {kind}"
-                raise ValueError(f"{key}.{name} is that of drive.kind: {needed}, got {got}")
-        if self.current is not None and isinstance(drive, MotorDrive) and drive.torque_constant is None:
-            raise ValueError(f"{key}.current needs drive.torque_constant; without one measure the torque")
-
-
-class Disturbed(Value):
-    """Slowly varying unknowns estimated with the state, each with its drift per square root of a second."""
-
-    tip_moment: Annotated[Positive, Field(examples=[0.01]), Unit("N m / s^0.5")] | None = None
-    """Tip moment missing in the model, from wrong stiffness or friction [N m / s^0.5]."""
-    tip_force: Annotated[Positive, Field(examples=[0.1]), Unit("N / s^0.5")] | None = None
-    """Unknown world force at the tip, each component [N / s^0.5]."""
-    contact_force: Annotated[Positive, Field(examples=[0.2]), Unit("N / s^0.5")] | None = None
-    """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
-    object_position: Annotated[Positive, Field(examples=[0.004]), Unit("m / s^0.5")] | None = None
-    """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
-    bending_stiffness: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
-    """Bending stiffness, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
-    tendon_friction: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
-    """Friction coefficient of the tendons, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Those that are estimated."""
-        return frozenset(name for name in type(self).model_fields if getattr(self, name) is not None)
-
-
-class Estimator(Value):
-    """An extended Kalman filter with disturbance states."""
-
-    measured: Measured
-    """What is measured, and how noisy it is."""
-    disturbances: Disturbed = Disturbed()
-    """Unknowns that are estimated with the state."""
-    contact_detection: ContactDetection | None = None
-    """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
-    acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
-    """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
-    initial_std: Annotated[Positive, Unit("rad")] = 0.05
-    """Standard deviation of each bending angle at the start [rad]; of their rates ten times that per second."""
-    delay: Annotated[float, Field(ge=0.0, le=1.0), Unit("s")] = 0.0
-    """Known age of a measurement when it arrives, a whole number of control periods [s]."""
-    outlier: Annotated[float, Field(ge=2.0, le=100.0, examples=[8.0]), Unit("1")] = 8.0
-    """A sensor further than this many standard deviations from its expected value [1] is rejected, unless that happens
-    too often: then the model is wrong, and the sensor is used with bounded influence."""
-    frozen: bool = True
-    """Whether a reading at rest for 0.2 s (20 samples at least) counts as missing while the command moves. False: for
-    sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
 
 
 class Plant(Value):

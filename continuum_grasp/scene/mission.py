@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.controller import Bounds, Estimator, Horizon, InputLimits, Plant
+from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits, Plant
+from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.tendons import TendonList, Tendons

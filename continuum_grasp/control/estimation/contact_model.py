@@ -10,17 +10,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.compiled import Field
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
 from continuum_grasp.control.estimation.model import position_name, torque_name, torque_per_reading
+from continuum_grasp.control.field import Field
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.winches import SLOW, Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Measured
 from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.estimator import Measured
 from continuum_grasp.scene.simulate import Initial
 from continuum_grasp.simulation.statics import Friction, friction_of
 

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
-from continuum_grasp.control.compiled import Compiled, delay_periods, estimator_fields, estimator_source
+from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
 from continuum_grasp.control.ocp.stages import stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
+from continuum_grasp.control.settings import delay_periods, estimator_fields
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError

@@ -16,8 +16,8 @@ from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Disturbed, Measured
 from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.estimator import Disturbed, Measured
 
 Array = NDArray[np.float64]
 

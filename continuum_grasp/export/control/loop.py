@@ -12,14 +12,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.compiled import Field as Member
-from continuum_grasp.control.compiled import controller_fields, delay_periods
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, ranges_of
+from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.ocp.stages import Stages, stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
+from continuum_grasp.control.settings import controller_fields, delay_periods
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct

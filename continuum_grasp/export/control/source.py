@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.control.compiled import Field as Member
 from continuum_grasp.control.compiled import estimator_sizes
+from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
