@@ -106,8 +106,8 @@ class ShapeRod:
         """Moment of tendons and couples at places [1]."""
         problem = self.equations.problem
         found = np.zeros(s.shape)
-        for shape, amplitude, _ in problem.drives:
-            found += amplitude * shape(s * problem.length)
+        for tendon in problem.tendons:
+            found += tendon.amplitude * tendon.shape(s * problem.length)
         for at, couple in problem.couples:
             found += couple * (s <= at)
         return found

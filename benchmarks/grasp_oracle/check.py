@@ -296,7 +296,7 @@ def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array, sta
                 loss[side] += x
                 # The hats 1 - v and v of the element over the cell, and their slopes.
                 mean, lean = 1.0 + x * x / 24.0, x / (12.0 * count)
-                found[k] += moment * np.array([(1.0 - u) * mean + lean, u * mean - lean])
+                found[k] += moment * mean * np.array([1.0 - u + lean, u - lean])
     return found
 
 

@@ -144,9 +144,13 @@ class Rollouts:
                 for i in range(3)
             ]
             fixed = ca.repmat(ca.DM(p), 1, length), ca.repmat(ca.DM(h), 1, length)
-            following = np.array(self._chains[length](states[k], *[ca.DM(v) for v in samples], *fixed)).T[
-                sub - 1 :: sub
-            ]
+            try:
+                reached = self._chains[length](states[k], *[ca.DM(v) for v in samples], *fixed)
+            except (
+                RuntimeError
+            ):  # a step that runs away may leave a matrix singular, which the machine takes for an error
+                return k
+            following = np.array(reached).T[sub - 1 :: sub]
             states[k + 1 : k + 1 + len(following)] = following
             broken = np.flatnonzero(~np.all(np.isfinite(following), axis=1))
             if broken.size:

@@ -16,9 +16,8 @@ Function = Callable[[Array], tuple[Array, Array]]
 
 _STEP = 1e-9
 """Step per typical size below which the search has converged [1]: measured rods have deviations of 4e-4 and more."""
-_DECREASE = 1e-9
-"""Relative decrease of the sum of squares below which it has converged [1]: among a thousand numbers it moves no value
-by more than a thousandth of its standard deviation. Motions through stops have kinks, where less is not reached."""
+_DECREASE = 1e-14
+"""Relative decrease of the sum of squares below which it has converged [1]: some 50 roundings of a double."""
 _AT_BOUND = 1e-6
 """Distance from a bound per typical size at which a value is put on it [1]; the iterates themselves stay inside."""
 

@@ -255,7 +255,12 @@ def test_solver_failure_exits_with_1(pretend):
 
 def test_modes_prints_a_table(pretend):
     found = SimpleNamespace(
-        frequencies_hz=np.array([2.5, 15.7]), damping_ratios=np.array([0.01, np.nan]), stable=True, warnings=()
+        frequencies_hz=np.array([2.5, 15.7]),
+        damping_ratios=np.array([0.01, np.nan]),
+        stable=True,
+        warnings=(),
+        stuck_frequencies_hz=None,
+        free_frequencies_hz=None,
     )
     pretend("continuum_grasp.simulation", modes=lambda scene: found)
     lines = run("modes", RELEASE).stdout.splitlines()

@@ -85,7 +85,7 @@ CASES = {
     ),
     "bent at rest": (
         "configs/grasp/preshaped.yaml",
-        {},
+        {"friction_states": "pulled"},
         {"finger.rest_curvature": {"min": 0.0, "max": 12.0}},
         {},
         ("tension",),

@@ -62,11 +62,10 @@ class TendonFriction:
         rounding = 1e-3 * self._widths / self.edges[-1]
         return np.asarray(self._setup.tendons.friction * turned**2 / np.sqrt(turned**2 + rounding**2) * self.states)
 
-    def _shares(self, arm: float) -> tuple[Array, Array, Array]:
-        """Of a tendon: its change across each cell, its tension in the middle and its mean, per tension at the base."""
+    def _shares(self, arm: float) -> tuple[Array, Array]:
+        """Of a tendon: its change across each cell, and its mean tension there per that at the base."""
         own = math.copysign(1.0, arm) * self.losses
-        middle = np.exp(-(np.cumsum(own) - 0.5 * own))
-        return own, middle, middle * (1.0 + own**2 / 24.0)
+        return own, np.exp(-(np.cumsum(own) - 0.5 * own)) * (1.0 + own**2 / 24.0)
 
     def shares(self, arm: float, s: Array) -> Array:
         """Tension (G,) at positions [m] of the tendon with this arm, per that at the base."""
@@ -75,7 +74,7 @@ class TendonFriction:
 
     def mean(self, arm: float) -> float:
         """Mean along the finger of the tension of the tendon with this arm, per that at the base."""
-        return float(self._shares(arm)[2] @ self._widths / self.edges[-1])
+        return float(self._shares(arm)[1] @ self._widths / self.edges[-1])
 
     def moment(self, s: Array, tensions: Array) -> Array:
         """Bending moment (G,) of the tendons at positions [m], with tensions (2,) at the base [N]."""
@@ -84,6 +83,6 @@ class TendonFriction:
         across = (s - self.edges[cell]) / self._widths[cell] - 0.5
         moment = np.zeros(s.shape)
         for arm, tension in zip(channel.arms, tensions, strict=True):
-            own, middle, mean = self._shares(arm)
-            moment += arm * tension * (mean[cell] - (middle * own)[cell] * across)
+            own, mean = self._shares(arm)
+            moment += arm * tension * mean[cell] * (1.0 - own[cell] * across)
         return np.asarray(moment * channel.shape(s))
