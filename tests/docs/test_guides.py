@@ -72,6 +72,8 @@ PLACES = {
     "Finger": "finger.",
     "Rod": "finger.rod.",
     "Damping": "finger.damping.",
+    "DryFriction": "finger.damping.dry_friction.",
+    "Softening": "finger.softening.",
     "PointMass": "finger.masses.",
     "Tendons": "finger.tendons.",
     "LengthDrive": "finger.tendons.drive.",
