@@ -221,7 +221,8 @@ def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
         assert CODES[other.code] == command.status
         plant.advance(command.u, control.period)
         moved.append(plant.tip[0])
-    assert min(moved) < -0.01
+    # Without a servo a motor has hardly turned by then.
+    assert min(moved) < (0.0 if name == "currents" else -0.01)
 
 
 @needs("cc")
