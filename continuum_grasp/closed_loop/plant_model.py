@@ -49,6 +49,9 @@ def plant_scene(scene: ControlScene) -> Scene:
         rest = Actuation.of(finger.input_key, scene.rest_input)
         if not finger.has_tendon_friction:
             initial = initial.replaced(reached_by=None, friction_states=None)
+        elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
+            # Friction that the plant alone has: the scene states no history.
+            initial = initial.replaced(reached_by="pulling")
     elif (given := plant.of_tendons) is not None:
         raise InputError("is for a finger with tendons", key=f"plant.{given}")
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
