@@ -147,7 +147,8 @@ def driven_scene(name, *, tendons=None, controller=None, **changes) -> ControlSc
     drive, limits = DRIVES[name]
     asked = {
         "horizon": {"stages": 20, "stage": 0.01},
-        "cost": {"tip": 2e4, "speed": 0.02, "input_rate": 1.0},
+        # A current weighs what its torque does.
+        "cost": {"tip": 2e4, "speed": 0.02, "input_rate": drive.get("torque_constant", 1.0) ** 2},
         "input": limits,
     }
     given = {
