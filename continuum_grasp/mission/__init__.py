@@ -7,6 +7,8 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 if TYPE_CHECKING:
     from continuum_grasp.mission.outcomes import Outcome as Outcome
     from continuum_grasp.mission.outcomes import TrialsResult as TrialsResult
+    from continuum_grasp.mission.precheck import Exceeded as Exceeded
+    from continuum_grasp.mission.precheck import check_mission as check_mission
     from continuum_grasp.mission.result import MissionRun as MissionRun
     from continuum_grasp.mission.run import run_mission as run_mission
     from continuum_grasp.mission.trials import run_trials as run_trials

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.commands import Commands, check_commands
+from continuum_grasp.mission.resisted import promised
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
@@ -25,7 +28,7 @@ from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
 
-_LARGEST = 5.0
+LARGEST = 5.0
 """Multiple of a wrench beyond which nothing is pulled with: what presses the object on a support is resisted anyhow."""
 _CLEARANCE = 0.003
 """Distance from the object at which the approach ends [m]."""
@@ -66,10 +69,24 @@ class Assignment:
     """Bending angles of the controller's elements (N) when it is about to touch [rad]."""
     posture: Array
     """Bending angles of the same elements in the grasp [rad]."""
-    force: float
-    """Normal force of the grasp at the contact where it is held [N]."""
+    forces: dict[str, float]
+    """Normal force of the grasp at each contact where it is held, by its name in the controller [N]."""
+    middles: tuple[str, ...]
+    """Names in the grasp of the contacts ``finger.1`` and so on."""
+    resisted: Resistance
+    """Disturbances that the grasp resists as certified, with drives that hold."""
     pulls: Array
     """Wrenches that are pulled with (K, 3): world force x, y [N] and moment about the center of mass [N m]."""
+
+    @property
+    def contact(self) -> str:
+        """The held contact that presses hardest."""
+        return max(self.forces, key=lambda one: self.forces[one])
+
+    @property
+    def force(self) -> float:
+        """Its normal force in the grasp [N]."""
+        return self.forces[self.contact]
 
 
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
@@ -84,10 +101,15 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
     (name, posture), *_ = found.fingers.items()
     contacts = {contact.name: contact for contact in found.contacts}
-    middle, tip = contacts.get(f"{name}.middle"), contacts.get(f"{name}.tip")
-    if middle is None or tip is None:
+    tip = contacts.pop(f"{name}.tip", None)
+    middles = sorted((c for c in contacts.values() if not np.isnan(c.station)), key=lambda contact: contact.station)
+    if not middles or tip is None:
         raise InputError("a mission needs a middle contact and one of the tip", key="grasp.contacts")
-    force = (middle if mission.controller.held == "middle" else tip).normal_force
+    forces = {f"finger.{k + 1}": contact.normal_force for k, contact in enumerate(middles)}
+    hardest = max(forces, key=lambda one: forces[one])
+    forces["finger.tip"] = tip.normal_force
+    asked = mission.controller.held
+    held = tuple(forces) if asked == "all" else (hardest if asked == "middle" else "finger.tip",)
     given = mission.grasp.setups[0].finger
     base, pose = posture.base.tolist(), found.object_pose.tolist()
     placed: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
@@ -96,10 +118,11 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
-    control = _control_scene(mission, finger, body, middle.station, force)
-    resistance = found.quality.resistance if found.quality is not None else None
-    if finger.tendons is None or resistance is None:
-        raise InputError("a mission needs tendons, and disturbances that the grasp resists", key="grasp")
+    stations = tuple(contact.station for contact in middles)
+    control = _control_scene(mission, finger, body, stations, {one: forces[one] for one in held})
+    if finger.tendons is None:
+        raise InputError("a mission needs tendons", key="grasp")
+    resistance = promised(found)
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
@@ -115,7 +138,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     firm = commands.of(np.where(pulls, _LEAST * tensions, least), ends)
     loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
     closing = np.resize(pulls, firm.size)  # of one pulley that of its first tendon
-    factors = np.minimum(np.asarray(resistance.factors), _LARGEST)
+    factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     return Assignment(
         mission=mission,
         grasp=found,
@@ -127,34 +150,40 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         holding=(np.where(closing, firm, -np.inf), np.where(closing, np.inf, loose)),
         bends=np.diff(angles),
         posture=np.diff(ends),
-        force=force,
+        forces={one: forces[one] for one in held},
+        middles=tuple(contact.name for contact in middles),
+        resisted=resistance,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
 
 
 def _control_scene(
-    mission: MissionScene, finger: Finger, body: GraspObject, middle: float, force: float
+    mission: MissionScene, finger: Finger, body: GraspObject, stations: tuple[float, ...], held: dict[str, float]
 ) -> ControlScene:
     asked = mission.controller
     before, after = asked.elements
-    lengths = (*[middle / before] * before, *[(finger.rod.length - middle) / after] * after)
+    between = [b - a for a, b in pairwise(stations)]
+    first, last = stations[0], finger.rod.length - stations[-1]
+    lengths = (*[first / before] * before, *between, *[last / after] * after)
     edges = np.cumsum([0.0, *lengths])
     free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
     reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)
     cost = Cost(
         bending=Weight(running=asked.posture),
-        contact_force=ForceWeight(running=asked.force, of=(asked.contact,)),
+        contact_force=ForceWeight(running=asked.force, of=tuple(held)),
         speed=Weight(running=asked.speed) if asked.speed else None,
         effort=asked.effort,
         input_rate=asked.input_rate,
     )
+    # An estimate of friction needs its limit; without one contacts are taken to be smooth.
+    unknown_friction = mission.estimator.disturbances.contact_friction is not None
     return ControlScene(
         name=mission.name,
         finger=finger,
-        gravity=(0.0, 0.0),  # it acts out of the plane
-        contacts=(middle,),
+        gravity=mission.plane_gravity,
+        contacts=stations,
         object=body,
-        contact_law=mission.contact_law.replaced(friction=0.0),
+        contact_law=mission.contact_law if unknown_friction else mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
         parameters=tuple(sorted({"bending_stiffness", "tendon_friction"} & mission.estimator.disturbances.names)),
         controller=Controller(
@@ -165,7 +194,7 @@ def _control_scene(
             bounds=asked.bounds,
             deadline=asked.deadline,
         ),
-        reference=Reference(contact_force=(force,)),
+        reference=Reference(contact_force=tuple(held.values())),
         estimator=mission.estimator,
         initial=Initial(pose="straight"),
         plant=mission.plant,
@@ -191,7 +220,7 @@ def _about_to_touch(
     least, highest = limits
     free = FingerModel(
         finger,
-        gravity=(0.0, 0.0),
+        gravity=control.gravity,
         family=control.fidelity.family if not finger.has_tendon_friction else default_family(free_tip=True),
         elements=control.fidelity.elements,
         bending_range=control.fidelity.bending_range,

@@ -43,6 +43,8 @@ class Outcome:
         found = self.error.partition("\n")[0]
         if self.verdict is not None:
             found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
+            if self.verdict.drop is not None:
+                found += f": {self.verdict.drop.text}"
         return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {found}"
 
 
@@ -59,6 +61,8 @@ class Summary:
     force_error_median: float
     force_error_worst: float
     estimate_error_worst: float
+    estimate_error_normalized: float
+    """Root of the mean square of the error of the estimate per its stated standard deviation [1]."""
     sunk_worst: float
     moved_worst: float
     slip_margin_least: float
@@ -74,7 +78,8 @@ class Summary:
             "held and released": f"{self.succeeded} of {self.plants}",
             "held force": f"{100 * self.force_error_median:.1f} % off its setpoint (median of plants), "
             f"{100 * self.force_error_worst:.1f} % at worst",
-            "its estimate": f"{100 * self.estimate_error_worst:.1f} % off at worst",
+            "its estimate": f"{100 * self.estimate_error_worst:.1f} % off at worst, "
+            f"{self.estimate_error_normalized:.2g} stated standard deviations (r.m.s.)",
             "sunk": f"{1e3 * self.sunk_worst:.3g} mm at worst",
             "moved": f"{1e3 * self.moved_worst:.3g} mm at worst",
             "slip margin": f"{self.slip_margin_least:.2f} of the friction cone at least",
@@ -110,9 +115,11 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("force_error", "(plant,)", "1", "greatest error of the held contact force, per setpoint"),
         Stored("force_mean_error", "(plant,)", "1", "error of its mean, per setpoint"),
         Stored("force_estimate_error", "(plant,)", "1", "error of the mean of its estimate, per setpoint"),
+        Stored("force_estimate_std", "(plant,)", "1", "standard deviation that the estimator states, per setpoint"),
         Stored("slip_margin", "(plant,)", "1", "least share of the friction cone that was left while nothing pulled"),
         Stored("pulled_margin", "(plant,)", "1", "the same while something pulled"),
         Stored("fallbacks", "(plant,)", "1", "commands that were not of a new plan"),
+        Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
         Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("plant", "plants, in the order of the draws"),)
@@ -139,10 +146,12 @@ class TrialsResult(Result, Sequence[Outcome]):
     def stored_arrays(self) -> dict[str, Any]:
         """Of every plant what differs and the verdict; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        columns = {one.name: [row.get(one.name) for row in rows] for one in self.stored}
-        flags = ("succeeded", "held", "released")
+        flags, texts = ("succeeded", "held", "released"), ("drop", "error")
+        columns = {
+            one.name: [row.get(one.name, "" if one.name in texts else None) for row in rows] for one in self.stored
+        }
         return {
-            name: np.array(values, dtype=str if name == "error" else bool if name in flags else float)
+            name: np.array(values, dtype=str if name in texts else bool if name in flags else float)
             for name, values in columns.items()
         }
 
@@ -163,6 +172,9 @@ class TrialsResult(Result, Sequence[Outcome]):
             force_error_median=float(np.median(column("force_error"))),
             force_error_worst=float(column("force_error").max()),
             estimate_error_worst=float(column("force_estimate_error").max()),
+            estimate_error_normalized=float(
+                np.sqrt(np.mean((column("force_estimate_error") / column("force_estimate_std")) ** 2))
+            ),
             sunk_worst=float(column("sunk").max()),
             moved_worst=float(column("moved").max()),
             slip_margin_least=float(column("slip_margin").min()),
@@ -183,7 +195,10 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     """Plant and verdict by name."""
     own = asdict(outcome.variation)
     x, y = own.pop("shift")
-    judged = asdict(outcome.verdict) if outcome.verdict is not None else {}
+    judged: dict[str, Any] = {}
+    if outcome.verdict is not None:
+        drop = outcome.verdict.drop
+        judged = {**asdict(outcome.verdict), "drop": "" if drop is None else drop.text}
     return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +18,8 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.scene.drives import COMMANDS
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Table
 
 Array = NDArray[np.float64]
@@ -62,10 +65,24 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
         supports=mission.grasp.supports,
         contact_law=mission.contact_law,
         out_of_plane_gravity=mission.gravity,
-        table=Table(friction=mission.table_friction),
+        table=_table(mission, control.object, mass),
     )
     of_tendons = ("tendon_friction",) * scene.finger.has_tendon_friction
     return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT)
+
+
+def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
+    """What the object stands on: below the plane, or with gravity in the plane a wall below the object."""
+    down = np.array(mission.plane_gravity)
+    size = float(np.hypot(*down))
+    if size == 0.0:
+        return Table(friction=mission.table_friction)
+    angle = math.atan2(down[1], down[0])
+    below = max(part.support(angle - body.angle) for part in body.parts)
+    # Pressed in by the weight, the object stands where the grasp has it.
+    below -= mass * size / mission.contact_law.stiffness
+    x, y = np.array(body.position) + below * down / size
+    return Table(friction=mission.table_friction, point=(float(x), float(y)), normal_angle=angle + math.pi)
 
 
 def mission_plant(
@@ -81,7 +98,7 @@ def mission_plant(
     equations.outside = timetable.outside()
     plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, variation.seed)
     plant.x = plant.x.copy()
-    plant.x[equations.system.object_states] += np.array([*variation.shift, 0.0, 0.0])
+    plant.x[equations.system.object_states][:2] += np.array(variation.shift)
     return plant
 
 
@@ -139,7 +156,7 @@ class Timetable:
         inputs = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.held - of.before)
         word, unit = COMMANDS[of.control.finger.input_key]
         bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
-        columns: dict[str, Array] = {f"contact_force_{of.mission.controller.contact} [N]": closed * of.force}
+        columns: dict[str, Array] = {f"contact_force_{name} [N]": closed * force for name, force in of.forces.items()}
         columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
         columns |= {f"{word}_{k + 1} [{unit}]": column for k, column in enumerate(inputs.T)}
         return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)

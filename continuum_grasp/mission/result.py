@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.certified import plant_friction
 from continuum_grasp.mission.plant import Span, Timetable, Variation
-from continuum_grasp.mission.verdict import Verdict, friction_limits, present
+from continuum_grasp.mission.precheck import Exceeded
+from continuum_grasp.mission.verdict import Verdict, present
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
+from continuum_grasp.results.plain import plain
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
@@ -23,6 +26,11 @@ from continuum_grasp.simulation.contacts import ContactForces, overlaps
 from continuum_grasp.simulation.trajectory import overlap_text
 
 Array = NDArray[np.float64]
+
+_HEAD = """\
+# How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
+# SI units; result.npz holds all arrays, meta.json the configuration too.
+"""
 
 
 @dataclass(frozen=True)
@@ -33,6 +41,7 @@ class MissionRun(MotionResult):
     stored: ClassVar[tuple[Stored, ...]] = (
         *(replace(one, source=f"run.{one.source or one.name}") for one in ControlRun.stored),
         Stored("force_estimate", "(period,)", "N", "normal force of the held contact as the controller estimated it"),
+        Stored("force_std", "(period,)", "N", "standard deviation of that estimate"),
         Stored("friction_use", "(time, contact)", "1", "share of the friction cone that each contact uses"),
         Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "assignment.pulls"),
     )
@@ -44,7 +53,10 @@ class MissionRun(MotionResult):
         Dimension("pull", "pulls, in order", "pull_names"),
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
     )
-    texts: ClassVar[tuple[File, ...]] = (File("report.txt", "mission.result:MissionRun.report"),)
+    texts: ClassVar[tuple[File, ...]] = (
+        File("report.txt", "mission.result:MissionRun.report"),
+        File("result.yaml", "mission.result:MissionRun.yaml"),
+    )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("snapshots", "plotting.mission:plot_mission_snapshots", panels=True),
         Picture("timeline", "plotting.mission:plot_mission_timeline", panels=True),
@@ -62,7 +74,11 @@ class MissionRun(MotionResult):
     """The plant's finger with object and supports."""
     force_estimate: Array
     """Normal force of the held contact as the controller estimated it (K,) [N]."""
+    force_std: Array
+    """Standard deviation of that estimate (K,) [N]."""
     verdict: Verdict
+    exceeded: tuple[Exceeded, ...] = ()
+    """What the mission asked beyond its certificate, as it was said before the run."""
 
     @property
     def name(self) -> str | None:
@@ -95,8 +111,8 @@ class MissionRun(MotionResult):
 
     @property
     def held_contact(self) -> str:
-        """Name of the contact whose force is held."""
-        return self.assignment.mission.controller.contact
+        """Name of the contact whose force is held; of several the one that presses hardest."""
+        return self.assignment.contact
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -135,23 +151,26 @@ class MissionRun(MotionResult):
     def friction_use(self) -> Array:
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
         contacts = self.contacts
-        limits = friction_limits(self.assignment, self.variation, contacts.names) * contacts.normal_force
+        limits = plant_friction(self.assignment, self.variation, contacts.names) * contacts.normal_force
         # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
         found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return found
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What the user must know: that of the closed loop, and of a finger in the object between its contacts."""
+        """What the user must know: what goes beyond the certificate, that of the closed loop, and of a finger in the
+        object between its contacts.
+        """
         run, half = self.run, self.scene.finger.profile.half_thickness
+        known = (*(one.text for one in self.exceeded), *run.warnings)
 
         def overlap(indices: NDArray[np.intp]) -> Array:
             return overlaps(self.body, self.object_pose[indices, :3], run.backbone(indices), half)
 
         found = overlap_text(run.t, self.contacts, overlap, half)
         if not found:
-            return run.warnings
-        return (*run.warnings, f"between its contacts the finger overlaps the object by {found}: add more_contacts")
+            return known
+        return (*known, f"between its contacts the finger overlaps the object by {found}: add more_contacts")
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
@@ -175,10 +194,19 @@ class MissionRun(MotionResult):
         pairs, rows = self.verdict.pairs(), self.rows()
         wide, widths = max(map(len, pairs)), [max(len(row[k]) for row in rows) for k in range(5)]
         lines = [self.name or "mission", "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items()), ""]
+        if self.exceeded:
+            lines += ["beyond the certificate:", *(f"  {one.text}" for one in self.exceeded), ""]
         lines += [
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
         ]
         return "\n".join([*lines, "", self.run.report()])
+
+    def yaml(self) -> str:
+        """What a person wants to read of a mission as YAML, in SI units."""
+        from continuum_grasp.results.yaml_text import yaml_text
+
+        head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
+        return _HEAD + yaml_text(plain({**head, **self.findings()}))
 
     def meta(self, **options: Any) -> dict[str, Any]:
         """That of the closed loop, with phases and verdict."""
@@ -186,14 +214,29 @@ class MissionRun(MotionResult):
             **self.run.meta(**options),
             "mission": self.assignment.mission.model_dump(mode="json"),
             "warnings": list(self.warnings),
-            "verdict": {**asdict(self.verdict), "succeeded": self.verdict.succeeded},
+            **self.findings(),
             "variation": asdict(self.variation),
+        }
+
+    def findings(self) -> dict[str, Any]:
+        """Verdict with the reason of a drop, what went beyond the certificate, and the phases, as plain data."""
+        return {
+            "verdict": verdict_data(self.verdict),
+            "exceeded": [asdict(one) for one in self.exceeded],
             "phases": [asdict(span) for span in self.spans],
         }
 
     def parts(self) -> dict[str, Result]:
         """The grasp."""
         return {"grasp": self.assignment.grasp}
+
+
+def verdict_data(verdict: Verdict) -> dict[str, Any]:
+    """A verdict as plain data, with the sentence on a drop."""
+    found = {**asdict(verdict), "succeeded": verdict.succeeded}
+    if verdict.drop is not None:
+        found["drop"] |= {"text": verdict.drop.text}
+    return found
 
 
 def wrench_text(wrench: Array) -> str:

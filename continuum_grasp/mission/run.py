@@ -17,6 +17,7 @@ from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.precheck import exceeded, say
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
@@ -71,7 +72,9 @@ def run_mission(
     >>> run.verdict.held  # doctest: +SKIP
     True
     """
-    return MissionRunner(assign(scene_of(scene, MissionScene), grasp)).run(variation, progress)
+    assignment = assign(scene_of(scene, MissionScene), grasp)
+    say(assignment, [one.text for one in exceeded(assignment, variation or Variation())])
+    return MissionRunner(assignment).run(variation, progress)
 
 
 class MissionRunner:
@@ -102,12 +105,11 @@ class MissionRunner:
         return judged
 
     def _judged(self, variation: Variation, run: ControlRun) -> MissionRun:
-        of, model = self.assignment, self._controller.prediction
-        force = np.zeros(0)
-        if len(run.u):
-            # Normal force of the held contact in the controller's model, at its estimates.
-            given = run.estimate[:, : model.nx].T, run.u.T, run.parameters.T
-            forces = np.array(model.contact_force.map(len(run.u))(*given))
-            force = forces[model.contact_names.index(of.mission.controller.contact)]
-        verdict = judge(of, self.timetable, variation, run, force)
-        return MissionRun(of, self.timetable, variation, run, self._model.scene, force, verdict)
+        of = self.assignment
+        force = std = np.zeros(0)
+        if run.contact_force_estimate is not None and run.contact_force_std is not None:
+            held = run.touch_names.index(of.contact)
+            force, std = run.contact_force_estimate[:, held], run.contact_force_std[:, held]
+        verdict = judge(of, self.timetable, variation, run, force, std)
+        beyond = exceeded(of, variation)
+        return MissionRun(of, self.timetable, variation, run, self._model.scene, force, std, verdict, beyond)

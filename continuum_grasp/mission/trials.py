@@ -14,6 +14,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.precheck import exceeded_by_trials, say
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
@@ -93,6 +94,8 @@ def run_trials(
     if count < 1:
         raise InputError(f"expected one process at least, got {jobs}", key="jobs")
     assignment = assign(mission, grasp)
+    known = exceeded_by_trials(assignment, drawn)
+    say(assignment, known)
     report = progress or (lambda share: None)
     done: dict[int, Outcome] = {}
     try:
@@ -100,9 +103,9 @@ def run_trials(
             done[k] = outcome
             report(len(done) / len(drawn))
     except KeyboardInterrupt:
-        finished = TrialsResult(mission, tuple(done[k] for k in sorted(done)), "interrupted")
+        finished = TrialsResult(mission, tuple(done[k] for k in sorted(done)), "interrupted", known)
         raise Interrupted(f"interrupted after {len(finished)} of {len(drawn)} plants", result=finished) from None
-    return TrialsResult(mission, tuple(done[k] for k in range(len(drawn))))
+    return TrialsResult(mission, tuple(done[k] for k in range(len(drawn))), warnings=known)
 
 
 def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:

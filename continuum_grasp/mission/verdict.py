@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.certified import is_table, object_height, plant_friction
+from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
-FALLEN = 0.005
-"""Height that an object loses before it counts as dropped [m]."""
 _SETTLED = 0.5
 """Last share of the hold over which forces are judged."""
 _SMOOTHED = 0.1
@@ -39,11 +39,13 @@ class Verdict:
     moved: float
     """Greatest distance that it moved in the plane while it was held, pulls included [m]."""
     force_error: float
-    """Greatest error of the held contact force, smoothed over 0.1 s, in the second half of the hold, per setpoint."""
+    """Greatest error of the held contact forces, smoothed over 0.1 s, in the second half of the hold, per setpoint."""
     force_mean_error: float
     """Error of its mean there, per setpoint."""
     force_estimate_error: float
     """Error of the mean of its estimate there, per setpoint."""
+    force_estimate_std: float
+    """Standard deviation that the estimator states for it there, root of the mean square, per setpoint."""
     slip_margin: float
     """Least share of the friction cone that was left at any contact while nothing pulled."""
     pulled_margin: float
@@ -52,6 +54,8 @@ class Verdict:
     """Whether nothing of the finger touched the object in the end."""
     fallbacks: int
     """Commands that were not of a new plan."""
+    drop: Drop | None = None
+    """Why the object was dropped; None where it was not."""
 
     @property
     def succeeded(self) -> bool:
@@ -67,11 +71,13 @@ class Verdict:
         """Values with their units, by name."""
         return {
             "object": self.word,
+            **({} if self.drop is None else {"dropped": self.drop.text}),
             "sunk": f"{1e3 * self.sunk:.3g} mm from lift to lowering (dropped: {1e3 * FALLEN:g} mm)",
             "moved": f"{1e3 * self.moved:.3g} mm in the plane, pulls included",
             "held force": f"{_percent(self.force_error)} off its setpoint at most, "
             f"{_percent(self.force_mean_error)} in the mean (second half of the hold)",
-            "its estimate": f"{_percent(self.force_estimate_error)} off the plant's in the mean",
+            "its estimate": f"{_percent(self.force_estimate_error)} off the plant's in the mean, "
+            f"standard deviation {_percent(self.force_estimate_std)}",
             "slip margin": f"{self.slip_margin:.2f} of the friction cone, {self.pulled_margin:.2f} while pulled",
             "fallbacks": f"{self.fallbacks}",
         }
@@ -82,11 +88,16 @@ def _percent(share: float) -> str:
 
 
 def judge(
-    assignment: Assignment, timetable: Timetable, variation: Variation, run: ControlRun, force_estimate: Array
+    assignment: Assignment,
+    timetable: Timetable,
+    variation: Variation,
+    run: ControlRun,
+    force_estimate: Array,
+    force_std: Array,
 ) -> Verdict:
     """The verdict on a closed loop, which may have been stopped early, read off the plant.
 
-    ``force_estimate`` (K,) is the estimated normal force of the held contact [N].
+    ``force_estimate`` (K,) is the estimated normal force of the held contact [N], ``force_std`` its standard deviation.
     """
     contacts, pose, t = present(run.contacts), present(run.object_pose), run.t
     lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
@@ -94,15 +105,22 @@ def judge(
     still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
     # Of what was lifted: heights before the lift do not count.
-    sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0))
+    lost = np.zeros(len(t))
+    height = object_height(assignment, pose)
+    lost[carried] = height[carried][:1] - height[carried]
+    sunk = float(np.max(lost, initial=0.0))
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
-    wanted = assignment.force
-    force = run.tracked[:, run.r_names.index(f"contact_force_{assignment.mission.controller.contact} [N]")]
-    smooth = _smoothed(force, max(1, round(_SMOOTHED / run.period)))
+    held = {
+        name: run.tracked[:, run.r_names.index(f"contact_force_{name} [N]")] / wanted
+        for name, wanted in assignment.forces.items()
+    }
+    window, wanted, force = max(1, round(_SMOOTHED / run.period)), assignment.force, held[assignment.contact]
+    errors = [np.abs(_smoothed(share, window)[still] - 1.0) for share in held.values()]
+    means = [_over(np.mean, share[still] - 1.0) for share in held.values()]
     fingers = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
-    bearing = [k for k, name in enumerate(contacts.names) if name != "table"]
+    bearing = [k for k, name in enumerate(contacts.names) if not is_table(name)]
     normal, shear = contacts.normal_force[:, bearing], contacts.shear[:, bearing]
-    limits = friction_limits(assignment, variation, [contacts.names[k] for k in bearing]) * normal
+    limits = plant_friction(assignment, variation, [contacts.names[k] for k in bearing]) * normal
     margins = 1.0 - shear / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
     margins[normal < _LOADED * wanted] = 1.0
@@ -111,24 +129,16 @@ def judge(
         held=whole and sunk < FALLEN,
         sunk=sunk,
         moved=moved,
-        force_error=_over(np.max, np.abs(smooth[still] - wanted)) / wanted,
-        force_mean_error=_over(np.mean, force[still] - wanted) / wanted,
-        force_estimate_error=_over(np.mean, (force_estimate - force[:-1])[still[:-1]]) / wanted,
+        force_error=_over(np.max, np.concatenate(errors)),
+        force_mean_error=max(means, key=abs),
+        force_estimate_error=_over(np.mean, (force_estimate / wanted - force[:-1])[still[:-1]]),
+        force_estimate_std=float(np.sqrt(_over(np.mean, force_std[still[:-1]] ** 2))) / wanted,
         slip_margin=_over(np.min, margins[calm]),
         pulled_margin=_over(np.min, margins[pulled]),
         released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
         fallbacks=sum(word in _FALLBACKS for word in run.status),
+        drop=find_drop(assignment, timetable, variation, run, lost),
     )
-
-
-def friction_limits(assignment: Assignment, variation: Variation, names: Sequence[str]) -> Array:
-    """Friction coefficient (K,) of each contact on the plant; NaN for the table."""
-    mission = assignment.mission
-    own = {place.name: place.friction for place in mission.grasp.places}
-    found = [own.get(name.partition(".")[0] if name not in own else name) for name in names]
-    usual = mission.contact_law.friction
-    mu = [np.nan if name == "table" else usual if f is None else f for name, f in zip(names, found, strict=True)]
-    return variation.friction * np.array(mu)
 
 
 def _smoothed(values: Array, window: int) -> Array:

@@ -255,7 +255,9 @@ def _draw_normal_forces(ax: Axes, mission: MissionRun) -> None:
         ax.plot(run.t, contacts.normal_force[:, k], color=color, linewidth=1.3, label=contacts.names[k])
     wanted = run.r[:, run.r_names.index(f"contact_force_{held} [N]")]
     ax.plot(run.t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"setpoint of {held}")
-    ax.plot(run.t[:-1], mission.force_estimate, color=GRAY, linewidth=0.9, label="its estimate", zorder=1.9)
+    believed, std = mission.force_estimate, mission.force_std
+    ax.plot(run.t[:-1], believed, color=GRAY, linewidth=0.9, label="its estimate, ± 1 std", zorder=1.9)
+    ax.fill_between(run.t[:-1], believed - std, believed + std, color=GRAY, alpha=0.2, linewidth=0.0, zorder=1.8)
     ax.set_ylim(bottom=0.0)
 
 
@@ -275,7 +277,8 @@ def _draw_moved(ax: Axes, mission: MissionRun) -> None:
     start = next((span.start for span in mission.spans if span.name == "lift"), 0.0)
     begin = min(int(np.searchsorted(run.t, start - 1e-9)), len(run.t) - 1)
     moved = 1e3 * (mission.object_pose - mission.object_pose[begin])
-    for k, name, color in zip((0, 1, 3), ("x since the lift", "y", "height"), colors(3), strict=True):
+    rows = ((0, "x since the lift"), (1, "y"), (3, "height"))[: moved.shape[1] - 1]  # in the plane there is none
+    for (k, name), color in zip(rows, colors(len(rows)), strict=True):
         ax.plot(run.t, moved[:, k], color=color, linewidth=1.3, label=name)
 
 

@@ -49,7 +49,7 @@ class MissionController(Value):
     horizon: Horizon = Horizon(stages=20)
     """Time grid of the prediction."""
     elements: Annotated[tuple[Count, Count], Field(strict=False)] = (2, 2)
-    """Matched clothoids before and after the middle contact."""
+    """Matched clothoids before the first and after the last middle contact; between two there is one."""
     input: InputLimits = InputLimits()
     """Limits of the input."""
     bounds: Bounds = Bounds()
@@ -58,8 +58,9 @@ class MissionController(Value):
     """Weight of the bending angles while nothing is touched [1/rad2]."""
     force: Annotated[Positive, Unit("1/N2")] = 1.0
     """Weight of the contact force while the object is held [1/N2]."""
-    held: Literal["middle", "tip"] = "middle"
-    """Contact whose normal force is held at that of the grasp; one drive cannot hold both."""
+    held: Literal["middle", "tip", "all"] = "middle"
+    """Contact whose normal force is held at that of the grasp. middle: of the middle contacts the one that presses
+    hardest; all: every contact, with equal weights, where one drive holds the best compromise only."""
     speed: Annotated[NonNegative, Unit("s2/rad2")] = 0.05
     """Weight of the bending rates [s2/rad2]."""
     effort: Annotated[Positive, Unit("1/N2")] = 0.001
@@ -68,11 +69,6 @@ class MissionController(Value):
     """Weight of the tensions' rates [s2/N2]."""
     deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
-
-    @property
-    def contact(self) -> str:
-        """Name of the contact whose force is held."""
-        return "finger.1" if self.held == "middle" else "finger.tip"
 
 
 class Trials(Value):
@@ -99,8 +95,10 @@ class Trials(Value):
 class MissionScene(Value):
     """A grasp that is optimized first, and then carried out by a controller on a plant.
 
-    The controller believes that the object is fixed and touches without friction, at the middle contact of the grasp
-    and at the tip; in the plant it moves, has friction and a weight and stands on a table until that sinks away.
+    The controller believes that the object is fixed and touches at the middle contacts of the grasp and at the tip,
+    without friction unless its estimator has ``contact_friction``; in the plant the object moves, has friction and a
+    weight and stands on a table until that sinks away. The table lies below the plane, or with gravity in the plane
+    below the object in it.
     """
 
     schema_version: Literal[1] = 1
@@ -109,7 +107,7 @@ class MissionScene(Value):
     """Title of reports and pictures."""
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: one finger with a tendon drive and its tip and one
-    middle contact on the object."""
+    middle contact or more on the object."""
     contact_law: ContactLaw
     """Law of all contacts; the controller knows it but for its friction."""
     controller: MissionController = MissionController()
@@ -132,6 +130,9 @@ class MissionScene(Value):
     """How long each phase lasts."""
     pull_share: Annotated[float, Field(ge=0.0, le=10.0), Unit("1")] = 1.0
     """Share of the disturbances that the certificate promises to resist, pulled one after the other [1]."""
+    beyond_certificate: Literal["warn", "refuse"] = "warn"
+    """What becomes of a mission with a heavier object, less friction, stronger pulls or a weaker drive than the
+    certificate of its grasp covers. warn: it is tried, after a warning with both numbers; refuse: it is an error."""
     trials: Trials = Trials()
     """Plants that differ at random, for ``--trials``."""
 
@@ -139,10 +140,10 @@ class MissionScene(Value):
         fingers = self.grasp.setups
         if len(fingers) != 1:
             raise ValueError(f"grasp has {len(fingers)} fingers: a mission is for one")
-        if self.grasp.gravity.mode != "out_of_plane":
-            raise ValueError("grasp.gravity must be out_of_plane: a mission lifts the object off a table")
-        if len(fingers[0].middles) != 1 or "off" in (fingers[0].middles[0], fingers[0].tip):
-            raise ValueError("grasp.contacts must have one middle contact and the tip: a mission closes with both")
+        if self.grasp.gravity.mode == "none":
+            raise ValueError("grasp.gravity must be planar or out_of_plane: a mission lifts the object off a table")
+        if "off" in (*fingers[0].middles, fingers[0].tip) or not (fingers[0].middles or fingers[0].stations):
+            raise ValueError("grasp.contacts must have a middle contact and the tip: a mission closes with both")
         length = fingers[0].finger.rod.length
         own = fingers[0].finger if self.tendons is None else fingers[0].finger.replaced(tendons=self.tendons)
         if self.tendons is not None and self.drive_tension is not None:
@@ -157,3 +158,8 @@ class MissionScene(Value):
     def gravity(self) -> float:
         """Gravity out of the plane [m/s2]."""
         return self.grasp.gravity.magnitude if self.grasp.gravity.mode == "out_of_plane" else 0.0
+
+    @property
+    def plane_gravity(self) -> tuple[float, float]:
+        """Gravity in the plane, world [m/s2]."""
+        return self.grasp.gravity.vector if self.grasp.gravity.mode == "planar" else (0.0, 0.0)

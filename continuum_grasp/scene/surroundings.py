@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field
@@ -10,7 +11,7 @@ from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.supports import Peg, Support, Wall
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Friction, NonNegative, Positive, Value, doubt_outside
+from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
 _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
@@ -59,10 +60,27 @@ class ContactLaw(Value):
 
 
 class Table(Value):
-    """What an object stands on, parallel to the plane, where gravity acts out of it; it reaches up to height zero."""
+    """What an object stands on until it sinks: parallel to the plane, where gravity acts out of it, up to height zero;
+    with a ``point`` an endless wall in the plane.
+    """
 
     friction: Friction
     """Coulomb friction coefficient between it and the object [1]."""
+    point: Position | None = None
+    """A world point of its surface at height zero, where it is perpendicular to the plane [m]."""
+    normal_angle: Angle | None = None
+    """World angle of its normal, out of the table, along which it moves [rad]; needed with ``point``."""
+
+    def _check(self) -> None:
+        if (self.point is None) != (self.normal_angle is None):
+            raise ValueError("point and normal_angle belong together: a table in the plane has both")
+
+    @property
+    def wall(self) -> Wall | None:
+        """Its surface at height zero, where it is in the plane."""
+        if self.point is None or self.normal_angle is None:
+            return None
+        return Wall("table", self.point, self.normal_angle, math.inf, self.friction, "auto")
 
 
 class Surroundings(Value):
@@ -83,7 +101,7 @@ class Surroundings(Value):
     """Gravity perpendicular to the plane [m/s2]: the weight of a moving object is then carried by friction alone. The
     object slides out of the plane where that does not suffice, but never tilts; the finger is stiff that way."""
     table: Table | None = None
-    """What carries the weight out of the plane of an object that moves; None: nothing but friction."""
+    """What carries an object that moves until it is lowered; None: nothing but contacts."""
     moment_of_inertia: Annotated[Positive, Unit("kg m2")] | None = None
     """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
     each part by its area, for a union)."""
@@ -102,10 +120,10 @@ class Surroundings(Value):
             raise ValueError("object.free is for grasps; here the object starts where position and angle say")
         if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
-        if self.table is not None and not self.out_of_plane_gravity:
-            raise ValueError("table has no meaning without out_of_plane_gravity")
+        if self.table is not None and (self.table.wall is None) != (self.out_of_plane_gravity > 0.0):
+            raise ValueError("table needs out_of_plane_gravity, or without it point and normal_angle")
         if not self.object_moves:
-            given = [key for key in ("moment_of_inertia", "out_of_plane_gravity") if getattr(self, key)]
+            given = [key for key in ("moment_of_inertia", "out_of_plane_gravity", "table") if getattr(self, key)]
             if given or self.supports:
                 raise ValueError(f"{(given or ['supports'])[0]} has no meaning for a fixed object: set object_moves")
 

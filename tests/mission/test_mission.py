@@ -190,12 +190,17 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
 def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
     """A closed loop by hand: one contact of the finger and a palm, a force of 5 N; and the verdict on it."""
     asked = SimpleNamespace(
-        controller=SimpleNamespace(contact="finger.1"),
         contact_law=SimpleNamespace(friction=0.5),
         grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),)),
+        more_contacts=(),
+        plane_gravity=(0.0, 0.0),
     )
     spans = {"lift": (1.0, 2.0), "hold": (2.0, 4.0), "lower": (6.0, 7.0)}
-    table = SimpleNamespace(span=lambda name: SimpleNamespace(start=spans[name][0], end=spans[name][1]))
+    table = SimpleNamespace(
+        span=lambda name: SimpleNamespace(start=spans[name][0], end=spans[name][1]),
+        spans=[SimpleNamespace(name="all", start=0.0, end=9.0)],
+    )
+    certified = SimpleNamespace(contacts=(), fingers={"finger": None})
     force = np.where(t < 7.0, normal, 0.0) * np.ones(len(t))
     pose = np.zeros((len(t), 4))
     pose[:, 3] = 0.0 if height is None else height(t)
@@ -213,8 +218,12 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
         period=0.1,
         status=(status,) * (len(t) - 1),
     )
-    work = SimpleNamespace(mission=asked, force=5.0)
-    return judge(work, table, Variation(friction=0.8), run, np.full(len(t) - 1, 5.5))
+    control = SimpleNamespace(contacts=(0.1,))
+    held = {"contact": "finger.1", "force": 5.0, "forces": {"finger.1": 5.0}, "middles": ("finger.middle",)}
+    work = SimpleNamespace(mission=asked, grasp=certified, control=control, **held)
+    # A standard deviation of 0.1 N, in the second half of the hold of 0.2 N.
+    std = np.where((t[:-1] >= 3.0) & (t[:-1] <= 4.05), 0.2, 0.1)
+    return judge(work, table, Variation(friction=0.8), run, np.full(len(t) - 1, 5.5), std)
 
 
 INSTANTS = np.arange(0.0, 8.05, 0.1)
@@ -224,7 +233,7 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
     ("given", "expected"),
     [
         ({}, {"held": True, "released": True, "force_error": 0.0, "sunk": 0.0, "force_estimate_error": 0.1}),
-        ({"normal": 4.0}, {"force_error": 0.2, "force_mean_error": -0.2}),
+        ({"normal": 4.0}, {"force_error": 0.2, "force_mean_error": -0.2, "force_estimate_std": 0.04}),
         ({"shear": 1.0}, {"slip_margin": 1.0 - 1.0 / (0.8 * 0.5 * 5.0)}),
         ({"height": lambda t: -0.004 * (t > 3.0)}, {"held": True, "sunk": 0.004}),
         ({"height": lambda t: -0.02 * (t > 3.0)}, {"held": False, "sunk": 0.02}),
@@ -257,6 +266,7 @@ def test_outcomes_are_counted_and_written(tmp_path):
     assert run.to_pandas()["held"].to_list() == [True, False, True, False]
     assert (found.plants, found.held, found.succeeded, found.fallbacks, found.failed) == (4, 2, 2, 3, (1, 3))
     assert (found.force_error_median, found.force_error_worst, found.sunk_worst) == pytest.approx((0.0, 0.5, 0.05))
+    assert found.estimate_error_normalized == pytest.approx(0.5 / 0.2)
     with open(run.save(tmp_path / "new") / "trials.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["held"] for row in rows] == ["True", "False", "True", ""]
@@ -292,6 +302,8 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
     assert stored.meta["verdict"]["held"] is True
     assert [phase["name"] for phase in stored.meta["phases"]] == [span.name for span in held.spans]
     assert stored.arrays["force_estimate"] == pytest.approx(held.force_estimate)
+    assert stored.arrays["force_std"] == pytest.approx(held.force_std)
+    assert stored.arrays["contact_force_std"].shape == (len(held.run.u), 2)
     assert stored.arrays["pulls"].shape == (6, 3)
     assert_declared(held, stored.arrays)
     assert repr(held).startswith('MissionRun "mug, from approach to release": held and released')
@@ -412,7 +424,7 @@ def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
         ("grasp=../grasp/pinch.yaml", "grasp has 2 fingers"),
         ("grasp.finger.tendons=null", "grasp.finger.tendons"),
         ("grasp.finger.tendons.time_constant=null", "needs a time_constant"),
-        ("grasp.gravity={mode: none}", "grasp.gravity must be out_of_plane"),
+        ("grasp.gravity={mode: none}", "grasp.gravity must be planar or out_of_plane"),
         ("grasp.contacts.tip=off", "grasp.contacts must have"),
         ("more_contacts=[0.3]", "more_contacts must lie"),
         ("controller.elements=[0, 2]", r"controller.elements\[0\]"),
@@ -441,6 +453,6 @@ def test_options_that_do_not_fit_exit_with_2(arguments, tmp_path):
 
 
 def test_verdicts_are_written_with_units():
-    found = Verdict(True, 1e-4, 2e-3, 0.049, -0.04, 0.03, 0.4, 0.1, True, 0)
+    found = Verdict(True, 1e-4, 2e-3, 0.049, -0.04, 0.03, 0.02, 0.4, 0.1, True, 0)
     assert found.pairs()["sunk"].startswith("0.1 mm")
     assert "4.9 %" in found.pairs()["held force"]

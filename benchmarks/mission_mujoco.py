@@ -1,0 +1,273 @@
+"""A mission's controller on another program's plant: a chain of hinges with the object, in MuJoCo.
+
+Run ``python -m benchmarks.mission_mujoco configs/mission/mug.yaml --plants 20`` with the interpreter that has MuJoCo
+named in ``CONTINUUM_GRASP_PEERS_PYTHON``. The chain is what ``export-mjcf`` writes of the mission's plant; the plants
+are those of its ``trials``. Added to it: the object slides out of the plane under its weight, on a table that sinks;
+pads on springs as stiff as ``contact_law`` says, at the middle contact, the tip and under walls, where contacts of
+MuJoCo are rigid. Contact, friction, integration, tendons and drives (of first order) are MuJoCo's own. Friction of the
+plant's tendons is left out, which MuJoCo does not have. Readings are late and noisy as the mission says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant_model import plant_scene
+from continuum_grasp.closed_loop.schedule import Schedule
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimation.noise import measurement_std
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.mjcf.surroundings import numbers
+from continuum_grasp.export.mjcf.write import export_mjcf
+from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.certified import plant_mass
+from continuum_grasp.mission.drop import FALLEN
+from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.trials import variations
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Table
+
+Array = NDArray[np.float64]
+
+HINGES = 24
+STEP = 5e-5
+"""Of MuJoCo [s]: a pad of half a gram on its spring turns by 0.1 rad in it."""
+PAD_MASS = 5e-4
+"""Of the face of a pad [kg]."""
+SERVER = Path(__file__).parent / "baselines" / "mujoco_mission.py"
+
+
+def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
+    """The plant's finger and surroundings, as a mission has them, without friction in the tendons."""
+    mission, control = of.mission, of.control
+    own = mission.plant.replaced(
+        stiffness=mission.plant.stiffness if variation.stiffness is None else variation.stiffness,
+        damping=mission.plant.damping if variation.damping is None else variation.damping,
+        tendon_friction=None,
+    )
+    body = control.object
+    if body is None:
+        raise InputError("a mission has an object")
+    x, y = np.array(body.position) + np.array(variation.shift)
+    law = mission.contact_law.replaced(friction=mission.contact_law.friction * variation.friction)
+    return plant_scene(control.replaced(plant=own)).replaced(
+        contacts=control.contacts,
+        object=body.replaced(mass=plant_mass(of, variation), position=(float(x), float(y))),
+        object_moves=True,
+        supports=mission.grasp.supports,
+        contact_law=law,
+        out_of_plane_gravity=mission.gravity,
+        table=Table(friction=mission.table_friction),
+    )
+
+
+def with_pads(text: str, scene: Scene, middle: float) -> str:
+    """The exported chain with weight out of the plane, and with compliant pads where the mission has contacts."""
+    root = ET.fromstring(text)
+    law, profile, world = scene.contact_law, scene.finger.profile, root.find("worldbody")
+    option, body = root.find("option"), root.find(".//body[@name='object']")
+    if law is None or world is None or option is None or body is None or scene.object is None:
+        raise InputError("a mission needs an object and a contact law")
+    option.attrib |= {"timestep": numbers(STEP), "gravity": numbers(0.0, 0.0, -scene.out_of_plane_gravity)}
+    option.attrib |= {"impratio": "100", "noslip_iterations": "5"}
+    root.find("default/geom").set("solref", f"{numbers(4.0 * STEP)} 1")  # type: ignore[union-attr]
+    ET.SubElement(body, "joint", name="object_z", type="slide", axis="0 0 1")
+    for geom in body.findall("geom"):
+        if geom.get("type") != "sphere":
+            raise InputError("only round objects are known here", key="grasp.object")
+        geom.attrib |= {"type": "cylinder", "size": f"{geom.get('size')} {numbers(0.2)}"}
+    slippery = {"contype": "0", "conaffinity": "0"}
+    for link in world.iter("body"):
+        for geom in link.findall("geom") if link.get("name") != "object" else []:
+            geom.attrib |= slippery
+    spring = {"stiffness": numbers(law.stiffness), "damping": numbers(2.0 * math.sqrt(law.stiffness * PAD_MASS))}
+    touch = {"contype": "1", "conaffinity": "0", "friction": numbers(law.friction, 0.0, 0.0)}
+    for name, at in (("middle", middle), ("tip", profile.length)):
+        link, begin = _link_at(world, at)
+        pad = ET.SubElement(link, "body", name=f"pad_{name}", pos=numbers(0.0, at - begin, 0.0))
+        ET.SubElement(pad, "joint", name=f"pad_{name}", type="slide", axis="1 0 0", **spring)
+        ET.SubElement(pad, "inertial", pos="0 0 0", mass=numbers(PAD_MASS), diaginertia="1e-8 1e-8 1e-8")
+        ET.SubElement(pad, "geom", type="sphere", size=numbers(float(profile.half_thickness(at))), **touch)
+    for wall in scene.walls:
+        found = world.find(f"geom[@name='support_{wall.name}']")
+        if found is not None:
+            world.remove(found)
+        (x, y), (nx, ny) = wall.point, wall.normal
+        own = law.friction if wall.friction is None else wall.friction
+        pad = ET.SubElement(world, "body", name=f"pad_{wall.name}", pos=numbers(x, y, 0.0))
+        ET.SubElement(pad, "joint", name=f"pad_{wall.name}", type="slide", axis=numbers(-nx, -ny, 0.0), **spring)
+        ET.SubElement(pad, "inertial", pos="0 0 0", mass=numbers(PAD_MASS), diaginertia="1e-6 1e-6 1e-6")
+        face = {"pos": numbers(-0.1 * nx, -0.1 * ny, 0.0), "euler": numbers(0.0, 0.0, wall.normal_angle)}
+        grip = {"contype": "0", "conaffinity": "2", "friction": numbers(own, 0.0, 0.0)}
+        ET.SubElement(pad, "geom", type="box", size=numbers(0.1, 0.1, 0.2), **face, **grip)
+    key = root.find("keyframe/key")
+    if key is not None:  # its numbers of joints are those before
+        zeros = sum(1 for _ in world.iter("joint"))
+        key.attrib |= {"qpos": numbers(*[0.0] * zeros), "qvel": numbers(*[0.0] * zeros)}
+    return ET.tostring(root, encoding="unicode")
+
+
+def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
+    """The link of a place along the chain, and where it begins [m]."""
+    found = world.find(".//body[@name='base']")
+    begin = 0.0
+    while found is not None:
+        following = next((one for one in found.findall("body") if str(one.get("name")).startswith("link_")), None)
+        step = math.inf if following is None else float(str(following.get("pos")).split()[1])
+        if following is None or begin + step > at:
+            return found, begin
+        found, begin = following, begin + step
+    raise InputError("the chain has no base")
+
+
+class Peer:
+    """MuJoCo in its own interpreter."""
+
+    def __init__(self) -> None:
+        python = os.environ.get("CONTINUUM_GRASP_PEERS_PYTHON")
+        if not python:
+            raise InputError("name the interpreter that has MuJoCo in CONTINUUM_GRASP_PEERS_PYTHON")
+        command = [python, str(SERVER)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        """One request, and its answer."""
+        process = self._process
+        if process.stdin is None or process.stdout is None:
+            raise InputError("no pipe to MuJoCo")
+        process.stdin.write(json.dumps(request) + "\n")
+        process.stdin.flush()
+        line = process.stdout.readline()
+        if not line:
+            raise InputError("MuJoCo ended; see its error stream")
+        return dict(json.loads(line))
+
+    def close(self) -> None:
+        """End it."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._process.wait(timeout=10)
+
+
+def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
+    """The mission on one plant: what became of the object, read off MuJoCo."""
+    table, scene = Timetable(of), scene_of_plant(of, variation)
+    chain = export_mjcf(scene, hinges=HINGES)
+    mission, period = of.mission, control.period
+    weight = plant_mass(of, variation) * mission.gravity
+    known = {"weight": weight, "friction": mission.table_friction, "stiffness": mission.contact_law.stiffness}
+    reading = peer.ask(xml=with_pads(chain.text, scene, of.control.contacts[0]), table=known)
+    plan, outside = Schedule(table.phases(control.stages)), table.outside()
+    names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+    rng = np.random.default_rng(variation.seed)
+    sensors = _Sensors(of, chain.text, scene)
+    control.reset(u=of.rest)
+    plant = type("Plant", (), {"command": of.rest})()
+    t, ahead = 0.0, control.stages.stage * np.arange(control.stages.stages + 1)
+    late = [sensors.read(reading)] * (1 + round(mission.estimator.delay / period))
+    plan.enter(t, control, plant)
+    rows = []
+    while True:
+        late = [*late[1:], sensors.read(reading)]
+        command = control.step(late[0] + sensors.std * rng.standard_normal(sensors.std.size), plan.rows(t + ahead))
+        plant.command = command.u
+        ends = np.array([t, t + period])
+        reading = peer.ask(
+            u=np.asarray(command.u).tolist(),
+            period=period,
+            height=outside["table_height [m]"](ends).tolist(),
+            wrench=np.stack([outside[name](ends) for name in names], axis=1).tolist(),
+        )
+        t += period
+        rows.append((t, *reading["pose"], *reading["pads"].values(), command.status.name.lower()))
+        if not reading["finite"] or not plan.advance(t, control, plant, command):
+            break
+    return _judged(of, table, rows, list(reading["pads"]))
+
+
+class _Sensors:
+    """What a mission measures, from what MuJoCo answers."""
+
+    def __init__(self, of: Assignment, text: str, scene: Scene) -> None:
+        measured, root = of.control.estimator.measured, ET.fromstring(text)  # type: ignore[union-attr]
+        if measured.tip is None or measured.tension is None or measured.bending is None:
+            raise InputError("tip, tensions and bending are measured here", key="estimator.measured")
+        self._base, self._at = scene.finger.base.angle, np.array(measured.bending.at)
+        links = [one for one in root.iter("body") if str(one.get("name")).startswith("link_")]
+        hinges = np.cumsum([float(str(one.get("pos")).split()[1]) for one in links])
+        # A hinge stands for the rod from the middle between it and the one before to that of the next.
+        self._edges = np.concatenate([[0.0], 0.5 * (hinges[1:] + hinges[:-1]), [scene.finger.rod.length]])
+        ys = ["tip_x [m]", "tip_y [m]", *[f"tension_{k + 1} [N]" for k in range(len(of.rest))]]
+        ys += [f"angle_{k + 1} [rad]" for k in range(len(self._at))]
+        self.std = of.mission.plant.noise * np.array([measurement_std(of.control, name) for name in ys])
+
+    def read(self, answer: dict[str, Any]) -> Array:
+        """Tip, tensions, angles."""
+        turned = np.interp(self._at, self._edges, np.concatenate([[0.0], np.cumsum(answer["angles"])]))
+        return np.array([*answer["tip"], *answer["pulls"], *(self._base + turned)])
+
+
+def _judged(of: Assignment, table: Timetable, rows: list[tuple[Any, ...]], pads: list[str]) -> dict[str, Any]:
+    """Verdict by the same limits as a mission's own."""
+    words = [row[-1] for row in rows]
+    values = np.array([row[:-1] for row in rows], dtype=float)
+    t, pose, forces = values[:, 0], values[:, 1:5], np.abs(values[:, 5:])
+    lift, hold, lower = (table.span(name) for name in ("lift", "hold", "lower"))
+    carried = (t >= lift.start) & (t <= lower.start)
+    still = (t >= 0.5 * (hold.start + hold.end)) & (t <= hold.end)
+    sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0))
+    held = forces[:, pads.index("tip" if of.contact == "finger.tip" else "middle")]
+    return {
+        "held": bool(t[-1] >= lower.start and sunk < FALLEN),
+        "released": bool(forces[-1, [pads.index("middle"), pads.index("tip")]].max() < 0.05),
+        "sunk": sunk,
+        "moved": float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0)),
+        "force": float(held[still].mean() / of.force - 1.0) if still.any() else math.nan,
+        "fallbacks": sum(word in ("previous_plan", "safe_ramp") for word in words),
+    }
+
+
+def main() -> None:
+    """Run the plants of a mission's trials."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("mission")
+    parser.add_argument("--plants", type=int, default=20)
+    parser.add_argument("--set", dest="changes", action="append", default=[])
+    asked = parser.parse_args()
+    mission = load(asked.mission, asked.changes)
+    if not isinstance(mission, MissionScene) or mission.gravity == 0.0:
+        raise InputError("expected a mission with its weight out of the plane", file=asked.mission)
+    of = assign(mission)
+    if len(of.middles) != 1:
+        raise InputError("one middle contact is known here", file=asked.mission, key="grasp.contacts")
+    control, peer = Controller(of.control, deadline=math.inf), Peer()
+    drawn = variations(mission.trials.replaced(count=asked.plants))
+    good = 0
+    for k, variation in enumerate(drawn):
+        found = carry_out(of, control, peer, variation)
+        good += found["held"] and found["released"]
+        words = "held" if found["held"] else "dropped", "released" if found["released"] else "not released"
+        print(
+            f"{k + 1}: {', '.join(words)}, "
+            f"sunk {1e3 * found['sunk']:.2f} mm, moved {1e3 * found['moved']:.2f} mm, "
+            f"force {100.0 * found['force']:+.1f} %, fallbacks {found['fallbacks']}",
+            flush=True,
+        )
+    print(f"{good} of {len(drawn)} plants held and released the object")
+    peer.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""Why an object was dropped: when which contact gave way, at which limit, and what the certificate says there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.certified import certified_contact, is_table, plant_friction
+from continuum_grasp.mission.plant import Timetable, Variation
+
+Array = NDArray[np.float64]
+
+FALLEN = 0.005
+"""Height that an object loses before it counts as dropped [m]."""
+_ON_CONE = 0.99
+"""Share of the friction cone from which a contact slips: friction is smooth, and reaches the cone in the limit only."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """One contact that gave way before the object fell.
+
+    Attributes
+    ----------
+    contact : str
+        Name on the plant: ``finger.1``, ``finger.tip``, or that of a support, whose corners count together.
+    how : {"slipped", "parted", "absent"}
+        At its friction cone, at a normal force of zero, or so before the lift began.
+    time : float
+        From when on, until the object had fallen [s]; of what was absent, when the lift began.
+    friction, normal_force, shear : float
+        Friction coefficient [1], and forces at that instant [N].
+    certified_friction, certified_normal_force, certified_shear : float or None
+        The same of the certified grasp, before anything pulls; None at a contact that the grasp does not have.
+    """
+
+    contact: str
+    how: Literal["slipped", "parted", "absent"]
+    time: float
+    friction: float
+    normal_force: float
+    shear: float
+    certified_friction: float | None
+    certified_normal_force: float | None
+    certified_shear: float | None
+
+    @property
+    def text(self) -> str:
+        """What gave way, and the certificate's numbers beside those of the plant."""
+        way = {"slipped": "slipped at", "parted": "parted from", "absent": "not held at"}[self.how]
+        head = f"{way} {self.contact} at {self.time:.2f} s: "
+        if self.certified_friction is None:
+            return f"{head}friction {self.friction:.2f}, pressed by {self.normal_force:.2f} N; not in the certificate"
+        cone = f"friction {self.friction:.2f}, certificate needs {self.certified_friction:.2f}; "
+        pressed = f"pressed by {self.normal_force:.2f} N, certificate {self.certified_normal_force:.2f} N; "
+        return f"{head}{cone}{pressed}bears {self.shear:.2f} N across, certificate {self.certified_shear:.2f} N"
+
+
+@dataclass(frozen=True)
+class Drop:
+    """An object that was dropped.
+
+    Attributes
+    ----------
+    time : float
+        When it had lost 5 mm of height [s].
+    phase : str
+        In which the first contact gave way.
+    slips : tuple of Slip
+        Contacts that gave way and stayed so until then, the first one first.
+    """
+
+    time: float
+    phase: str
+    slips: tuple[Slip, ...]
+
+    @property
+    def text(self) -> str:
+        """When it fell, and at which contact it began."""
+        if not self.slips:
+            return (
+                f"fell by {1e3 * FALLEN:g} mm until {self.time:.2f} s ({self.phase}), with all contacts in their cones"
+            )
+        first, *others = self.slips
+        then = "".join(f"; {one.contact} {one.how} at {one.time:.2f} s" for one in others)
+        return f"{first.text} ({self.phase}){then}; 5 mm lower at {self.time:.2f} s"
+
+
+def find_drop(
+    assignment: Assignment, timetable: Timetable, variation: Variation, run: ControlRun, sunk: Array
+) -> Drop | None:
+    """Why an object fell; None where it did not.
+
+    ``sunk`` (K + 1,) is the height that it lost since the lift began, zero before and from the lowering on [m].
+    """
+    fallen = np.flatnonzero(sunk >= FALLEN)
+    contacts = run.contacts
+    if not fallen.size or contacts is None:
+        return None
+    end, t = int(fallen[0]), run.t
+    friction = plant_friction(assignment, variation, contacts.names)
+    lift, slips = timetable.span("lift").start, []
+    for name, rows in _bodies(contacts.names).items():
+        normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
+        gone = np.all(shear >= _ON_CONE * friction[rows] * normal, axis=1)  # also where nothing presses
+        gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
+        firm = np.flatnonzero(~gone[: end + 1])
+        begin = int(firm[-1]) + 1 if firm.size else 0
+        own = certified_contact(assignment, name)
+        if begin > end or (own is None and t[begin] < lift):
+            continue  # firm until the end, or nothing that had to hold
+        at = max(begin, int(np.searchsorted(t, lift)))
+        pressed = float(normal[at].sum())
+        slips.append(
+            Slip(
+                contact=name,
+                how="absent" if at > begin else "slipped" if pressed > 0.0 else "parted",
+                time=float(t[at]),
+                friction=float(friction[rows[0]]),
+                normal_force=pressed,
+                shear=float(shear[at].sum()),
+                certified_friction=None if own is None else own.friction,
+                certified_normal_force=None if own is None else own.normal_force,
+                certified_shear=None if own is None else own.shear,
+            )
+        )
+    slips.sort(key=lambda one: one.time)
+    began = slips[0].time if slips else float(t[end])
+    phase = next(span.name for span in timetable.spans if began <= span.end)
+    return Drop(float(t[end]), phase, tuple(slips))
+
+
+def _bodies(names: Sequence[str]) -> dict[str, list[int]]:
+    """Contacts by what holds there: each of the finger's for itself, those of a support together; not the table."""
+    found: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        if not is_table(name):
+            found.setdefault(name if name.startswith("finger.") else name.partition(".")[0], []).append(k)
+    return found

@@ -1,0 +1,281 @@
+"""Whether a mission asks for more than its certificate promises: said with both numbers before anything moves."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.errors import BeyondCertificate, SolverError
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
+from continuum_grasp.mission.certified import plant_friction, plant_mass
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.resisted import held_resistance, plane_gravity
+from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.mission import MissionScene
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-6
+"""Excess, as a part of a number, that is none: the certificate itself holds to this."""
+_HALVINGS = 60
+"""Steps of a bisection: to the last digit."""
+_COARSE = 12
+"""The same where each step solves for the fingers' response: to the digits that are written."""
+
+
+@dataclass(frozen=True)
+class Exceeded:
+    """One number of a mission that its certificate does not cover.
+
+    Attributes
+    ----------
+    name : str
+        ``mass``, ``friction``, ``tension`` or the phase that pulls.
+    key : str
+        The YAML key to change.
+    unit : str
+    given : float
+        What the mission asks for; of friction, the coefficient at the contact that lacks most.
+    certified : float
+        What the grasp is certified for.
+    resisted : float
+        What the grasp's contact forces bear on this plant, all else as it is there.
+    certain : bool
+        Whether the object is dropped for certain: these contact forces cannot carry it, however they share its weight.
+    text : str
+        The same as a sentence.
+    """
+
+    name: str
+    key: str
+    unit: str
+    given: float
+    certified: float
+    resisted: float
+    certain: bool
+    text: str
+
+
+@check_arguments
+def check_mission(
+    scene: MissionScene | str | PathLike[str],
+    *,
+    grasp: GraspResult | None = None,
+    variation: Variation | None = None,
+) -> tuple[Exceeded, ...]:
+    """Compare what a mission asks for with what the certificate of its grasp promises; nothing moves.
+
+    Parameters
+    ----------
+    scene : MissionScene or path-like
+        The mission, or its YAML file.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
+    variation : Variation, optional
+        How the plant differs from the mission's own.
+
+    Returns
+    -------
+    tuple of Exceeded
+        What goes beyond the certificate: mass [kg], friction [1], drive [N], pulls [N or N m]; empty where it covers
+        everything.
+
+    Raises
+    ------
+    SolverError
+        If there is no verified grasp.
+    InputError
+        If the mission does not make sense.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.mission import check_mission
+    >>> check_mission("configs/mission/mug.yaml")
+    ()
+    >>> heavy = cg.load("configs/mission/mug.yaml", ["object_mass=0.8"])
+    >>> [(one.name, one.given, one.certified, one.certain) for one in check_mission(heavy)][0]
+    ('mass', 0.8, 0.33, True)
+    """
+    return exceeded(assign(scene_of(scene, MissionScene), grasp), variation or Variation())
+
+
+def exceeded(assignment: Assignment, variation: Variation) -> tuple[Exceeded, ...]:
+    """What of a mission on a plant goes beyond the certificate."""
+    plant = _OnPlant(assignment, variation)
+    found = (*plant.weight(), *plant.tension())
+    # What is dropped at once, or held with less force than certified, leaves pulls nothing to be compared with.
+    if any(one.certain or one.name == "tension" for one in found):
+        return found
+    return (*found, *plant.pulls())
+
+
+def exceeded_by_trials(assignment: Assignment, drawn: Sequence[Variation]) -> tuple[str, ...]:
+    """What goes beyond the certificate at the heavy and slippery end of the trials, and on how many plants drawn."""
+    asked = assignment.mission.trials
+    found = exceeded(assignment, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
+    if not found:
+        return ()
+    count = sum(bool(exceeded(assignment, one)) for one in drawn)
+    head = f"{count} of {len(drawn)} plants are beyond the certificate"
+    return (head, *(f"at the heavy and slippery end of trials: {one.text}" for one in found))
+
+
+def say(assignment: Assignment, found: Sequence[str]) -> None:
+    """Warn before the run; refuse it where the mission says so.
+
+    Raises
+    ------
+    SolverError
+        The mission goes beyond its certificate, and ``beyond_certificate`` is ``refuse``.
+    """
+    if found and assignment.mission.beyond_certificate == "refuse":
+        raise SolverError(
+            "the mission asks for more than its certificate promises",
+            status="beyond_certificate",
+            violated=found,
+            advice="Ask for less, or certify the grasp for this; beyond_certificate: warn tries it nevertheless.",
+        )
+    for text in found:
+        warnings.warn(text, BeyondCertificate, stacklevel=2)
+
+
+class _OnPlant:
+    """The contact forces of a grasp with mass and friction of a plant."""
+
+    def __init__(self, assignment: Assignment, variation: Variation) -> None:
+        self.of, self.mission, grasp = assignment, assignment.mission, assignment.grasp
+        self.mass, self.gravity = plant_mass(assignment, variation), assignment.mission.gravity
+        self.certified_mass, self.names = grasp.scene.object.mass, [contact.name for contact in grasp.contacts]
+        self.normal = np.array([contact.normal_force for contact in grasp.contacts])
+        self.across = np.array([contact.friction_force for contact in grasp.contacts])
+        self.certified_friction = np.array([grasp.scene.friction(name) for name in self.names])
+        self.friction = plant_friction(assignment, variation, self.names)
+
+    # -- weight -------------------------------------------------------------------------------------------------------
+
+    def _carried(self, friction: Array) -> float:
+        """Mass that the contact forces carry [kg]: out of the plane by friction beside what it bears in the plane,
+        shared out at will; in the plane until one slips or parts. Zero where one is beyond its cone without it.
+        """
+        if not self.gravity:
+            down = [[*plane_gravity(self.of.grasp), 0.0]]
+            (more,) = held_resistance(self.of.grasp, friction, self.certified_mass, wrenches=down).factors
+            # Beyond a cone at the certified weight nothing is resisted, although less weight might be carried.
+            return self.certified_mass + float(more) if more > 0.0 else 0.0
+        spare = (friction * self.normal) ** 2 - self.across**2
+        if (spare < -_ROUNDING * (friction * self.normal) ** 2).any():
+            return 0.0
+        return float(np.sqrt(np.maximum(spare, 0.0)).sum()) / self.gravity
+
+    def weight(self) -> list[Exceeded]:
+        """Mass and friction."""
+        found, carried = [], self._carried(self.friction)
+        # Out of the plane no sharing of the weight carries more than this.
+        most = float((self.friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
+        certain = self.mass > most * (1.0 + _ROUNDING)
+        bears = f"its contact forces carry {carried:.3g} kg on this plant"
+        ends = f"; it will be dropped: {most:.3g} kg is the most that friction of {self._range()} carries with them"
+        if self.mass > self.certified_mass * (1.0 + _ROUNDING):
+            found.append(
+                Exceeded(
+                    "mass",
+                    "object_mass",
+                    "kg",
+                    self.mass,
+                    self.certified_mass,
+                    carried,
+                    certain,
+                    f"the object has {self.mass:.3g} kg, the grasp is certified for {self.certified_mass:.3g} kg; "
+                    f"{bears}{ends if certain else ''}",
+                )
+            )
+        share = self.friction / np.maximum(self.certified_friction, 1e-300)
+        worst = int(np.argmin(share))
+        if share[worst] < 1.0 - _ROUNDING:
+            least = self._least_share() * self.friction[worst]
+            where = ", ".join(n for n, s in zip(self.names, share, strict=True) if s < share[worst] + _ROUNDING)
+            found.append(
+                Exceeded(
+                    "friction",
+                    "contact_law.friction",
+                    "1",
+                    float(self.friction[worst]),
+                    float(self.certified_friction[worst]),
+                    least,
+                    certain,
+                    f"friction is {self.friction[worst]:.3g} at {where}, the grasp is certified for "
+                    f"{self.certified_friction[worst]:.3g}; its contact forces need {least:.3g} with {self.mass:.3g} kg"
+                    f"{ends if certain else ''}",
+                )
+            )
+        return found
+
+    def _range(self) -> str:
+        low, high = float(self.friction.min()), float(self.friction.max())
+        return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+
+    def _least_share(self) -> float:
+        """Factor on the plant's friction with which the contact forces just carry the object; infinite if none does."""
+        low, high = 0.0, 1.0
+        while self._carried(high * self.friction) < self.mass:
+            high *= 2.0
+            if high > 1e6:
+                return float("inf")
+        for _ in range(_HALVINGS if self.gravity else _COARSE):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._carried(middle * self.friction) >= self.mass else (middle, high)
+        return high
+
+    # -- drives -------------------------------------------------------------------------------------------------------
+
+    def tension(self) -> list[Exceeded]:
+        """Whether the drive has the tensions of the grasp."""
+        most = np.array(self.of.control.finger.tension_limits[1])
+        worst = int(np.argmax(self.of.tensions / most))
+        needed, limit = float(self.of.tensions[worst]), float(most[worst])
+        if needed <= limit * (1.0 + _ROUNDING):
+            return []
+        key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
+        text = (
+            f"the drive pulls with {limit:.3g} N at most, the certified grasp takes {needed:.3g} N: it is not reached"
+        )
+        return [Exceeded("tension", key, "N", limit, needed, needed, False, text)]
+
+    # -- pulls --------------------------------------------------------------------------------------------------------
+
+    def pulls(self) -> list[Exceeded]:
+        """Every pull against what the grasp resists, as certified and with the plant's mass and friction."""
+        certified, evenly = self.of.resisted, self.of.grasp.quality.resistance.tendons != "locked"
+        most = self.mission.drive_tension
+        there = held_resistance(self.of.grasp, self.friction, self.mass, max_tension=most, evenly=evenly)
+        found = []
+        for k, wrench in enumerate(certified.wrenches):
+            factors = certified.factors[k], there.factors[k]
+            asked = self.mission.pull_share * min(factors[0], LARGEST)
+            if not asked > min(factors) * (1.0 + _ROUNDING):
+                continue
+            unit, size = _size(wrench)
+            given, own, resisted = (float(size * factor) for factor in (asked, *factors))
+            why = ", ".join(there.limiting[k]) or "nothing limits it"
+            text = (
+                f"pull {k + 1} is {given:.3g} {unit}, the grasp resists {own:.3g} {unit} as certified and "
+                f"{resisted:.3g} {unit} on this plant ({why})"
+            )
+            found.append(Exceeded(f"pull {k + 1}", "pull_share", unit, given, own, resisted, False, text))
+        return found
+
+
+def _size(wrench: Array) -> tuple[str, float]:
+    """Unit and size of a force or a moment; of both together, the multiple of the scene's disturbance."""
+    force, moment = float(np.hypot(*wrench[:2])), abs(float(wrench[2]))
+    if force and moment:
+        return "times the disturbance", 1.0
+    return ("N", force) if force else ("N m", moment)

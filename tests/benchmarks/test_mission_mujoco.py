@@ -1,0 +1,64 @@
+"""The plant of ``benchmarks.mission_mujoco``: pads where the mission has contacts, and, with MuJoCo, a mug at rest."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from benchmarks.mission_mujoco import STEP, Peer, scene_of_plant, with_pads
+from continuum_grasp.export.mjcf.write import export_mjcf
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.scene.load import load
+
+MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
+
+
+@pytest.fixture(scope="module")
+def plant():
+    """Assignment, scene of a heavier and shifted mug, and the text of its chain."""
+    mission = load(MUG)
+    of = assign(mission, optimize_grasp(mission.grasp))
+    scene = scene_of_plant(of, Variation(mass=1.1, friction=0.9, shift=(1e-3, 0.0)))
+    return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene, of.control.contacts[0])
+
+
+def test_pads_are_where_the_mission_has_contacts(plant):
+    of, scene, text = plant
+    root = ET.fromstring(text)
+    parents = {child: parent for parent in root.iter() for child in parent}
+    for name, at in (("middle", of.control.contacts[0]), ("tip", 0.18)):
+        body, along = root.find(f".//body[@name='pad_{name}']"), 0.0
+        joint, geom = body.find("joint"), body.find("geom")
+        assert (float(joint.get("stiffness")), geom.get("friction").split()[0]) == (2000.0, "0.45")
+        while body.get("name") != "base":
+            along, body = along + float(body.get("pos").split()[1]), parents[body]
+        assert along == pytest.approx(at)
+    assert scene.object.mass == pytest.approx(0.33)
+    geoms = root.find("worldbody").iter("geom")
+    touching = [geom for geom in geoms if (geom.get("contype"), geom.get("conaffinity")) != ("0", "0")]
+    assert len(touching) == 4  # two pads of the finger, the palm's, the mug
+    joints = [joint.get("name") for joint in root.find(".//body[@name='object']").findall("joint")]
+    assert joints == ["object_x", "object_y", "object_angle", "object_z"]
+
+
+@pytest.mark.skipif("CONTINUUM_GRASP_PEERS_PYTHON" not in os.environ, reason="needs an interpreter that has MuJoCo")
+def test_a_mug_rests_on_the_table_and_falls_without_it(plant):
+    of, _, text = plant
+    weight, peer = 0.33 * 9.81, Peer()
+    calm = {"u": of.rest.tolist(), "wrench": [[0.0] * 3] * 2}
+    peer.ask(xml=text, table={"weight": weight, "friction": 0.3, "stiffness": 2000.0})
+    for _ in range(20):
+        found = peer.ask(period=0.01, height=[0.0, 0.0], **calm)
+    assert found["pose"][3] == pytest.approx(-weight / 2000.0, rel=1e-3)
+    before = found["pose"][3]
+    fallen = peer.ask(period=0.05, height=[-1.0, -1.0], **calm)["pose"][3] - before
+    # Semi-implicit steps fall by half a step more.
+    assert fallen == pytest.approx(-0.5 * 9.81 * 0.05 * (0.05 + STEP), rel=1e-3)
+    assert np.allclose(list(found["pads"].values())[:2], 0.0, atol=0.05)
+    peer.close()
