@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import continuum_grasp as cg
-from continuum_grasp.control.ocp.stages import Stages, stages_of
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 
@@ -33,7 +34,7 @@ class Case:
 
     name: str
     what: str
-    scene: ControlScene
+    scene: ControlScene | None
     stages: Stages
     x0: Array
     u0: Array

@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 import continuum_grasp as cg
+from continuum_grasp.closed_loop.chain_integration import ChainIntegration
+from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control import ContactDetector, DetectedContact
 from tests.truth.servo import ServoedChain
 from tests.truth.tendon_motion import MovingFinger
@@ -91,3 +93,65 @@ def trial(
         if k % round(found.period / step) == 0:
             rows.append((t, force, found.step(driven.readings(STEP, NOISE, rng))))
     return rows
+
+
+PAIR = {**MOTOR, "pretension": 2.0}
+
+
+def pair_scene(
+    arrangement, friction=0.1, detection=None, *, payload=0.0, plant=None, loads=(), period=0.005, **factors
+):
+    """Two tendons on one pulley, or on a motor each, under gravity in the plane; ``factors`` on what is uncertain."""
+    own = {name: factors.get(name, 1.0) for name in ("stiffness", "friction_factor", "dry")}
+    drive = {**PAIR, "arrangement": arrangement, "coulomb_friction": 2e-3 * own["dry"]}
+    given = scene(friction, detection=detection, period=period)
+    return given.replaced(
+        finger={
+            "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS * own["stiffness"]},
+            "damping": {"material": 3e-5},
+            "masses": [{"at": LENGTH, "mass": 0.002 + payload}],
+            "tendons": {**TENDON, "friction": friction * own["friction_factor"], "drive": drive},
+        },
+        gravity=(0.0, -9.81),
+        plant=plant or {},
+        loads=tuple(loads),
+    )
+
+
+class PairPlant:
+    """A chain of guides on its motors, which hold each command over a period; ``readings`` as sensors show them."""
+
+    def __init__(self, arrangement, friction, **factors) -> None:
+        given = pair_scene(arrangement, friction, plant={"guides": 16}, **factors)
+        self.model = PlantModel(given)
+        self.steps, self.x, self.period = ChainIntegration(self.model), self.model.start, given.controller.step
+        names, self.time = self.model.system.x_names, 0.0
+        self._angle = [k for k, name in enumerate(names) if name.startswith("motor_angle") and "rate" not in name]
+        self._rate = [k + 1 for k in self._angle]
+        self._torque = np.zeros(len(self._angle))
+
+    def advance(self, bend) -> None:
+        """A period; the antagonist's own motor pays out less than the other winds up."""
+        u = np.array([bend, 0.15 - 0.7 * bend][: len(self._angle)])
+        self.x = self.steps.advance(self.x, u, self.time, self.period, 8)[-1]
+        self.time += self.period
+        wanted = MOTOR["position_gain"] * (u - self.x[self._angle]) - MOTOR["rate_gain"] * self.x[self._rate]
+        self._torque = np.clip(wanted, -MOTOR["torque_max"], MOTOR["torque_max"])
+
+    def readings(self, rng) -> np.ndarray:
+        """Angles by encoders [rad], torques [N m]."""
+        noisy = self._torque + NOISE * rng.standard_normal(len(self._torque))
+        return np.concatenate([STEP * np.round(self.x[self._angle] / STEP), noisy])
+
+
+def wander(found: ContactDetector, plant: PairPlant, steps: int, rng) -> list[DetectedContact]:
+    """Reports of a finger in random motion, that touches nothing."""
+    found.reset()
+    command, goal, speed, reports = 0.0, 0.0, 1.0, []
+    for k in range(steps):
+        if k % 80 == 0:  # every 0.4 s
+            goal, speed = rng.uniform(-0.8, 0.8), rng.uniform(0.2, 2.0)
+        command += float(np.clip(goal - command, -speed * plant.period, speed * plant.period))
+        plant.advance(command)
+        reports.append(found.step(plant.readings(rng)))
+    return reports

@@ -11,13 +11,18 @@ if TYPE_CHECKING:
     from continuum_grasp.control.estimation.contact_detector import ContactDetector as ContactDetector
     from continuum_grasp.control.estimation.contact_detector import DetectedContact as DetectedContact
     from continuum_grasp.control.estimation.estimator import Estimator as Estimator
+    from continuum_grasp.control.ocp.bounds import Row as Row
+    from continuum_grasp.control.ocp.control_problem import ControlProblem as ControlProblem
+    from continuum_grasp.control.ocp.residual import Residual as Residual
+    from continuum_grasp.control.ocp.scene_problem import stages_of as stages_of
     from continuum_grasp.control.ocp.setpoints import Setpoints as Setpoints
     from continuum_grasp.control.ocp.stages import Stages as Stages
-    from continuum_grasp.control.ocp.stages import stages_of as stages_of
     from continuum_grasp.control.periodic import PeriodicRun as PeriodicRun
     from continuum_grasp.control.periodic import run_periodic as run_periodic
     from continuum_grasp.control.prediction import Prediction as Prediction
     from continuum_grasp.control.rti.iteration import RealTimeIteration as RealTimeIteration
+    from continuum_grasp.control.rti_solver import RtiSolver as RtiSolver
+    from continuum_grasp.control.rti_solver import rti as rti
     from continuum_grasp.control.status import Anomaly as Anomaly
     from continuum_grasp.control.status import Health as Health
     from continuum_grasp.control.status import Status as Status

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,32 @@ from continuum_grasp.core.call import finite
 from continuum_grasp.errors import InputError
 
 Array = NDArray[np.float64]
+
+
+def bare(label: str) -> str:
+    """Return a name without the unit behind it."""
+    return label.split(" [")[0]
+
+
+def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: ArrayLike | None = None) -> Array:
+    """Convert numbers by name to a vector in the order of ``names`` (with units), ``default`` where one is not given.
+
+    ``InputError`` for unknown names, for a value that is no number, and without a default for missing names.
+    """
+    order = [bare(name) for name in names]
+    unknown = [name for name in value if name not in order]
+    missing = [name for name in order if name not in value] if default is None else []
+    if unknown or missing:
+        odd = f"there is no {', '.join(map(shown, unknown))}" if unknown else f"{', '.join(missing)} missing"
+        raise InputError(f"{odd}: expected {', '.join(order)}", key=key)
+    found = np.zeros(len(order)) if default is None else np.array(default, dtype=float)
+    for k, name in enumerate(order):
+        if name in value:
+            try:
+                found[k] = numbers(value[name])
+            except (TypeError, ValueError) as error:
+                raise InputError(f"expected a number, got {shown(value[name])}", key=f"{key}.{name}") from error
+    return found
 
 
 def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:

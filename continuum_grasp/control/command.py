@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.arguments import bare
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
+from continuum_grasp.errors import InputError
 from continuum_grasp.summary import Summarized, quoted
 
 Array = NDArray[np.float64]
@@ -26,6 +29,10 @@ class Layout(NamedTuple):
     measurement_names: tuple[str, ...]
     sensor_names: tuple[str, ...]
     places: tuple[float, ...]  # where contacts are considered [m]; none without a contact detector
+    x_names: tuple[str, ...]
+    u_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    touch: ca.Function | None = None  # Estimation.contact_forces
 
 
 class Plan(NamedTuple):
@@ -38,12 +45,26 @@ class Plan(NamedTuple):
 class Estimate(NamedTuple):
     """What the plan starts from: state of the prediction (nx), and parameters with the estimated disturbances (np).
 
-    ``std`` (nz) is of states and disturbances at the time of the measurement; None without an estimator.
+    ``std`` (nz) and ``covariance`` (nz, nz) are of states and disturbances at the time of the measurement; None without
+    an estimator.
     """
 
     x: Array
     p: Array
-    std: Array | None
+    std: Array | None = None
+    covariance: Array | None = None
+
+
+class ContactForces(NamedTuple):
+    """Estimated normal forces where the finger may touch the object, in the order of ``Prediction.contact_names``.
+
+    ``force`` (C) [N], and what the measurements leave open: ``std`` (C) [N] and ``covariance`` (C, C) [N2], by the
+    slope of the forces along states and disturbances and the covariance of these.
+    """
+
+    force: Array
+    std: Array
+    covariance: Array
 
 
 class Times(NamedTuple):
@@ -60,8 +81,9 @@ class Command(Summarized):
     Attributes
     ----------
     u : (nu,) ndarray
-        Tip moment [N m] or tensions [N] to apply until the next command; finite, within the rate limit, and within the
-        limits of the input unless ``Anomaly.BEYOND_LIMIT`` reports that one was moved past the last command.
+        Inputs to apply until the next command, of a finger tip moment [N m], tensions [N], or what its drives take;
+        finite, within the rate limit, and within the limits of the input unless ``Anomaly.BEYOND_LIMIT`` reports that
+        one was moved past the last command.
     status : Status
         What the command comes from: a new plan, the previous one, or the safe ramp.
     health : Health
@@ -91,6 +113,8 @@ class Command(Summarized):
             "time": f"{1e3 * sum(self.time):.3g} ms",
             "violation": f"{self.violation:.3g} of the scale of a soft constraint",
         }
+        if self.violated:
+            rows["violated"] = ", ".join(self.violated)
         return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
     def _part(self, name: str) -> Array:
@@ -111,11 +135,50 @@ class Command(Summarized):
         return Plan(x.reshape(-1, self._layout.nx), u.reshape(-1, self._layout.nu))
 
     @property
+    def inputs(self) -> dict[str, float]:
+        """The command by name of its entries."""
+        return {bare(name): value for name, value in zip(self._layout.u_names, self.u.tolist(), strict=True)}
+
+    def planned(self, name: str) -> Array:
+        """Course of an input (N,), or else of a state (N + 1,), in the last plan.
+
+        ``InputError`` where neither has the name.
+        """
+        layout = self._layout
+        for values, labels in zip(self.plan[::-1], (layout.u_names, layout.x_names), strict=True):
+            order = [bare(label) for label in labels]
+            if name in order:
+                return values[:, order.index(name)]
+        known = ", ".join(dict.fromkeys(bare(label) for label in (*layout.u_names, *layout.x_names)))
+        raise InputError(f"expected one of {known}, got {name!r:.60}", key="name")
+
+    @property
+    def violated(self) -> dict[str, float]:
+        """Rows that the plan violates: by name, the largest violation in shares of the row's scale."""
+        excess = self._part("excess").tolist()
+        return {name: value for name, value in zip(self._layout.row_names, excess, strict=True) if value > 0.0}
+
+    @property
     def estimate(self) -> Estimate:
         """State and parameters."""
-        variance = self._part("variance")
-        std = np.sqrt(np.maximum(variance, 0.0)) if variance.size else None
-        return Estimate(self._part("x")[: self._layout.nd], self._part("p"), std)
+        x, p, then = self._part("x")[: self._layout.nd], self._part("p"), self._part("then")
+        if not then.size:
+            return Estimate(x, p)
+        root = self._part("upper").reshape(then.size, -1) * np.sqrt(np.maximum(self._part("diagonal"), 0.0))
+        covariance = root @ root.T
+        return Estimate(x, p, np.sqrt(np.diag(covariance)), covariance)
+
+    @property
+    def contact_forces(self) -> ContactForces | None:
+        """Normal forces on the object and how well they are known; None without an object or an estimator."""
+        estimate = self.estimate
+        if self._layout.touch is None or estimate.covariance is None:
+            return None
+        # Disturbances are constant from the measurement on.
+        z = np.concatenate([estimate.x, self._part("then")[estimate.x.size :]])
+        force, slope = (np.array(value) for value in self._layout.touch(z, self.u, estimate.p))
+        covariance = slope @ estimate.covariance @ slope.T
+        return ContactForces(force.ravel(), np.sqrt(np.diag(covariance)), covariance)
 
     @property
     def time(self) -> Times:
@@ -124,7 +187,7 @@ class Command(Summarized):
 
     @property
     def iterations(self) -> int:
-        """Factorizations of the QP beyond the first."""
+        """Factorizations of the QPs of this call, beyond the one of each preparation."""
         return int(self._number("iterations"))
 
     @property

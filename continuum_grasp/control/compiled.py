@@ -16,7 +16,7 @@ from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.field import Field
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti import source as rti
-from continuum_grasp.core.source import plain_source
+from continuum_grasp.core.source import in_lanes, plain_source
 from continuum_grasp.errors import InputError
 
 Array = NDArray[np.float64]
@@ -107,12 +107,14 @@ def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> 
 def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
     """Write dimensions, generated functions and templates of an estimator."""
     lines = [f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, nu, np_).items()]
+    # Step and half a step are two lanes of one, where they are made alike.
+    vector = in_lanes([estimation.single], real) if estimation.single is not None else ""
     # The step without derivatives predicts over the delay, and is not needed without one.
-    flow = [estimation.flow] if periods else []
-    functions = [estimation.step, estimation.outputs, estimation.parameters, *flow]
+    scalar = [] if vector else [estimation.step, *([estimation.flow] if periods else [])]
     return [
         "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""]),
-        plain_source("estimator", functions, real),
+        plain_source("estimator", [*scalar, estimation.outputs, estimation.parameters], real),
+        f"{vector}#define EKF_VECTOR" if vector else "",
         _templates("checks.h", "ekf.h", "ekf.c"),
     ]
 

@@ -16,6 +16,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.system_equations import friction_parameter
 from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
@@ -42,7 +43,7 @@ class ModelScene(Protocol):
     ``surroundings`` has object and supports, if there is an object; ``input_limits`` are the least and the greatest
     inputs, ``rest_input`` is that which leaves the finger alone; ``lag`` is the shortest time constant of the drive
     [s], None where an input acts at once or by a motor; ``disturbances`` names those that are parameters:
-    ``tip_force``, ``tip_moment``, ``object_position``.
+    ``tip_force``, ``tip_moment``, ``object_position``, ``contact_friction``.
     """
 
     @property
@@ -110,6 +111,8 @@ class Prediction(Remade):
         self._couple = "tip_moment" in scene.disturbances
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances
+        stations = (*(f"{k + 1}" for k in range(len(scene.contacts))), "tip")
+        friction = map(friction_parameter, stations) if "contact_friction" in scene.disturbances else ()
         self._own_lag = scene.lag if finger.tendons is None else None
         # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
         # neither.
@@ -124,7 +127,7 @@ class Prediction(Remade):
         self.system = System(
             finger,
             surroundings=scene.surroundings,
-            object_parameters=("object_x", "object_y") if moved else (),
+            object_parameters=(*(("object_x", "object_y") if moved else ()), *friction),
             contacts=scene.contacts,
             gravity=scene.gravity,
             family=family,
@@ -144,7 +147,7 @@ class Prediction(Remade):
         self.p_names = (*system.p_names, *system.w_names, *extra)
         self.p_nominal = (*system.p_nominal, *[0.0] * (system.nw + len(extra)))
         self.nx, self.nu, self.np = len(self.x_names), len(self.u_names), len(self.p_names)
-        self.x, self.u, self.p = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu), ca.SX.sym("p", self.np)
+        self.x, self.u, self.p = (_symbols(names) for names in (self.x_names, self.u_names, self.p_names))
 
     @property
     def greatest_moment(self) -> float:
@@ -346,6 +349,11 @@ class Prediction(Remade):
                     raise NumericalError("the linearized motion is not finite", state=shape)
                 largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
         return largest
+
+
+def _symbols(names: Sequence[str]) -> ca.SX:
+    """A column of symbols of these names."""
+    return ca.vertcat(ca.SX(0, 1), *map(ca.SX.sym, names))
 
 
 def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.contact_model import ContactModel
 from continuum_grasp.control.estimation.model import Estimation
@@ -15,6 +17,8 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.scene.control import ControlScene
+
+Array = NDArray[np.float64]
 
 _RAMP = 0.5
 """Time in which the safe ramp crosses the whole range of an input [s]: longer than the period of the first mode of the
@@ -83,13 +87,77 @@ def controller_fields(
 ) -> list[Field]:
     """List the members of ``controller_settings``, for C in double or float."""
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
-    fields = [
-        *_nested("rti", _iteration_fields(scene, stages, precision)),
-        Field("period", asked.step),
-        Field("u_rate", np.full(stages.nu, asked.input.rate_max or ABSENT)),
-        Field("u_safe", scene.rest_input),
+    calls = calls_of(scene)
+    rate = np.full(stages.nu, asked.input.rate_max or ABSENT)
+    supervisor = _supervisor_fields(scene, stages, estimation)
+    fields = _fields(stages, calls, precision, ranges, rate, supervisor)
+    if estimation is not None:
+        fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
+        if contact is not None:
+            fields += _nested("contact", contact.fields_within(estimation.measurement_names))
+    return fields
+
+
+def solver_fields(stages: Stages, calls: Calls, precision: str) -> list[Field]:
+    """List the members of ``controller_settings`` of a problem without a scene, whose state is given.
+
+    Any finite number is plausible, and nothing is supervised.
+    """
+    none = np.full(stages.nd, -1)
+    supervisor = [
+        *[Field(name, 0, whole=True) for name in ("window", "delay", "rungs")],
+        Field("sensor", 0 * none, whole=True),
+        Field("shape", [0], whole=True),
+        Field("cause", none, whole=True),
+        Field("still", none),
+        Field("change", np.ones(stages.nu)),
+        *[Field(name, -1, whole=True) for name in ("tip", "setpoint")],
+        Field("far", 1.0),
+    ]
+    ranges = free_ranges(stages, ABSENT)
+    return _fields(stages, calls, precision, ranges, np.full(stages.nu, ABSENT), supervisor)
+
+
+def free_ranges(stages: Stages, most: float) -> Ranges:
+    """Ranges of a problem without a scene: all numbers up to a magnitude."""
+    sizes = {"x": stages.nd, "r": stages.nr, "p": stages.np, "applied": stages.nu}
+    limits = {key: np.tile((-most, most), (size, 1)) for key, size in sizes.items()}
+    return Ranges(disturbances=np.zeros((0, 2)), measurement=limits["x"], **limits)
+
+
+def calls_of(scene: ControlScene) -> Calls:
+    """How the controller of a scene is called."""
+    asked = scene.controller
+    counts = asked.sqp_iterations, asked.start_iterations, asked.iterations
+    return Calls(asked.step, np.array(scene.rest_input), _RAMP, *counts)
+
+
+class Calls(NamedTuple):
+    """How a controller is called: what its C needs beside the problem.
+
+    Period [s]; safe input (nu), to which the command goes where there is no plan, and the time in which that ramp
+    crosses the whole range of an input [s]; iterations per call and from a plan at rest; cap of the interior point's.
+    """
+
+    period: float
+    safe: Array
+    ramp: float
+    sqp_iterations: int
+    start_iterations: int
+    iterations: int
+
+
+def _fields(
+    stages: Stages, calls: Calls, precision: str, ranges: Ranges, rate: Array, supervisor: list[Field]
+) -> list[Field]:
+    """List the members of ``controller_settings`` but for those of the estimator."""
+    return [
+        *_nested("rti", _iteration_fields(stages, calls.iterations, precision)),
+        Field("period", calls.period),
+        Field("u_rate", rate),
+        Field("u_safe", calls.safe),
         # The C refuses a rate of zero, which an input that cannot move would have.
-        Field("safe_rate", np.maximum((stages.u_max - stages.u_min) / _RAMP, 1e-9)),
+        Field("safe_rate", np.maximum((stages.u_max - stages.u_min) / calls.ramp, 1e-9)),
         Field("applied_min", ranges.applied[:, 0]),
         Field("applied_max", ranges.applied[:, 1]),
         Field("r_min", ranges.r[:, 0]),
@@ -98,26 +166,20 @@ def controller_fields(
         Field("p_max", ranges.p[:, 1]),
         Field("x_min", ranges.x[:, 0]),
         Field("x_max", ranges.x[:, 1]),
-        Field("sqp_iterations", asked.sqp_iterations, whole=True),
-        Field("start_iterations", asked.start_iterations, whole=True),
-        *_nested("supervisor", _supervisor_fields(scene, stages, estimation)),
+        Field("sqp_iterations", calls.sqp_iterations, whole=True),
+        Field("start_iterations", calls.start_iterations, whole=True),
+        *_nested("supervisor", supervisor),
     ]
-    if estimation is not None:
-        fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
-        if contact is not None:
-            felt = [estimation.measurement_names.index(name) for name in contact.measurement_names]
-            fields += [*_nested("contact", contact.fields), Field("felt", felt, whole=True)]
-    return fields
 
 
-def _iteration_fields(scene: ControlScene, stages: Stages, precision: str) -> list[Field]:
+def _iteration_fields(stages: Stages, iterations: int, precision: str) -> list[Field]:
     """List the members of ``rti_settings``."""
     real = np.float64 if precision == "double" else np.float32
     return [
         *[Field(name, getattr(stages, name)) for name in rti.SETTINGS],
         Field("stage", stages.stage),
         Field("substeps", stages.substeps, whole=True),
-        Field("iterations", scene.controller.iterations, whole=True),
+        Field("iterations", iterations, whole=True),
         Field("tolerance", float(real(rti.TOLERANCE[precision]))),
         Field("regularization", float(real(rti.REGULARIZATION))),
     ]

@@ -28,7 +28,7 @@ class Status(IntEnum):
     PREVIOUS_PLAN = 3
     """The previous plan, until its end."""
     SAFE_RAMP = 4
-    """The ramp to the least tensions or to no moment, at a bounded rate."""
+    """The ramp to the safe input (of a finger least tensions or no moment), at a bounded rate."""
 
     @property
     def fallback(self) -> bool:

@@ -14,8 +14,9 @@ import casadi as ca
 
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.lanes import lane_function
-from continuum_grasp.core.precision import single
+from continuum_grasp.core.precision import literal, single
 from continuum_grasp.core.sweeps import with_loops
+from continuum_grasp.errors import InputError
 
 _PLACE = re.compile(r"<<(\w+)>>")
 _BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
@@ -130,6 +131,23 @@ def lane_prelude(real: str) -> str:
     """C that must stand before lane functions, whose lanes are ``real``: double or float."""
     # <tgmath.h>: sin and the like of the lanes' own type, so that float lanes do not go through double.
     return f"#include <tgmath.h>\ntypedef {real} cg_real;\n\n{template('core', 'lanes.h')}"
+
+
+def in_lanes(functions: Sequence[ca.Function], real: str) -> str:
+    """C of straight-line functions and of calls of such functions in vector lanes, ``NAME_lanes``.
+
+    Empty if one of them has an operation that lanes do not have.
+    """
+    try:
+        texts = [lane_function(f, real) for f in straight_functions(functions)]
+    except InputError:
+        return ""
+    texts += [
+        calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
+        for f in functions
+        if not f.is_a("SXFunction")
+    ]
+    return "\n".join(["#ifndef CG_LANES", lane_prelude(real), "#endif", *texts, ""])
 
 
 def _in_lanes(function: ca.Function, real: str) -> str:

@@ -132,6 +132,9 @@ class ControlScene(FingerScene):
             raise ValueError("estimator.disturbances.contact_force needs contacts")
         if estimator.disturbances.object_position is not None and (self.object is None or self.object_moves):
             raise ValueError("estimator.disturbances.object_position needs an object that does not move")
+        unknown_friction = estimator.disturbances.contact_friction is not None
+        if unknown_friction and (self.object is None or self.contact_law is None or self.contact_law.friction == 0.0):
+            raise ValueError("estimator.disturbances.contact_friction needs an object and contact_law.friction above 0")
         if estimator.measured.tension is not None and self.lag is None and not self.finger.winches:
             raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.

@@ -210,8 +210,9 @@ class Controller(Value):
     strongly nonlinear problem, in as many times the time."""
     start_iterations: Annotated[int, Field(ge=1, le=100)] = 5
     """The same for a command without a previous plan, such as the first one."""
-    iterations: Annotated[int, Field(ge=1, le=100)] = 20
-    """Cap of the interior-point iterations per QP."""
+    iterations: Annotated[int, Field(ge=1, le=100)] = 40
+    """Greatest number of factorizations per QP, beyond that of its preparation. A QP that is not solved with as many
+    ends with an input within its limits and the status ITERATION_LIMIT."""
     supervisor: bool = True
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
     that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the

@@ -80,6 +80,9 @@ class Disturbed(Value):
     """Unknown world force at the tip, each component [N / s^0.5]."""
     contact_force: Annotated[Positive, Field(examples=[0.2]), Unit("N / s^0.5")] | None = None
     """Unknown world force at each place of ``contacts``, each component [N / s^0.5]."""
+    contact_friction: Annotated[Positive, Field(examples=[0.5]), Unit("1 / s^0.5")] | None = None
+    """Friction at each contact with the object, in the plane, per ``contact_law.friction`` times the normal force: a
+    share between -1 and 1 [1 / s^0.5]; in place of that which a law would give."""
     object_position: Annotated[Positive, Field(examples=[0.004]), Unit("m / s^0.5")] | None = None
     """Position of a fixed object, each coordinate [m / s^0.5]; observable only in contact."""
     bending_stiffness: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
@@ -91,6 +94,25 @@ class Disturbed(Value):
     def names(self) -> frozenset[str]:
         """Those that are estimated."""
         return frozenset(name for name in type(self).model_fields if getattr(self, name) is not None)
+
+
+class Spread(Value):
+    """Standard deviations of unknowns at the start, of those that a plant has once and for all."""
+
+    object_position: Annotated[Positive, Field(examples=["3 mm"]), Unit("m")] | None = None
+    """Of each coordinate of a fixed object [m]."""
+    bending_stiffness: Annotated[Positive, Field(examples=["10 %"]), Unit("1")] | None = None
+    """Of the bending stiffness, relative [1]."""
+    tendon_friction: Annotated[Positive, Field(examples=["40 %"]), Unit("1")] | None = None
+    """Of the friction coefficient of the tendons, relative [1]."""
+
+    def check(self, disturbances: Disturbed) -> None:
+        """Refuse one of what is not estimated."""
+        for name in type(self).model_fields:
+            if getattr(self, name) is not None and getattr(disturbances, name) is None:
+                raise ValueError(
+                    f"spread.{name} needs disturbances.{name}, its drift: what does not drift is not estimated"
+                )
 
 
 class ContactDetection(Value):
@@ -149,6 +171,9 @@ class Estimator(Value):
     """What is measured, and how noisy it is."""
     disturbances: Disturbed = Disturbed()
     """Unknowns that are estimated with the state."""
+    spread: Spread = Spread()
+    """How far unknowns may be from their nominal values at the start; by default as far as they drift in a second. A
+    stiffness that one plant has and another has not is a wide spread with a slow drift."""
     contact_detection: ContactDetection | None = None
     """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
@@ -163,3 +188,6 @@ class Estimator(Value):
     frozen: bool = True
     """Whether a reading at rest for 0.2 s (20 samples at least) counts as missing while the command moves. False: for
     sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
+
+    def _check(self) -> None:
+        self.spread.check(self.disturbances)

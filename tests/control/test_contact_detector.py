@@ -10,7 +10,22 @@ import pytest
 
 from continuum_grasp.control import Contact, ContactDetector, Controller, Estimator
 from continuum_grasp.errors import InputError
-from tests.contact_cases import EXACT, LENGTH, MOTOR, NOISE, OFFSET, RADIUS, STEP, STIFFNESS, plant, scene, trial
+from tests.contact_cases import (
+    EXACT,
+    LENGTH,
+    MOTOR,
+    NOISE,
+    OFFSET,
+    RADIUS,
+    STEP,
+    STIFFNESS,
+    PairPlant,
+    pair_scene,
+    plant,
+    scene,
+    trial,
+    wander,
+)
 from tests.truth.tendon import HingedFinger
 
 
@@ -102,6 +117,75 @@ def test_a_blow_is_detected_in_time(way):
 def test_wrong_models_raise_no_alarm(stiffness, friction, dry, payload):
     rows = trial(detector(payload=0.002), plant(friction, stiffness=stiffness, dry=dry, payload=payload), back=True)
     assert {feels.contact for _, _, feels in rows} == {Contact.FREE}
+
+
+@pytest.mark.parametrize("arrangement", ["one_pulley", "per_tendon"])
+def test_two_tendons_raise_no_alarm_at_the_ends_of_all_errors(arrangement):
+    """Under gravity with a payload, on motors whose commands are held; what is small on a pulley is the difference."""
+    own = ContactDetector(pair_scene(arrangement, detection={"payload": 0.002}))
+    for stiffness, factor, payload in ((0.8, 0.5, 0.002), (1.2, 0.5, 0.002), (1.2, 1.5, 0.0)):
+        given = {"stiffness": stiffness, "friction_factor": factor, "dry": 0.7, "payload": payload}
+        reports = wander(own, PairPlant(arrangement, 0.1, **given), 320, np.random.default_rng(0))
+        assert {feels.contact for feels in reports} == {Contact.FREE}
+
+
+IDENTIFIED = {"bending_stiffness": 0.02, "tendon_friction": 0.1, "coulomb_friction": 0.1, "tension": 0.03}
+WRONG = {"stiffness": 1.2, "friction_factor": 0.5, "dry": 0.7}
+
+
+@pytest.mark.parametrize(
+    ("arrangement", "at", "place", "detection", "wrong"),
+    [
+        ("one_pulley", LENGTH, 1, IDENTIFIED, {}),
+        ("one_pulley", 0.5 * LENGTH, 0, IDENTIFIED, {}),
+        ("per_tendon", LENGTH, 1, IDENTIFIED, {}),
+        ("per_tendon", 0.5 * LENGTH, 0, IDENTIFIED, {}),
+        # Errors at their ends: the residual is most of the way to one bound before the push.
+        ("one_pulley", LENGTH, 1, {"payload": 0.002}, WRONG),
+    ],
+)
+def test_two_tendons_feel_a_push_beyond_the_threshold(arrangement, at, place, detection, wrong):
+    """At 1.6 times the threshold, within 25 ms for the filter, both ways; the force is in its interval then."""
+    own = ContactDetector(pair_scene(arrangement, detection=detection))
+    rate = 1.0 if place else 3.0
+    for way in (1.0, -1.0):
+        force = {"times": (0.0, 0.8, 1.2), "values": ((0.0, 0.0), (0.0, 0.0), (-0.4 * way * rate, 0.0))}
+        load = {"kind": "force", "at": at, "follows": True, "force": {**force, "interpolation": "linear"}}
+        driven, rng, threshold = PairPlant(arrangement, 0.1, loads=[load], **wrong), np.random.default_rng(1), 0.0
+        own.reset()
+        for k in range(1, 241):
+            driven.advance(min(2.0 * k * driven.period, 0.8))
+            feels, pushed = own.step(driven.readings(rng)), max(0.0, k * driven.period - 0.8) * rate
+            if not pushed:
+                assert feels.contact is Contact.FREE
+                threshold = float(feels.threshold[place])
+            elif feels.detected:
+                break
+        assert pushed < 1.6 * threshold + 0.025 * rate
+        assert feels.forces[place, 0] - 0.01 < way * pushed < feels.forces[place, 1] + 0.01
+
+
+def test_two_places_that_motors_feel_alike_cannot_be_distinguished():
+    """0.15 N at the tip and 0.58 N in the middle of a chain pull both motors within 0.15 N of each other."""
+    own, residuals = ContactDetector(pair_scene("per_tendon", 0.05, detection=IDENTIFIED)), []
+    for place, at, pushed in ((1, LENGTH, 0.15), (0, 0.5 * LENGTH, 0.58)):
+        force = {
+            "times": (0.0, 0.8, 1.0),
+            "values": ((0.0, 0.0), (0.0, 0.0), (-pushed, 0.0)),
+            "interpolation": "linear",
+        }
+        load = {"kind": "force", "at": at, "follows": True, "force": force}
+        driven, rng = PairPlant("per_tendon", 0.05, loads=[load]), np.random.default_rng(1)
+        own.reset()
+        for k in range(1, 321):
+            driven.advance(min(2.0 * k * driven.period, 0.8))
+            feels = own.step(driven.readings(rng))
+        assert feels.detected
+        assert feels.place is None
+        assert feels.forces[place, 0] < pushed < feels.forces[place, 1]
+        assert np.all(np.isfinite(feels.forces))
+        residuals.append(feels.residual)
+    assert residuals[0] == pytest.approx(residuals[1], abs=0.15)
 
 
 def test_after_a_contact_the_history_is_not_known():

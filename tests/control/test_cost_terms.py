@@ -11,7 +11,7 @@ import pytest
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.estimation.noise import ranges_of
 from continuum_grasp.control.ocp.cost_terms import TERMS, tracked_groups
-from continuum_grasp.control.ocp.stages import stages_of
+from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import Loop

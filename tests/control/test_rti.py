@@ -15,7 +15,8 @@ import pytest
 from scipy.optimize import minimize
 
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages, cost_functions, stages_of, step_function
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
 from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers

@@ -218,6 +218,26 @@ def test_an_answer_does_not_depend_on_those_before(k):
             np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(one).max())
 
 
+@pytest.mark.parametrize("k", range(len(SIZES)))
+@pytest.mark.parametrize("most", [1, 2, 5, 12])
+def test_a_problem_takes_no_more_factorizations_than_are_set(k, most):
+    """Far from its solution a plan is still one: inputs within their bounds; and the status says that it is far."""
+    rti, rng = iteration(k), np.random.default_rng(k)
+    o = rti.settings
+    usual, o.iterations = o.iterations, most
+    try:
+        for _ in range(60):
+            x0 = disturb(rti, rng)
+            report = rti.feedback(x0)
+            x, u = rti.plan
+            assert report.iterations <= most
+            assert report.status in (1, 2) or report.kkt <= 100 * o.tolerance
+            assert np.all((u >= o.u_min) & (u <= o.u_max))
+            np.testing.assert_allclose(x[0], x0, rtol=1e-12, atol=1e-12)
+    finally:
+        o.iterations = usual
+
+
 def test_without_a_feasible_input_the_violation_is_reported():
     """A row of the state is bounded to less than what the first state allows."""
     rti = iteration(0)

@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from continuum_grasp import Fidelity, load
-from continuum_grasp.control.ocp.stages import stages_of, step_function
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import step_function
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene

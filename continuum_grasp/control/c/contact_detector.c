@@ -1,16 +1,31 @@
 /* Detection of contact. See contact_detector.h. */
 
-void contact_start(contact_state *state, const contact_settings *settings)
+/* Of the last two members: tendons that were pulled, and released, all along. */
+static void contact_forget(contact_state *state)
+{
+#if CONTACT_NF > 0
+  for (int m = CONTACT_NM - 2; m < CONTACT_NM; ++m)
+    for (int k = CONTACT_NS - CONTACT_NF; k < CONTACT_NS; ++k) state->s[m][k] = m < CONTACT_NM - 1 ? 1 : -1;
+#else
+  (void)state;
+#endif
+}
+
+void contact_start(contact_state *state, const contact_settings *settings, const real *z)
 {
   memset(state, 0, sizeof *state);
   memcpy(state->s, settings->first, sizeof state->s);
+  if (!z) return;
+  for (int m = 0; m < CONTACT_NM; ++m)
+    for (int k = 0; k < CONTACT_NS; ++k) state->s[m][k] = z[settings->from[k]];
+  if (!settings->history_known) contact_forget(state);
 }
 
 static real contact_size(real value) { return value < 0 ? -value : value; }
 
-/* Move a member through the last period; its mean tension over it. */
+/* Move a member through the last period; its mean tension over it, and what all tendons of each drive have at its end. */
 static void contact_move(contact_state *state, const contact_settings *settings, int member, const real *before,
-                         const real *speed, real *mean)
+                         const real *speed, real *mean, real *all)
 {
   real wound[2 * CONTACT_ND], next[CONTACT_NS], *s = state->s[member], *tension = state->tension[member];
   const real h = settings->period / (real)settings->substeps, *p = settings->p[member];
@@ -26,19 +41,19 @@ static void contact_move(contact_state *state, const contact_settings *settings,
     free_step(arg, res);
     memcpy(s, next, sizeof next);
     for (int d = 0; d < CONTACT_ND; ++d) wound[2 * d] += h * speed[d];
-    real *pulled[] = {tension};
+    real *pulled[] = {tension, k < settings->substeps - 1 ? 0 : all};
     free_tension(arg, pulled);
     for (int d = 0; d < CONTACT_ND; ++d) mean[d] += tension[d] / 2;
   }
   for (int d = 0; d < CONTACT_ND; ++d) mean[d] /= (real)settings->substeps;
 }
 
-/* Share of the dry friction whose direction the last three periods show, with its sign. */
-static real contact_direction(const contact_state *state, const contact_settings *settings, int d)
+/* Share of the dry friction whose direction the last three periods show, with its sign, at a share of their speeds. */
+static real contact_direction(const contact_state *state, const contact_settings *settings, int d, real share)
 {
   real least = 1, sign = 0;
   for (int k = 0; k < 3; ++k) {
-    const real speed = state->speed[k][d], slow = settings->slow[d];
+    const real speed = share * state->speed[k][d], slow = settings->slow[d];
     const real way = speed / CG_SQRT(speed * speed + slow * slow);
     if (k > 0 && way * sign <= 0) return 0;
     sign = way;
@@ -51,7 +66,7 @@ static real contact_direction(const contact_state *state, const contact_settings
 static void contact_bounds(const contact_state *state, const contact_settings *settings, int groups, int d, real *low,
                            real *high)
 {
-  const real both = state->dry[d] + settings->noise[d] + settings->model_error * state->size[d];
+  const real both = state->unknown[d] + settings->noise[d] + settings->model_error * state->size[d];
   *low = -both;
   *high = both;
   for (int g = 0; g < groups; ++g) {
@@ -94,7 +109,10 @@ static void contact_explain_by(const contact_state *state, const contact_setting
 {
   const real gain = report->gain[d + CONTACT_ND * place];
   real greatest = report->gain_most[d + CONTACT_ND * place], least, most;
-  const real high = report->high[d], low = report->low[d], bound = high > -low ? high : -low;
+  const real high = report->high[d], low = report->low[d];
+  real now = state->residual[d];
+  cg_limit(&now, low, high);
+  const real bound = high - now > now - low ? high - now : now - low;   /* whichever way the force acts */
   if (!(contact_size(gain) * (real)CONTACT_MOST > bound)) return;       /* a slack tendon feels nothing */
   if (!(greatest / gain > 1)) greatest = gain;
   if (bound / contact_size(gain) < report->threshold[place]) report->threshold[place] = bound / contact_size(gain);
@@ -128,13 +146,26 @@ static void contact_explain(const contact_state *state, const contact_settings *
   }
 }
 
-int contact_step(contact_state *state, const contact_settings *settings, const real *y, const real *u,
+/* Nothing is known: any force agrees with it, and none is detected. */
+static int contact_unknown(contact_report *report, int verdict)
+{
+  for (int i = 0; i < CONTACT_NL; ++i) {
+    report->threshold[i] = report->force_high[i] = (real)CONTACT_MOST;
+    report->force_low[i] = -(real)CONTACT_MOST;
+  }
+  return report->verdict = verdict;
+}
+
+int contact_step(contact_state *state, const contact_settings *settings, const real *measured, const real *u,
                  contact_report *report)
 {
-  real length[CONTACT_ND], pull[CONTACT_ND], mean[CONTACT_ND], before[CONTACT_ND], free_mean[CONTACT_ND] = {0};
+  real y[CONTACT_NY], length[CONTACT_ND], pull[CONTACT_ND], mean[CONTACT_ND], before[CONTACT_ND], free_mean[CONTACT_ND] = {0};
+  real all[CONTACT_ND], free_all[CONTACT_ND];
   memset(report, 0, sizeof *report);
-  report->verdict = CONTACT_MISSING;
-  if (!cg_finite(y, CONTACT_NY) || !cg_finite(u, CONTACT_NU)) return report->verdict;
+  for (int j = 0; j < CONTACT_NY; ++j) y[j] = measured[settings->felt[j]];
+  if (state->lost) return contact_unknown(report, CONTACT_LOST);
+  if (!cg_within(y, settings->y_min, settings->y_max, CONTACT_NY) || !cg_finite(u, CONTACT_NU))
+    return contact_unknown(report, CONTACT_MISSING);
   const real *arg[] = {y, u, state->length, &settings->period};
   real *res[] = {length, pull};
   contact_measured(arg, res);
@@ -144,7 +175,7 @@ int contact_step(contact_state *state, const contact_settings *settings, const r
   memmove(state->speed[1], state->speed[0], 2 * sizeof state->speed[0]);
   for (int d = 0; d < CONTACT_ND; ++d) state->speed[0][d] = (length[d] - before[d]) / h;
   for (int m = 0; m < CONTACT_NM; ++m) {
-    contact_move(state, settings, m, before, state->speed[0], mean);
+    contact_move(state, settings, m, before, state->speed[0], mean, m ? all : free_all);
     for (int d = 0; d < CONTACT_ND; ++d) {
       /* Over two periods, so that the acceleration by differences is that of their middle. */
       const real both = (mean[d] + state->mean[m][d]) / 2;
@@ -158,31 +189,33 @@ int contact_step(contact_state *state, const contact_settings *settings, const r
       state->most[m][d] = off > high ? off : high;
     }
   }
+  state->lost = !cg_finite(&state->s[0][0], CONTACT_NM * CONTACT_NS);
+  if (state->lost) return contact_unknown(report, CONTACT_LOST);
   for (int d = 0; d < CONTACT_ND; ++d) {
     const real pulled = (pull[d] + (state->steps ? state->pull[d] : pull[d])) / 2;
-    const real both = (pulled + state->pull_mean[d]) / 2, way = contact_direction(state, settings, d);
+    const real both = (pulled + state->pull_mean[d]) / 2, way = contact_direction(state, settings, d, 1);
+    /* Commands are held over a period: where a servo is fast, its motor nearly stands when the torque is read. */
+    const real sure = contact_size(contact_direction(state, settings, d, settings->ending[d]));
     const real speed = (state->speed[0][d] + state->speed[1][d]) / 2;
     const real acceleration = (state->speed[0][d] - state->speed[1][d]) / h;
-    const real unknown = settings->dry_error + 1 - contact_size(way);
+    const real unknown = settings->dry[d] * (settings->dry_error + 1 - sure)
+                         + settings->jerk[d] * contact_size(speed)
+                         + settings->held[d] * contact_size(pull[d] - state->pull[d]);
     const real excess = both - settings->inertia[d] * acceleration - settings->viscous[d] * speed
                         - settings->dry[d] * way - free_mean[d];
     state->pull[d] = pull[d];
     state->pull_mean[d] = pulled;
     state->length[d] = length[d];
-    if (state->steps < 2) { state->dry[d] = settings->dry[d] * unknown; continue; }
+    if (state->steps < 2) { state->unknown[d] = settings->dry[d] * (settings->dry_error + 1); continue; }
     state->residual[d] += settings->blend * (excess - state->residual[d]);
-    state->dry[d] += settings->blend * (settings->dry[d] * unknown - state->dry[d]);
-    state->size[d] += settings->blend * (contact_size(free_mean[d]) - state->size[d]);
+    state->unknown[d] += settings->blend * (unknown - state->unknown[d]);
+    state->size[d] += settings->blend * (free_all[d] - state->size[d]);
   }
   if (state->steps < 2) ++state->steps;
   report->verdict = contact_beyond(state, settings, CONTACT_NG)       ? CONTACT_DETECTED
                     : contact_beyond(state, settings, CONTACT_NG - (CONTACT_NF > 0)) ? CONTACT_UNCERTAIN
                                                                       : CONTACT_FREE;
-#if CONTACT_NF > 0
-  if (report->verdict == CONTACT_DETECTED)
-    for (int m = CONTACT_NM - 2; m < CONTACT_NM; ++m)
-      for (int k = CONTACT_NS - CONTACT_NF; k < CONTACT_NS; ++k) state->s[m][k] = m < CONTACT_NM - 1 ? 1 : -1;
-#endif
+  if (report->verdict == CONTACT_DETECTED) contact_forget(state);
   contact_explain(state, settings, report);
   return report->verdict;
 }

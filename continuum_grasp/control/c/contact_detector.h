@@ -27,7 +27,8 @@ enum {                        /* verdict of a step */
   CONTACT_FREE = 0,           /* the residual is that of a finger that touches nothing */
   CONTACT_UNCERTAIN = 1,      /* it is beyond that, and may be a friction history that is not known */
   CONTACT_DETECTED = 2,
-  CONTACT_MISSING = 3         /* a measurement is missing: nothing has changed */
+  CONTACT_MISSING = 3,        /* a measurement is missing or absurd: nothing has changed */
+  CONTACT_LOST = 4            /* winches moved as no finger follows: nothing is known until it starts again */
 };
 
 typedef struct {
@@ -44,9 +45,16 @@ typedef struct {
   real dry[CONTACT_ND];       /* dry friction of the motor, as a tension [N] */
   real dry_error;             /* greatest relative error of it */
   real slow[CONTACT_ND];      /* speed below which its direction is not known [m/s] */
-  real model_error;           /* greatest relative error of the tension by what members leave out */
+  real ending[CONTACT_ND];    /* least speed at the end of a period, when a torque is read, per mean speed */
+  real jerk[CONTACT_ND];      /* greatest tension that a servo's torque has for it then, per mean speed [N s/m] */
+  real held[CONTACT_ND];      /* share of a change of torque by which its mean over a period is not known */
+  real model_error;           /* greatest relative error of each tension by what members leave out */
   real noise[CONTACT_ND];     /* of the residual, as much as it reaches [N] */
   int single[CONTACT_ND];     /* whether a drive pulls one tendon */
+  int felt[CONTACT_NY];       /* which of the measurements that a step is given it takes */
+  real y_min[CONTACT_NY], y_max[CONTACT_NY];    /* beyond which these are absurd */
+  int from[CONTACT_NS];       /* where an estimated state has the states of a member */
+  int history_known;
 } contact_settings;
 
 typedef struct {
@@ -55,8 +63,10 @@ typedef struct {
   real deviation[CONTACT_NM][CONTACT_ND];                             /* filtered */
   real least[CONTACT_NM][CONTACT_ND], most[CONTACT_NM][CONTACT_ND];         /* of it, of late */
   real length[CONTACT_ND], speed[3][CONTACT_ND], pull[CONTACT_ND], pull_mean[CONTACT_ND];
-  real residual[CONTACT_ND], dry[CONTACT_ND], size[CONTACT_ND];           /* filtered */
+  real residual[CONTACT_ND], unknown[CONTACT_ND];     /* filtered; of motors what is not known [N] */
+  real size[CONTACT_ND];      /* filtered: all that tendons pull a drive with, which on a pulley differ by less [N] */
   int steps;                  /* so far, up to three */
+  int lost;                   /* whether the state of a member is not finite */
 } contact_state;
 
 typedef struct {
@@ -65,13 +75,14 @@ typedef struct {
   real low[CONTACT_ND], high[CONTACT_ND];     /* residuals of a finger that touches nothing [N] */
   real gain[CONTACT_ND * CONTACT_NL];       /* tension per force across the finger at each place, by columns */
   real gain_most[CONTACT_ND * CONTACT_NL];  /* greatest if tendons stick */
-  real threshold[CONTACT_NL]; /* least force at each place that is detected [N] */
+  real threshold[CONTACT_NL]; /* least force at each place that is detected, from where the residual is now [N] */
   real force_low[CONTACT_NL], force_high[CONTACT_NL];     /* forces at each place that explain the residual [N]; low above
                                                             high: none does */
 } contact_report;
 
-void contact_start(contact_state *state, const contact_settings *settings);
-/* Update with the measurements y; u was applied since the last call. Returns the verdict. */
-int contact_step(contact_state *state, const contact_settings *settings, const real *y, const real *u,
+/* Start where the settings say, or at an estimated state. */
+void contact_start(contact_state *state, const contact_settings *settings, const real *z);
+/* Update with the measurements of which `felt` are taken; u was applied since the last call. Returns the verdict. */
+int contact_step(contact_state *state, const contact_settings *settings, const real *measured, const real *u,
                  contact_report *report);
 #endif

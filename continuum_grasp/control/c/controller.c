@@ -15,7 +15,7 @@ void controller_start(controller_state *state, const controller_settings *settin
 #if CONTROLLER_ESTIMATES
   ekf_start(&state->ekf, &settings->ekf, z0, state->u);
 #if CONTROLLER_TOUCHES
-  contact_start(&state->contact, &settings->contact);
+  contact_start(&state->contact, &settings->contact, 0);
 #endif
 #else
   memcpy(state->x, z0, sizeof state->x);
@@ -67,9 +67,7 @@ static int controller_estimate(controller_state *state, controller_work *work, c
   const int result = ekf_step(&state->ekf, &work->ekf, &o->ekf, measurement, state->u, state->p, &out->ekf);
   for (int j = 0; j < CONTROLLER_NM; ++j) out->verdict[j] = out->ekf.verdict[j];
 #if CONTROLLER_TOUCHES
-  real felt[CONTACT_NY];
-  for (int j = 0; j < CONTACT_NY; ++j) felt[j] = measurement[o->felt[j]];
-  contact_step(&state->contact, &o->contact, felt, state->u, &out->contact);
+  contact_step(&state->contact, &o->contact, measurement, state->u, &out->contact);
 #endif
   if (out->ekf.limited) out->anomalies |= CONTROLLER_ESTIMATE_LIMITED;
   /* A restarted estimate is a guess: it is reported, but no plan starts from it. */
@@ -143,7 +141,11 @@ static int controller_iterate(controller_work *work, const rti_settings *o, cons
     const uint32_t begin = CONTROLLER_TICKS();
     status = rti_prepare(&work->rti, &work->plan, o, out->p, in->setpoints);
     const uint32_t prepared = CONTROLLER_TICKS();
-    if (status >= 0) status = rti_feedback(&work->rti, &work->plan, o, out->x, &out->rti);
+    const int before = out->rti.iterations;       /* reported is the sum, which bounds the time of the call */
+    if (status >= 0) {
+      status = rti_feedback(&work->rti, &work->plan, o, out->x, &out->rti);
+      out->rti.iterations += before;
+    }
     out->ticks[1] += prepared - begin;
     out->ticks[2] += CONTROLLER_TICKS() - prepared;
   }

@@ -108,7 +108,6 @@ typedef struct {
   supervisor_settings supervisor;
 #if CONTROLLER_TOUCHES
   contact_settings contact;
-  int felt[CONTACT_NY];       /* which measurements the contact detector takes */
 #endif
 } controller_settings;
 

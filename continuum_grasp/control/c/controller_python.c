@@ -20,19 +20,23 @@ size_t cg_size(void) { return sizeof(cg_object); }
 size_t cg_state_size(void) { return sizeof(controller_state); }
 void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, values); }
 
-/* in: z, u, p */
+/* in: z, u, p, whether a contact detector starts at z too; by default it does where the settings say */
 void cg_start(cg_object *o, const double *in)
 {
   real z[CG_START];
-  cg_read(o->p, cg_read(o->applied, cg_read(z, in, CG_START), RTI_NU), RTI_NP);
+  in = cg_read(o->p, cg_read(o->applied, cg_read(z, in, CG_START), RTI_NU), RTI_NP);
   controller_start(&o->state, &o->settings, z, o->applied, o->p);
+#if CONTROLLER_TOUCHES
+  if (*in > 0) contact_start(&o->state.contact, &o->settings.contact, z);
+#endif
 }
 
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
 /* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
  * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung), mismatch, activity,
- * ticks, u, x, p, verdicts, variances, innovations, their variances, contact, plan */
+ * ticks, u, x, p, verdicts, excess of rows, of the time of the measurement z and its covariance U diag(D) U',
+ * innovations, their variances, contact, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
   controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
@@ -58,10 +62,12 @@ int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
   out = cg_write(out, found->x, RTI_NX);
   out = cg_write(out, found->p, RTI_NP);
   out = cg_write_ints(out, found->verdict, CONTROLLER_NM);
+  out = cg_write(out, found->rti.excess, RTI_NC);
 #if CONTROLLER_ESTIMATES
-  real variance[EKF_NZ];
-  ekf_variance(&o->state.ekf, variance);
-  out = cg_write(out, variance, EKF_NZ);
+  /* the covariance in factors: whoever wants it multiplies them, the others pay for copies */
+  out = cg_write(out, o->state.ekf.z, EKF_NZ);
+  out = cg_write(out, &o->state.ekf.U[0][0], EKF_NZ * EKF_NZ);
+  out = cg_write(out, o->state.ekf.D, EKF_NZ);
   out = cg_write(out, found->ekf.innovation, EKF_NY);
   out = cg_write(out, found->ekf.variance, EKF_NY);
 #endif

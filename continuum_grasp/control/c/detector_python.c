@@ -12,7 +12,7 @@ void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, val
 void cg_start(cg_object *o, const double *in)
 {
   cg_read(&o->settings.first[0][0], in, CONTACT_NM * CONTACT_NS);
-  contact_start(&o->state, &o->settings);
+  contact_start(&o->state, &o->settings, 0);
 }
 
 /* in: y, u; out: the report */

@@ -61,12 +61,52 @@ static void ekf_orthogonalize(ekf_state *state, ekf_work *work, int columns)
   }
 }
 
+#ifdef EKF_VECTOR
+/* One step and its derivatives; half of it, which is a step of its own, is in the second lane. */
+static void ekf_lanes(const real *z, const real *u, const real *p, real h, real *next, real *F, real *G)
+{
+  cg_lanes wz[EKF_NZ], wu[EKF_NU], wp[EKF_SIZE(EKF_NP)], wh[1], end[EKF_NZ], by[EKF_NZ * EKF_NZ];
+  for (int j = 0; j < EKF_NZ; ++j) wz[j] = (cg_lanes){0} + z[j];
+  for (int j = 0; j < EKF_NU; ++j) wu[j] = (cg_lanes){0} + u[j];
+  for (int j = 0; j < EKF_NP; ++j) wp[j] = (cg_lanes){0} + p[j];
+  wh[0] = (cg_lanes){0} + h;
+  wh[0][1] = h / 2;
+  const cg_lanes *in[] = {wz, wu, wp, wh};
+  cg_lanes *out[] = {end, by};
+  estimator_single_lanes(in, out);
+  for (int j = 0; j < EKF_NZ; ++j) next[j] = end[j][0];
+  for (int j = 0; F && j < EKF_NZ * EKF_NZ; ++j) {
+    F[j] = by[j][0];
+    G[j] = by[j][1];
+  }
+}
+#endif
+
+/* A step with its derivatives to the workspace, where it may be already. */
+static void ekf_advance(ekf_work *work, const real *z, const real *u, const real *p, real h)
+{
+  real from[EKF_FROM];
+  memcpy(from, z, EKF_NZ * sizeof *z);
+  memcpy(from + EKF_NZ, u, EKF_NU * sizeof *u);
+#if EKF_NP > 0
+  memcpy(from + EKF_NZ + EKF_NU, p, EKF_NP * sizeof *p);
+#endif
+  from[EKF_FROM - 1] = h;
+  if (memcmp(work->from, from, sizeof from) == 0) return;
+#ifdef EKF_VECTOR
+  ekf_lanes(z, u, p, h, work->next, work->F, work->G);
+#else
+  const real *arg[] = {z, u, p, &h};
+  real *res[] = {work->next, work->F, work->G};
+  estimator_step(arg, res);
+#endif
+  memcpy(work->from, from, sizeof from);
+}
+
 static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
                         real h)
 {
-  const real *arg[] = {state->z, u, p, &h};
-  real *res[] = {work->next, work->F, work->G};
-  estimator_step(arg, res);
+  ekf_advance(work, state->z, u, p, h);
   memcpy(state->z, work->next, sizeof state->z);
   int columns = EKF_NZ;
   for (int j = 0; j < EKF_NZ; ++j) work->weight[j] = state->D[j];
@@ -289,10 +329,20 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
   for (int k = 0, at = state->oldest; k < EKF_DELAY; ++k, at = at + 1 < EKF_DELAY ? at + 1 : 0) {
     const real *u = state->queue[at];
     for (int i = 0; i < settings->substeps; ++i) {
+      real next[EKF_NZ] = {0};
+      if (k == 0 && i == 0) {
+        ekf_advance(work, z, u, p, h); /* from the next call's state, to whose prediction it is left */
+        memcpy(z, work->next, sizeof work->next);
+        continue;
+      }
+#ifdef EKF_VECTOR
+      ekf_lanes(z, u, p, h, next, 0, 0);
+#else
       const real *arg[] = {z, u, p, &h};
-      real *res[] = {work->next};
+      real *res[] = {next};
       estimator_flow(arg, res);
-      memcpy(z, work->next, sizeof work->next);
+#endif
+      memcpy(z, next, sizeof next);
     }
   }
 #else

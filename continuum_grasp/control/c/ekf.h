@@ -14,7 +14,8 @@
  * by row, a lag of half the model's ended in a limit cycle of 86 mm.
  *
  * A measurement that arrives now was taken EKF_DELAY periods ago. The filter's state is of that time; `ekf_now`
- * predicts the state now with the inputs applied since.
+ * predicts the state now with the inputs applied since. The first step of that is the one that the next call's prediction
+ * makes, unless its parameters change: it is made once, and the workspace knows what it started from.
  *
  * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY
  * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_NF (friction states); and `real`, with CG_SINGLE defined if that
@@ -26,6 +27,7 @@
 #include "checks.h"
 
 #define EKF_SIZE(n) ((n) > 0 ? (n) : 1)
+#define EKF_FROM (EKF_NZ + EKF_NU + EKF_NP + 1)
 
 /* The leaky gate, in samples of a sensor. The numbers come from trials with 26 wrong plants and 15 faults. */
 #define EKF_PATIENCE 3          /* samples in a row that are rejected: a glitch is one or two frames; with 10, half a
@@ -72,6 +74,7 @@ typedef struct {
   real W[EKF_NZ][4 * EKF_NZ], weight[4 * EKF_NZ];
   real F[EKF_NZ * EKF_NZ], G[EKF_NZ * EKF_NZ], H[EKF_NY * EKF_NZ], y[EKF_NY];
   real next[EKF_NZ];
+  real from[EKF_FROM];        /* z, u, p and h of the step that next, F and G are of */
 } ekf_work;
 
 typedef struct {

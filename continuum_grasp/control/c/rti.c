@@ -130,7 +130,10 @@ static int rti_evaluate(const rti_work *o, const rti_settings *s, rti_report *re
       if (!(over > 0)) continue;
       cost += over * (s->linear[i] + RTI_R(0.5) * s->quadratic[i] * over);
       report->violation = rti_max(report->violation, over);
-      violated |= over > reported;
+      if (over > reported) {
+        violated = 1;
+        report->excess[i] = rti_max(report->excess[i], over);
+      }
     }
   }
   report->cost = cost;
@@ -169,13 +172,14 @@ static real rti_optimality(rti_work *o, const rti_settings *s, real unit)
 
 /* Solve the QP with bounds. The active set from a warm start needs a median of 0 to 5 factorizations in the shipped closed
  * loops, but may cycle from a bad start; the interior point converges from anywhere, but slowly near the solution. So the
- * interior point takes over where the active set fails, and hands back its estimate as soon as that suffices. */
+ * interior point takes over where the active set fails, and hands back its estimate as soon as that suffices. All of
+ * them together take s->iterations factorizations at most. */
 static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, const real *x0, rti_report *report)
 {
   rti_stiffnesses(o);
   memset(o->a, 0, sizeof o->a);
   const int how = rti_previous_set(o, plan) || rti_plan_set(o, s) ? RTI_RETAINED : RTI_ESTIMATED;
-  const int found = rti_active_set(o, s, how, RTI_ROUNDS, report);
+  const int found = rti_active_set(o, s, how, rti_lesser(RTI_ROUNDS, s->iterations), report);
   if (found) return found == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
   rti_sides(o, s);
   rti_free_trajectory(o, x0);
@@ -183,13 +187,12 @@ static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, c
   if (o->sides == 0) return RTI_ITERATION_LIMIT;
   rti_center(o, RTI_CENTER * rti_first_product(o, s));
   const real unit = rti_unit_cost(o, s);
-  int left = s->iterations;
   for (real products = RTI_FIRST_PRODUCT;; products *= RTI_PRODUCT_FACTOR) {
-    const int before = left, small = rti_interior_point(o, s, products * unit, &left);
-    report->iterations += before - left;
+    const int small = rti_interior_point(o, s, products * unit, &report->iterations);
     memcpy(o->saved, o->z, sizeof o->z);        /* where the interior point goes on if the active set fails */
     rti_gather_multipliers(o);
-    const int again = rti_active_set(o, s, RTI_ESTIMATED, RTI_FINAL_ROUNDS, report);
+    const int left = s->iterations - report->iterations;
+    const int again = rti_active_set(o, s, RTI_ESTIMATED, rti_lesser(RTI_FINAL_ROUNDS, left), report);
     if (again) return again == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
     memcpy(o->z, o->saved, sizeof o->z);
     rti_bounded(o, o->z, o->y, 1);

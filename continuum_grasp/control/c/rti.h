@@ -50,7 +50,7 @@ typedef struct {
   real weights[RTI_SIZE(RTI_NR)], terminal_weights[RTI_SIZE(RTI_NR)];
   real stage;                 /* length of a stage [s], of the integration; the cost has its own */
   int substeps;               /* Runge-Kutta steps per stage */
-  int iterations;             /* cap of the interior-point method */
+  int iterations;             /* greatest number of factorizations of a QP, beyond that of the preparation */
   real tolerance;             /* of the solution, relative */
   real regularization;        /* added to the Hessian's diagonal of the inputs */
 } rti_settings;
@@ -69,6 +69,7 @@ typedef struct {
   real kkt;                   /* largest residual of the optimality conditions, relative; 0 if no bound is active */
   real violation;             /* largest violation of a row */
   real cost;                  /* of the QP at its solution, penalties included */
+  real excess[RTI_SIZE(RTI_NC)];      /* of each row that is reported as violated its largest violation, else 0 */
 } rti_report;
 
 typedef struct {

@@ -25,6 +25,16 @@ typedef uint64_t rti_bits;
 #define RTI_SMALLEST RTI_R(2e-38)             /* least divisor, just above the smallest normal float (1.2e-38): a product of
                                                  slack and multiplier that underflows must not give 0 / 0 */
 
+#ifdef RTI_VECTOR
+typedef cg_lanes rti_wide;
+#define RTI_WIDE CG_LANES
+#define RTI_AT(a, l) (a)[l]
+#else
+typedef real rti_wide;
+#define RTI_WIDE 1
+#define RTI_AT(a, l) (a)
+#endif
+
 static inline real rti_abs(real a) { return a < 0 ? -a : a; }
 static inline real rti_max(real a, real b) { return a > b ? a : b; }
 static inline real rti_min(real a, real b) { return a < b ? a : b; }
@@ -33,19 +43,32 @@ static inline int rti_lesser(int a, int b) { return a < b ? a : b; }
 /* Whether all numbers are finite, by their bits: -ffast-math lets a compiler drop isfinite(). */
 static int rti_finite(const real *a, size_t count)
 {
-  int good = 1;
+  rti_bits bad = 0; /* as wide as the numbers, for vector instructions */
   for (size_t i = 0; i < count; ++i) {
     rti_bits bits;
     memcpy(&bits, &a[i], sizeof bits);
-    good &= (bits & RTI_EXPONENT) != RTI_EXPONENT;
+    bad |= (bits & RTI_EXPONENT) == RTI_EXPONENT;
   }
-  return good;
+  return !bad;
 }
 
 /* Whether a number is between finite limits, which NaN is not. */
 static inline int rti_between(real a, real least, real most)
 {
   return rti_finite(&a, 1) && a >= least && a <= most;
+}
+
+/* to += a from, over the first `count` numbers of a row at least: vectors take whole rows. In blocks, as RTI_W is padded with lanes: of a loop over 16 numbers gcc 12 makes scalar code,
+ * since it unrolls such loops before it vectorizes. */
+static inline void rti_add_row(real to[RTI_W], real a, const real from[RTI_W], int count)
+{
+#ifdef RTI_VECTOR
+  typedef real block __attribute__((vector_size(4 * sizeof(real)), aligned(sizeof(real)), may_alias));
+  (void)count;
+  for (int l = 0; l < RTI_W; l += 4) *(block *)(to + l) += a * *(const block *)(from + l);
+#else
+  for (int l = 0; l < count; ++l) to[l] += a * from[l];
+#endif
 }
 
 /* Bounds of a bounded quantity: of an input, or of a row of c. */

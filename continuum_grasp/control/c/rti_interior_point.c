@@ -243,14 +243,14 @@ static void rti_step_sides(rti_work *o, real length)
     }
 }
 
-/* Iterate until the mean product is small: 1; or 0 if steps become too short or too many. */
-static int rti_interior_point(rti_work *o, const rti_settings *s, real small, int *left)
+/* Iterate until the mean product is small: 1; or 0 if steps become too short or too many, of which `taken` is the count. */
+static int rti_interior_point(rti_work *o, const rti_settings *s, real small, int *taken)
 {
   for (;;) {
     const real mean = rti_mean(o);
     if (mean <= small) return 1;
-    if (*left == 0) return 0;
-    --*left;
+    if (*taken >= s->iterations) return 0;
+    ++*taken;
     rti_forces(o);
     rti_gradient(o);
     rti_weights(o, s);

@@ -37,8 +37,7 @@ static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (
 /* q += M' p */
 static inline void rti_add_transposed(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])
 {
-  for (int i = 0; i < RTI_NX; ++i)
-    for (int l = 0; l < RTI_W; ++l) q[l] += M[i][l] * p[i];
+  for (int i = 0; i < RTI_NX; ++i) rti_add_row(q, p[i], M[i], RTI_NZ);
 }
 
 /* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the
@@ -52,11 +51,11 @@ static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real invers
     const int v = RTI_NX + j;
     inverse[j] = G[v][v] > least[j] ? 1 / G[v][v] : 0;
     for (int l = 0; l < RTI_W; ++l) K[j][l] = l < v ? -G[v][l] * inverse[j] : 0;
-    for (int i = 0; i < v; ++i)
-      for (int l = 0; l <= i; ++l) G[i][l] += G[v][i] * K[j][l];
-    for (int i = 0; i < v; ++i) /* mirrored: exactly symmetric, whatever is rounded */
-      for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
+    for (int i = 0; i < v; ++i) /* the lower triangle; the upper one is written anew below */
+      rti_add_row(G[i], G[v][i], K[j], i + 1);
   }
+  for (int i = 0; i < RTI_NX; ++i) /* mirrored: exactly symmetric, whatever is rounded */
+    for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
 }
 
 /* The same for the gradient, which gives the constant part of the inputs. */
@@ -154,19 +153,18 @@ static void rti_free_trajectory(rti_work *o, const real *x0)
  * first multipliers, so that neither depends on units. Zero where no input has an effect beyond rounding (64 eps). */
 static void rti_stiffnesses(rti_work *o)
 {
-  real S[RTI_NX][RTI_NX] = {{0}};
+  real S[RTI_NX][RTI_W] = {{0}};
   for (int k = 0; k <= RTI_N; ++k) {
-    real Z[RTI_NZ][RTI_NZ] = {{0}};
-    for (int i = 0; i < RTI_NX; ++i) memcpy(Z[i], S[i], sizeof S[i]);
+    real Z[RTI_NZ][RTI_W] = {{0}};
+    memcpy(Z, S, sizeof S);
     for (int j = 0; j < RTI_NU && k < RTI_N; ++j) {
       const int v = RTI_NX + j;
-      for (int i = 0; i < v; ++i) {
-        real sum = 0;
-        for (int l = 0; l < v; ++l) sum += o->gain[k][j][l] * Z[l][i];
-        Z[v][i] = Z[i][v] = sum;
-      }
+      for (int l = 0; l < v; ++l) rti_add_row(Z[v], o->gain[k][j][l], Z[l], v);
       real own = o->compliance[k][j];
-      for (int l = 0; l < v; ++l) own += o->gain[k][j][l] * Z[l][v];
+      for (int l = 0; l < v; ++l) {
+        Z[l][v] = Z[v][l];
+        own += o->gain[k][j][l] * Z[v][l];
+      }
       Z[v][v] = own;
       o->stiffness[j][k] = own > 0 ? 1 / own : 0;
     }
@@ -175,24 +173,26 @@ static void rti_stiffnesses(rti_work *o)
       if (at < 0 || at >= RTI_N) continue;
       real sum = 0, size = 0;
       for (int l = 0; l < RTI_NZ; ++l) {
+        const real c = o->C[k][i][l];
+        if (!(c > 0 || c < 0)) continue;        /* most entries are zero */
         real product = 0;
         for (int m = 0; m < RTI_NZ; ++m) product += Z[l][m] * o->C[k][i][m];
-        sum += o->C[k][i][l] * product;
-        size += o->C[k][i][l] * o->C[k][i][l] * Z[l][l];
+        sum += c * product;
+        size += c * c * Z[l][l];
       }
       o->stiffness[RTI_NU + i][at] = sum > 64 * RTI_EPS * size ? 1 / sum : 0;
     }
     if (k == RTI_N) break;
-    real MZ[RTI_NX][RTI_NZ] = {{0}};
+    real T[RTI_NZ][RTI_W] = {{0}};        /* M transposed, for sums of whole rows */
     for (int i = 0; i < RTI_NX; ++i)
-      for (int m = 0; m < RTI_NZ; ++m)
-        for (int l = 0; l < RTI_NZ; ++l) MZ[i][l] += o->M[k][i][m] * Z[m][l];
-    for (int i = 0; i < RTI_NX; ++i)
-      for (int l = 0; l <= i; ++l) {
-        real sum = 0;
-        for (int m = 0; m < RTI_NZ; ++m) sum += MZ[i][m] * o->M[k][l][m];
-        S[i][l] = S[l][i] = sum;
-      }
+      for (int m = 0; m < RTI_NZ; ++m) T[m][i] = o->M[k][i][m];
+    memset(S, 0, sizeof S);
+    for (int i = 0; i < RTI_NX; ++i) {
+      real row[RTI_W] = {0};
+      for (int m = 0; m < RTI_NZ; ++m) rti_add_row(row, T[m][i], Z[m], RTI_NZ);
+      for (int m = 0; m < RTI_NZ; ++m) rti_add_row(S[i], row[m], T[m], i + 1);
+      for (int l = 0; l < i; ++l) S[l][i] = S[i][l];
+    }
   }
   for (int i = 0; i < RTI_ROWS; ++i)
     for (int k = RTI_N; k < RTI_LENGTH; ++k) o->stiffness[i][k] = o->stiffness[i][RTI_N - 1];
@@ -207,8 +207,7 @@ static void rti_gradient(rti_work *o)
   for (int k = RTI_N; k >= 0; --k) {
     real r[RTI_W], carried[RTI_W] = {0};
     memcpy(r, o->g[k], sizeof r);
-    for (int i = 0; i < RTI_NZ; ++i)
-      for (int l = 0; l < RTI_W; ++l) r[l] += o->H[k][i][l] * o->z[k][i];
+    for (int i = 0; i < RTI_NZ; ++i) rti_add_row(r, o->z[k][i], o->H[k][i], RTI_NZ);
     rti_row_entries(o->force, k, w);
     rti_row_gradient(o->C[k], w, r);
     if (k < RTI_N) {
@@ -285,6 +284,6 @@ static int rti_advance(rti_work *o)
 static void rti_move(rti_work *o, real length)
 {
   for (int k = 0; k <= RTI_N; ++k)
-    for (int l = 0; l < RTI_W; ++l) o->z[k][l] += length * o->dz[k][l];
+    rti_add_row(o->z[k], length, o->dz[k], RTI_NZ);
   rti_bounded(o, o->z, o->y, 1);
 }

@@ -39,7 +39,9 @@ class Contact(IntEnum):
     DETECTED = 2
     """A contact."""
     MISSING = 3
-    """Nothing: a measurement is missing."""
+    """Nothing: a measurement is missing, or beyond what its sensor can show."""
+    LOST = 4
+    """Nothing: the winches moved as no finger follows, until the detector is reset."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class DetectedContact(Summarized):
     gain : (D, K) ndarray
         Tension per force across the finger at each place [1].
     threshold : (K,) ndarray
-        Least force across the finger that is detected at each place [N]; infinite where none is felt.
+        Least force across the finger that is detected at each place, either way from where the residual is now [N];
+        infinite where none is felt.
     forces : (K, 2) ndarray
         Least and greatest force at each place that the residual allows [N], positive to the left, seen from the base to
         the tip, as tendon 1 bends the finger; NaN where none agrees with all drives.
@@ -205,7 +208,7 @@ class ContactDetector(Remade, Summarized):
         self.period, self.measurement_names = self.scene.controller.step, self.model.measurement_names
         fields, sizes = self.model.fields, self.model.sizes
         self.settings = {field.member: field.values for field in fields}
-        self._drives = sizes["ND"]
+        self._drives, self._nx = sizes["ND"], self.model.prediction.nx
         source, parts = detector_source(self.model, self.precision), contact_parts(self.model)
         self._c = Compiled(source, fields, {"y": sizes["NY"], "u": sizes["NU"]}, parts, "the contact detector")
         self._y, self._u = self._c.given
@@ -243,6 +246,27 @@ class ContactDetector(Remade, Summarized):
             states = self.model.first(vector("lengths", lengths, self._drives), friction)
         elif reached_by is not None:
             raise InputError("reached_by says how the finger came to lengths: give these too", key="reached_by")
+        self._c.start(states.ravel())
+
+    @check_arguments
+    def start(self, state: ArrayLike) -> None:
+        """Start again at a state of the prediction, as an estimator knows it.
+
+        Parameters
+        ----------
+        state : (nx,) array_like
+            State of the prediction, friction states included. Where ``history_known`` is false, friction may have any
+            other history.
+
+        Raises
+        ------
+        InputError
+            If it has another size or is not finite.
+        """
+        z, own = vector("state", state, self._nx), np.asarray(self.settings["from"])
+        states, free = np.tile(z[own], (len(self.model.groups), 1)), self.model.finger.friction_states
+        if free and not self.settings["history_known"]:
+            states[-2, -free:], states[-1, -free:] = 1.0, -1.0
         self._c.start(states.ravel())
 
     def step(self, measurement: ArrayLike, u: ArrayLike | None = None) -> DetectedContact:

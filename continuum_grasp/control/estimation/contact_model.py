@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
 from continuum_grasp.control.estimation.model import position_name, torque_name, torque_per_reading
+from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.field import Field
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
@@ -34,6 +37,8 @@ _FADING = 5.0
 """Time constant of what a member deviated by before, in those of the filter [1]: 0.1 s, over half a period of the hand
 finger's first mode. Without it one of nine random plants in motion
 exceeded its bounds for 10 ms, by 13 %."""
+_OF_MOTORS = ("inertia", "viscous", "dry", "slow", "ending", "jerk", "held", "noise")
+"""Settings per drive that describe its motor."""
 _MOST = 4000
 """Samples of an impulse response [1]: the longest filter, 1 s at periods of 1 ms, has died down to 2 %."""
 
@@ -51,7 +56,7 @@ class ContactModel:
     measurement_names : tuple of str
         Name and unit of each entry of y.
     members : (M, np) ndarray
-        Parameters of the first member, and of those for each end of an uncertain number.
+        Parameters of the first member, and of those at all combinations of the ends of uncertain numbers.
     groups : tuple of int
         Of each member, what it is uncertain in; -1: the first member.
     scene : ControlScene
@@ -66,9 +71,19 @@ class ContactModel:
     scene: ControlScene
 
     @cached_property
+    def prediction(self) -> Prediction:
+        """The controller's model of the scene."""
+        return Prediction(self.scene)
+
+    @cached_property
     def fields(self) -> list[Field]:
         """Members of ``contact_settings``, the states at the start first."""
-        return _fields(self.scene, self)
+        return self.fields_within(self.measurement_names)
+
+    def fields_within(self, names: Sequence[str]) -> list[Field]:
+        """The same where a step is given the measurements of these names."""
+        felt = [names.index(name) for name in self.measurement_names]
+        return [*_fields(self.scene, self), Field("felt", felt, whole=True)]
 
     @property
     def functions(self) -> list[ca.Function]:
@@ -118,17 +133,16 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
     names = tuple(name for name, error in errors.items() if error > 0.0)
     length = finger.rod.length
     free = FreeFinger(scene, names, asked.places or (0.5 * length, length))
-    members, groups = [free.nominal], [-1]
-    for k, name in enumerate(names):
-        for side in (-1.0, 1.0):
-            own = free.nominal.copy()
-            own[k] += side * errors[name] * (1.0 if name == "tip_mass" else own[k])
-            if own[k] >= 0.0:
-                members.append(own)
-                groups.append(k)
+    # All combinations of ends: a payload bends a finger that is softer by more than both add up to.
+    ends = [
+        (own, own + errors[name]) if name == "tip_mass" else (own * (1.0 - errors[name]), own * (1.0 + errors[name]))
+        for name, own in zip(names, free.nominal, strict=True)
+    ]
+    members = [free.nominal, *(np.array(corner) for corner in product(*ends) if names)]
+    groups = [-1] + [0] * (len(members) - 1)
     if finger.has_tendon_friction:
         members += [free.nominal] * 2
-        groups += [len(names)] * 2
+        groups += [max(groups) + 1] * 2
     measured, labels = _measured(scene.estimator.measured, winches_of(finger.tendon_list, length), scene)
     return ContactModel(free, measured, labels, np.array(members), tuple(groups), scene)
 
@@ -168,9 +182,11 @@ def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
     finger = model.finger
     blend = -math.expm1(-period / asked.time_constant)
     motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
-    prediction = Prediction(scene)
+    prediction = model.prediction
     start = first_state(scene, prediction)
     lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=True)])
+    names = (*prediction.x_names[: 2 * finger.n], *finger.model.friction_names)
+    limits = [measurement_range(scene, prediction, name) for name in model.measurement_names]
     own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
     return [
         Field(
@@ -179,13 +195,17 @@ def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
         Field("p", model.members),
         Field("group", model.groups, whole=True),
         Field("period", period),
-        Field("substeps", steps_per_period(finger, period), whole=True),
+        Field("substeps", steps_per_period(finger, model.members, period), whole=True),
         Field("blend", blend),
         Field("fade", math.exp(-period / (_FADING * asked.time_constant))),
-        *[Field(name, [each[name] for each in own]) for name in ("inertia", "viscous", "dry", "slow", "noise")],
+        *[Field(name, [each[name] for each in own]) for name in _OF_MOTORS],
         Field("single", [int(len(winch.tendons) == 1) for winch in motors], whole=True),
         Field("dry_error", asked.coulomb_friction),
         Field("model_error", asked.tension),
+        Field("y_min", [low for low, _ in limits]),
+        Field("y_max", [high for _, high in limits]),
+        Field("from", [prediction.x_names.index(name) for name in names], whole=True),
+        Field("history_known", int(asked.history_known), whole=True),
     ]
 
 
@@ -214,13 +234,33 @@ def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> 
         pulled = 0.0  # of commands, which are known
     variance = (noisy * _filtered(weights, blend)) ** 2 + (pulled * _filtered(np.array([0.25, 0.5, 0.25]), blend)) ** 2
     slow = radius * SLOW if motor is not None else 1.0
+    ending, jerk = (1.0, 0.0) if motor is None else _at_end(motor, period)
     return {
         "inertia": inertia,
         "viscous": viscous,
         "dry": 0.0 if motor is None else motor.coulomb_friction / radius,
         "slow": max(slow, _SURE * math.sqrt(2.0) * noisy / period),
+        "ending": ending,
+        "jerk": jerk / radius**2,
+        "held": 0.5 if motor is not None and motor.position_gain is None else 0.0,
         "noise": _NOISE * math.sqrt(variance),
     }
+
+
+def _at_end(motor: MotorDrive, period: float) -> tuple[float, float]:
+    """Speed of a servo at the end of a period over the mean one, and its torque for that alone [N m s].
+
+    The command goes up by the same step at the begin of each period; a smooth one gives 1 and 0.
+    """
+    if motor.position_gain is None:
+        return 1.0, 0.0
+    inertia, damping = max(motor.inertia, 1e-12), motor.viscous_friction + motor.rate_gain
+    slope = np.array([[0.0, 1.0], [-motor.position_gain / inertia, -damping / inertia]])
+    values, vectors = np.linalg.eig(slope.astype(complex) * period)
+    moved = (vectors @ np.diag(np.exp(values)) @ np.linalg.inv(vectors)).real
+    # What it lags behind by and its rate at the end of a period of steps of one mean speed times the period.
+    end = np.linalg.solve(np.eye(2) - moved, moved @ np.array([-period, 0.0]))
+    return min(max(float(end[1]), 0.0), 1.0), abs(inertia * float(slope[1] @ end))
 
 
 def _filtered(weights: Array, blend: float) -> float:

@@ -13,7 +13,7 @@ from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.control.ocp.stages import stages_of
+from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
 from continuum_grasp.control.settings import delay_periods, estimator_fields
 from continuum_grasp.control.status import Anomaly, Verdict, texts
@@ -194,7 +194,10 @@ class Estimator(Remade, Summarized):
         before = vector("u", rest_input(self.scene) if u is None else u, self.prediction.nu)
         self._c.start(z, before)
         if self.detector is not None:
-            self.detector.reset()
+            if state is None:
+                self.detector.reset()
+            else:
+                self.detector.start(z[: self.prediction.nx])
 
     def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
         """Predict over a period and update with a measurement; call it once per period.

@@ -90,15 +90,21 @@ class FreeFinger:
 
     @cached_property
     def tension(self) -> ca.Function:
-        """``(s, wound, p) -> tension``: what the tendons pull each winch with [N], on a pulley the difference."""
-        return straight_function("free_tension", self._given(), {"tension": self._pulls()})
+        """``(s, wound, p) -> tension, all``: what the tendons pull each winch with [N], on a pulley the difference; and
+        the sum of their tensions.
+        """
+        found = {"tension": self._pulls(signed=True), "all": self._pulls(signed=False)}
+        return straight_function("free_tension", self._given(), found)
 
-    def _pulls(self) -> ca.SX:
+    def _pulls(self, *, signed: bool) -> ca.SX:
         tensions = self.model.tensions()(self._x, self._lengths, self._arguments[2])[0]
         return ca.vertcat(
             *[
-                sum((side * tensions[j] for side, j in zip(winch.sides, winch.tendons, strict=True)), ca.SX(0.0))
-                for winch in self.winches
+                sum(
+                    ((side if signed else 1.0) * tensions[j] for side, j in zip(w.sides, w.tendons, strict=True)),
+                    ca.SX(0.0),
+                )
+                for w in self.winches
             ]
         )
 
@@ -121,7 +127,7 @@ class FreeFinger:
             levers.append(reach[0] * normal[1] - reach[1] * normal[0])
         history = [ca.vertcat(s[2 * self.n :], 0.0)] if self.friction_states else []
         stiffness = self.model.statics(q, lengths, ca.DM.zeros(self.model.nw), p, *history)[1]
-        slope = ca.jacobian(self._pulls(), s)[:, : self.n]
+        slope = ca.jacobian(self._pulls(signed=True), s)[:, : self.n]
         sliding = ca.mtimes(slope, solve(ca.densify(stiffness), ca.horzcat(*across)))
         own = self.model.structure.own_tendons
         arms = [own[winch.tendons[0]].arms[winch.tendons[0]] for winch in self.winches]
@@ -158,9 +164,10 @@ class FreeFinger:
         found = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), **friction)
         return np.concatenate([found.q, np.zeros(self.n), found.friction_states])
 
-    @property
-    def substeps_per_second(self) -> float:
-        """Steps per second that stay stable in all shapes, with tendons that slide and that stick."""
+    def substeps_per_second(self, members: Array) -> float:
+        """Steps per second that stay stable with each of the parameters (count, np) in all shapes, with tendons that
+        slide and that stick.
+        """
         jacobian = ca.Function(
             "jacobian", list(self._arguments), [ca.jacobian(self.rate(*self._arguments), self._arguments[0])]
         )
@@ -172,10 +179,11 @@ class FreeFinger:
                 s = np.concatenate([shape, np.zeros(self.n), friction])
                 wound = np.zeros((len(self.winches), 2))
                 wound[:, 0] = self._taut(shape, friction)
-                found = np.array(jacobian(s, wound.ravel(), self.nominal))
-                if not np.all(np.isfinite(found)):
-                    raise NumericalError("the linearized motion is not finite", state=shape)
-                fastest = max(fastest, float(np.abs(np.linalg.eigvals(found)).max()))
+                for member in np.unique(members, axis=0):
+                    found = np.array(jacobian(s, wound.ravel(), member))
+                    if not np.all(np.isfinite(found)):
+                        raise NumericalError("the linearized motion is not finite", state=shape)
+                    fastest = max(fastest, float(np.abs(np.linalg.eigvals(found)).max()))
         return fastest / _STABLE
 
     def _taut(self, shape: Array, friction: Array) -> list[float]:
@@ -201,6 +209,6 @@ def _followed(finger: Finger) -> Finger:
     return finger.model_copy(update={"tendons": tendons.model_copy(update={"drive": changed(tendons.drive)})})
 
 
-def steps_per_period(finger: FreeFinger, period: float) -> int:
+def steps_per_period(finger: FreeFinger, members: Array, period: float) -> int:
     """Runge-Kutta steps in a period [s]."""
-    return max(1, math.ceil(finger.substeps_per_second * period))
+    return max(1, math.ceil(finger.substeps_per_second(members) * period))

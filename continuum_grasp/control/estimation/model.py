@@ -17,13 +17,15 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.estimator import Disturbed, Measured
+from continuum_grasp.scene.estimator import Estimator, Measured
+from continuum_grasp.scene.integrators import INTEGRATORS
 
 Array = NDArray[np.float64]
 
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),
     ("tip_force", r"(tip_[xy]) \[N\]", r"unknown_\1 [N]"),
+    ("contact_friction", r"(contact_friction_\w+) \[1\]", r"unknown_\1 [1]"),
     ("object_position", r"(object_[xy]) \[m\]", r"\1_error [m]"),
     ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
     ("bending_stiffness", r"bending_stiffness \[.+\]", r"bending_stiffness_error [1]"),
@@ -32,8 +34,8 @@ _DISTURBANCES = (
 """Key in ``estimator.disturbances``, the parameters that the disturbances add to, and their names."""
 
 
-FRICTION = r"(motor_)?friction_\w+ \[1\]"
-"""Names of friction states, of tendons and of motors."""
+FRICTION = r"(motor_|unknown_contact_)?friction_\w+ \[1\]"
+"""Names of friction states, of tendons and of motors, and of friction at contacts, unknown but for its limit."""
 
 
 @dataclass(frozen=True)
@@ -50,30 +52,41 @@ class Estimation:
         the variational equations; calls of straight-line functions, as flow.
     flow : casadi.Function
         (z, u, p, h) -> zn: the step alone.
+    single : casadi.Function or None
+        (z, u, p, h) -> zn, F: the step with its own derivative. Of methods without a continuous extension, of which
+        half a step is a step of its own; vector lanes make both side by side.
     outputs : casadi.Function
         (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative.
     parameters : casadi.Function
         (z, p) -> p (np): parameters with the disturbances.
+    contact_forces : casadi.Function or None
+        (z, u, p) -> f (C), H (C, nz): normal forces on the object [N] at parameters with the disturbances, and their
+        derivative; None without an object.
     z_names, y_names, measurement_names : tuple of str
         Name and unit of each state with disturbances (nz), compared quantity (ny) and measurement (nm).
     drifts : (nz - nx,) ndarray
         Drift of each disturbance per square root of a second.
+    spreads : (nz - nx,) ndarray
+        Standard deviation of each disturbance at the start.
     mixing : (ny, nm) ndarray
         Compared quantities as sums of measurements: of two opposed tensions, their difference.
     sensors : tuple of str
         Device of each compared quantity, by its key in ``estimator.measured``, such as tip, tension or bending. The
         gate acts on devices, since the rows of one fail together.
     friction : tuple of int
-        Which states are friction states, of tendons or motors: those have a range of their own.
+        Which of z are friction, of tendons, motors or contacts, as a share of its limit: from -1 to 1.
     """
 
     step: ca.Function
     flow: ca.Function
+    single: ca.Function | None
     outputs: ca.Function
     parameters: ca.Function
+    contact_forces: ca.Function | None
     nx: int
     z_names: tuple[str, ...]
     drifts: Array
+    spreads: Array
     y_names: tuple[str, ...]
     measurement_names: tuple[str, ...]
     mixing: Array
@@ -107,13 +120,13 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     """Build the model of a scene's estimator, with the integrator of the stages by name."""
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
-    disturbances = _disturbances(scene.estimator.disturbances, model)
+    disturbances = _disturbances(scene.estimator, model)
     d = ca.SX.sym("d", len(disturbances))
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
-    for k, (_, index, _, relative) in enumerate(disturbances):
+    for k, one in enumerate(disturbances):
         # A relative error of the stiffness needs no scale of its own; forces and moments add to the known ones.
-        full[index] += p[index] * d[k] if relative else d[k]
+        full[one.parameter] += p[one.parameter] * d[k] if one.relative else d[k]
     compared = _compared(scene, scene.estimator.measured, model, full)
     outputs = ca.vertcat(*[row.value for row in compared])
     measurement_names = tuple(dict.fromkeys(name for row in compared for name in row.parts))
@@ -129,30 +142,61 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     by_d = ca.mtimes(ca.jacobian(rate, p), ca.substitute(ca.jacobian(full, d), p, nominal))
     found = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
     slope = straight_function("estimator_slope", given | {"nominal": nominal}, found)
-    step, flow = _steps(slope, parameters, method)
+    step, flow, single = _steps(slope, parameters, method)
+    z_names = (*model.x_names, *(one.name for one in disturbances))
     return Estimation(
         step=step,
         flow=flow,
+        single=single if INTEGRATORS[method].stable is None else None,
         outputs=function("estimator_outputs", given, y=outputs, H=ca.jacobian(outputs, z)),
         parameters=parameters,
+        contact_forces=_contact_forces(model, disturbances),
         nx=model.nx,
-        z_names=(*model.x_names, *(name for name, _, _, _ in disturbances)),
-        drifts=np.array([drift for _, _, drift, _ in disturbances]),
+        z_names=z_names,
+        drifts=np.array([one.drift for one in disturbances]),
+        spreads=np.array([one.spread for one in disturbances]),
         y_names=tuple(row.name for row in compared),
         measurement_names=measurement_names,
         mixing=np.array([[row.parts.get(name, 0.0) for name in measurement_names] for row in compared]),
         sensors=tuple(row.sensor for row in compared),
-        friction=tuple(k for k, name in enumerate(model.x_names) if re.fullmatch(FRICTION, name)),
+        friction=tuple(k for k, name in enumerate(z_names) if re.fullmatch(FRICTION, name)),
     )
 
 
-def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca.Function, ca.Function]:
-    """Write the next z with the derivatives over the step and over half of it, and without them."""
+class _Disturbance(NamedTuple):
+    """A disturbance: the parameter that it adds to, its drift and spread, and whether it is relative."""
+
+    name: str
+    parameter: int
+    drift: float
+    spread: float
+    relative: bool
+
+
+def _contact_forces(model: Prediction, disturbances: list[_Disturbance]) -> ca.Function | None:
+    if not model.contact_names:
+        return None
+    d = ca.SX.sym("d", len(disturbances))
+    force = model.contact_force(model.x, model.u, model.p)
+    by_p = ca.jacobian(force, model.p)
+    # By a relative error: what was given is the parameter without it.
+    by_d = [
+        by_p[:, one.parameter] * (model.p[one.parameter] / (1.0 + d[k]) if one.relative else 1.0)
+        for k, one in enumerate(disturbances)
+    ]
+    slope = ca.horzcat(ca.jacobian(force, model.x), *by_d)
+    given = [ca.vertcat(model.x, d), model.u, model.p]
+    return ca.Function("contact_forces", given, [force, ca.densify(slope)], ["z", "u", "p"], ["f", "H"])
+
+
+def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Write the next z with the derivatives over the step and over half of it, without them, and with the first."""
     given = [ca.MX.sym(name, slope.size1_in(k)) for k, name in enumerate("zup")] + [ca.MX.sym("h")]
     start, u, p, h = given
     others = (u, *call(parameters, start, p), p)
     reached = differentiated_step(method, "estimator", slope, start, others, h, instants=2)
     (end,) = differentiated_step(method, "flow", slope, start, others, h, instants=0)
+    alone = differentiated_step(method, "single", slope, start, others, h, instants=1)
     nz, nx = start.numel(), end.numel()
     z, x = ca.SX.sym("z", nz), ca.SX.sym("x", nx)
     parts = {name: ca.SX.sym(name, by.sparsity()) for name, by in zip(("whole", "half"), reached[1:], strict=True)}
@@ -161,20 +205,24 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     derivatives = {f: ca.densify(ca.vertcat(part, below)) for f, part in zip("FG", parts.values(), strict=True)}
     ends = {"z": z, "x": x}
     collect = straight_function("estimator_derivatives", ends | parts, moved | derivatives)
+    ends_alone = ends | {"whole": parts["whole"]}
+    collect_alone = straight_function("single_derivatives", ends_alone, moved | {"F": derivatives["F"]})
     collect_end = straight_function("estimator_end", ends, moved)
     names = ["z", "u", "p", "h"]
     return (
         ca.Function("estimator_step", given, call(collect, start, *reached), names, ["zn", "F", "G"]),
         ca.Function("estimator_flow", given, call(collect_end, start, end), names, ["zn"]),
+        ca.Function("estimator_single", given, call(collect_alone, start, *alone), names, ["zn", "F"]),
     )
 
 
-def _disturbances(wanted: Disturbed, model: Prediction) -> list[tuple[str, int, float, bool]]:
-    """Name of each disturbance, index of the parameter that it adds to, drift, and whether it is relative."""
+def _disturbances(asked: Estimator, model: Prediction) -> list[_Disturbance]:
+    """List the disturbances that are estimated."""
+    relative = ("bending_stiffness", "tendon_friction")
     return [
-        (found.expand(name), index, drift, key in ("bending_stiffness", "tendon_friction"))
+        _Disturbance(found.expand(name), index, drift, getattr(asked.spread, key, None) or drift, key in relative)
         for key, parameter, name in _DISTURBANCES
-        if (drift := getattr(wanted, key, None)) is not None
+        if (drift := getattr(asked.disturbances, key, None)) is not None
         for index, label in enumerate(model.p_names)
         if (found := re.fullmatch(parameter, label))
     ]

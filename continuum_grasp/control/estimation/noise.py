@@ -66,8 +66,8 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
 
     White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
     elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
-    hundredth of its greatest moment. Disturbances are random walks; their variance at the start is that after one
-    second.
+    hundredth of its greatest moment. Disturbances are random walks; their variance at the start is that of
+    ``estimator.spread``, or that after one second.
     """
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
@@ -87,10 +87,11 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
         process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / lag**3
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / lag) ** 2
+    process[model.nx :] = estimation.drifts**2
+    initial[model.nx :] = estimation.spreads**2
     for at in estimation.friction:
         # They are anywhere between -1 and 1: what the history was is not seen.
         initial[at] = 1.0 / 3.0
-    process[model.nx :] = initial[model.nx :] = estimation.drifts**2
     variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
     # Measurements are independent: variances add with the squares of their shares.
     return process, initial, estimation.mixing**2 @ variances
@@ -106,7 +107,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         x=x,
         disturbances=np.array([_disturbance_range(model, name) for name in unknown]).reshape(-1, 2),
         # Without an estimator the state is measured.
-        measurement=np.array([_measurable(scene, model, name) for name in measured]) if measured else x,
+        measurement=np.array([measurement_range(scene, model, name) for name in measured]) if measured else x,
         # What drives can have, and at least what can be commanded: one that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
         r=np.vstack([term.ranges(cost, model) for term in cost_terms(cost)]),
@@ -149,6 +150,8 @@ def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
         return (-1.0, 9.0)  # from none to ten times the nominal friction
     if name.startswith("object_"):
         return (-rod.length, rod.length)
+    if name.startswith("unknown_contact_friction"):
+        return (-1.0, 1.0)  # of its limit
     moment = name.endswith("[N m]")
     most = _MOMENT * model.greatest_moment if moment else _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
     return (-most, most)
@@ -157,7 +160,7 @@ def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
 def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
     """Range of what is applied, by the name of the input."""
     if not scene.finger.winches:
-        return _measurable(scene, model, name)
+        return measurement_range(scene, model, name)
     low, high = (limit[model.u_names.index(name)] for limit in scene.input_limits)
     return (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
 
@@ -175,7 +178,8 @@ def _of_drive(model: Prediction, finger: Finger, name: str) -> tuple[float, floa
     return (-most, most)
 
 
-def _measurable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
+def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
+    """Return the least and the greatest plausible measurement, by its name."""
     finger = scene.finger
     if name in ("tip_x [m]", "tip_y [m]"):
         base = finger.base.position["xy".index(name[4])]

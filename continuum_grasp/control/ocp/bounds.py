@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,21 @@ _PER_ELEMENT = 4
 between two of them by a twentieth of their distance."""
 
 
+class Row(NamedTuple):
+    """An expression between two bounds.
+
+    A violation s, as a share of the greater bound (of 1 where that is 0 or absent), costs linear s + quadratic s^2 / 2
+    per node; ``penalty`` has both, None is a hard constraint: satisfied wherever it can be. ``names`` are those of the
+    entries, by default numbered ones.
+    """
+
+    value: Any
+    least: Any = -math.inf
+    most: Any = math.inf
+    penalty: Any = None
+    names: tuple[str, ...] = ()
+
+
 @dataclass
 class BoundedRows:
     """Rows of constraints with their bounds and penalty weights (per row, linear and quadratic)."""
@@ -43,6 +59,16 @@ class BoundedRows:
         self.least += [least] * len(names)
         self.most += [most] * len(names)
         self.penalties += [penalty] * len(names)
+
+    def groups(self) -> dict[str, Row]:
+        """The same by groups of entries that were added together."""
+        found, at = {}, 0
+        for value in self.values:
+            end = at + value.numel()
+            names = tuple(self.names[at:end])
+            found[" ".join(names)] = Row(value, self.least[at], self.most[at], self.penalties[at], names)
+            at = end
+        return found
 
     @property
     def linear(self) -> Array:

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.ocp.residual import Residual
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.cost import Cost, Weight
 from continuum_grasp.scene.finger import Finger
@@ -262,6 +263,18 @@ class Outputs:
         """Running and terminal weight of each entry (size, 2)."""
         each = [np.tile(t.weights(self.cost), (len(t.names(self.cost, self.model)), 1)) for t in self.terms]
         return np.vstack([np.zeros((0, 2)), *each])
+
+    def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:
+        """Terms by the names of their setpoints, or of their weights where they have none."""
+        quantities = _Predicted(self.cost, self.model, input_rate)
+        return {
+            term.reference or term.key: Residual(
+                term.value(quantities, self.cost),
+                *term.weights(self.cost),
+                term.names(self.cost, self.model),
+            )
+            for term in self.terms
+        }
 
     def value(self, input_rate: ca.SX | None = None) -> ca.SX:
         """Expression of all entries; ``input_rate`` where the state knows the input before."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,17 +19,78 @@ from continuum_grasp.simulation.signals import interpolate
 
 Array = NDArray[np.float64]
 Function: TypeAlias = Callable[[float], ArrayLike]
-_Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function"
+_Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function | _Rows"
 
 SETPOINTS = {term.reference: term.key for term in TERMS if term.reference}
 """Weight in ``controller.cost`` by the name of its setpoint in ``reference``."""
 
 
+class _Rows(NamedTuple):
+    """Rows (K, width) one stage apart [s] from an instant [s] on; between them linear, then the last one."""
+
+    since: float
+    stage: float
+    values: Array
+
+    def at(self, t: Array) -> Array:
+        # Instants are sums of rounded periods: one that is a node to rounding has its row.
+        places = (t - self.since) / self.stage
+        nearest = np.round(places)
+        places = np.where(np.abs(places - nearest) < 1e-9, nearest, places)
+        count = np.arange(len(self.values))
+        return np.stack([np.interp(places, count, column) for column in self.values.T], axis=1)
+
+
+def _replacement(key: str, value: Any, width: int, since: float, stage: float) -> _Given:
+    if callable(value):
+        function: Function = value
+        return function
+    try:
+        found = numbers(value)
+    except (TypeError, ValueError):
+        raise InputError(f"expected numbers or a function of time, got {shown(value)}", key=key) from None
+    if not np.all(np.isfinite(found)):
+        raise InputError(f"expected finite numbers, got {shown(value)}", key=key)
+    if found.size == width and found.ndim <= 1:
+        return tuple(found.ravel().tolist())
+    if width == 1 and found.ndim == 1:
+        found = found[:, None]
+    if found.ndim != 2 or found.shape[1] != width or not len(found):
+        raise InputError(
+            f"expected ({width},) or a row per node from now on, (count, {width}), got {found.shape}", key=key
+        )
+    return _Rows(since, stage, found)
+
+
 class Setpoints:
     """Setpoints over time, in the order of a controller's ``r_names``, which are its ``names``."""
 
-    def __init__(self, names: tuple[str, ...], blocks: list[tuple[int, _Given | None]]) -> None:
-        self.names, self._blocks = names, blocks
+    def __init__(
+        self, names: tuple[str, ...], blocks: list[tuple[int, _Given | None]], keys: tuple[str, ...] = ()
+    ) -> None:
+        # Terms without a setpoint of their own, which is always zero, have an empty key.
+        self.names, self._blocks, self._keys = names, blocks, keys
+
+    @property
+    def parts(self) -> dict[str, slice]:
+        """Where the entries of each setpoint are, by its name."""
+        ends = np.cumsum([0, *(width for width, _ in self._blocks)]).tolist()
+        return {key: slice(a, b) for key, a, b in zip(self._keys, ends[:-1], ends[1:], strict=True) if key}
+
+    def replaced(self, given: Mapping[str, Any], since: float, stage: float) -> Setpoints:
+        """Replace setpoints by name: numbers, a function of time, or rows one stage apart [s] from an instant [s] on.
+
+        ``InputError`` for unknown names, and for what has another number of entries.
+        """
+        blocks, keys = list(self._blocks), list(self._keys)
+        for key, value in given.items():
+            if key not in keys or not key:
+                known = ", ".join(self.parts) or "none"
+                raise InputError(f"expected setpoints of what has a weight ({known}), got {key!r:.60}", key=key)
+            at = keys.index(key)
+            width = blocks[at][0]
+            blocks[at] = width, _replacement(key, value, width, since, stage)
+        return Setpoints(self.names, blocks, self._keys)
 
     def rows(self, times: ArrayLike) -> Array:
         """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
@@ -78,7 +139,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
         if size != width:
             raise InputError(f"expected {width} entries, got {size}", key=f"reference.{term.reference}")
         blocks.append((width, value))
-    return Setpoints(outputs.names, blocks)
+    return Setpoints(outputs.names, blocks, tuple(term.reference for term in outputs.terms))
 
 
 def _rows(given: _Given | None, width: int, t: Array) -> Array:
@@ -90,6 +151,8 @@ def _rows(given: _Given | None, width: int, t: Array) -> Array:
         return np.asarray(np.array(given.center) + given.radius * around)
     if isinstance(given, RowSamples):
         return _sampled(given, t)
+    if isinstance(given, _Rows):
+        return given.at(t)
     if callable(given):
         return _called(given, width, t)
     return np.tile(np.array(given, dtype=float), (len(t), 1))

@@ -1,33 +1,17 @@
-"""The optimal control problem of a scene as functions of a stage of its horizon: multiple shooting."""
+"""An optimal control problem as functions of a stage of its horizon: multiple shooting."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.control.ocp.bounds import HARD, state_bounds
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Horizon
 
 Array = NDArray[np.float64]
-
-_TARGET = 1.5
-"""Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
-only."""
-_EXPLICIT_UP_TO = 4
-"""Explicit substeps per stage [1] up to which RK4 is used: an implicit step evaluates the slope as often as one RK4
-step, but is of order 2 instead of 4 and damps what it does not resolve."""
-_IMPLICIT_STEP = 0.010
-"""Longest implicit step [s]: ten per period of a mode of 10 Hz, four times the first one of a 60 cm rod."""
 
 
 @dataclass(frozen=True)
@@ -128,105 +112,6 @@ class Stages:
         return len(self.c_names)
 
 
-@check_arguments
-def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stages:
-    """Transcribe the problem of a scene into functions of a stage.
-
-    Parameters
-    ----------
-    scene : ControlScene
-        The scene.
-    prediction : Prediction, optional
-        Its model, if it exists already.
-
-    Returns
-    -------
-    Stages
-
-    Raises
-    ------
-    InputError
-        If the pieces do not fit together.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.control import stages_of
-    >>> stages = stages_of(cg.load("configs/mpc/steady_tip.yaml"))
-    >>> stages.nx, stages.nu, stages.r_names[:2]
-    (8, 2, ('tip_x [m]', 'tip_y [m]'))
-    """
-    model = Prediction(scene) if prediction is None else prediction
-    horizon, limits = scene.controller.horizon, scene.controller.input
-    # The input before is a state where its change has a weight or a limit.
-    remembers = limits.rate_max is not None or bool(scene.controller.cost.input_rate)
-    held = ca.SX.sym("held", model.nu if remembers else 0)
-    x, u, p = ca.vertcat(model.x, held), model.u, model.p
-
-    def function(name: str, output: str, value: ca.SX) -> ca.Function:
-        return ca.Function(name, [x, u, p], [ca.densify(ca.cse([value])[0])], ["x", "u", "p"], [output])
-
-    # Over a stage, which is how long the plan holds an input; a command that is held shorter is limited in the C.
-    change = (u - held) / horizon.stage if remembers else None
-    tracked, bounds = Outputs.of(scene.controller.cost, model), scene.controller.bounds
-    outputs = function("outputs", "y", tracked.value(change))
-    bounded = state_bounds(bounds, model)
-    ns = len(bounded.names)
-    if limits.rate_max is not None and change is not None:
-        # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
-        bounded.add([f"{n.split(' ')[0]}_rate" for n in model.u_names], change / limits.rate_max, -1.0, 1.0, HARD)
-    # A servo that saturates moves within milliseconds, which a stage does not resolve: plans do without.
-    torque = model.servo_torques
-    bounded.add([f"torque_{k + 1}" for k in range(torque.numel())], torque, -1.0, 1.0, HARD)
-    rows = function("rows", "c", bounded.column)
-    dynamics = function("dynamics", "xd", model.dynamics(model.x, u, p))
-    u_min, u_max = (np.array(limit) for limit in scene.input_limits)
-    method, substeps = _integration(horizon, model, u_min, u_max)
-    cost, terminal = cost_functions(outputs, rows, horizon.stage, tracked.of_state, ns)
-    return Stages(
-        step=step_function(dynamics, x.numel(), method),
-        cost=cost,
-        terminal=terminal,
-        outputs=outputs,
-        dynamics=dynamics,
-        rows=rows,
-        stages=horizon.stages,
-        stage=horizon.stage,
-        substeps=substeps,
-        method=method,
-        nd=model.nx,
-        ns=ns,
-        nt=tracked.of_state,
-        x_names=(*model.x_names, *[f"held_{n}" for n in model.u_names if remembers]),
-        u_names=model.u_names,
-        p_names=model.p_names,
-        r_names=tracked.names,
-        c_names=tuple(bounded.names),
-        u_min=u_min,
-        u_max=u_max,
-        c_min=np.array(bounded.least),
-        c_max=np.array(bounded.most),
-        linear=bounded.linear,
-        quadratic=bounded.quadratic,
-        weights=tracked.weights[:, 0],
-        terminal_weights=tracked.weights[:, 1],
-        p_nominal=np.array(model.p_nominal),
-    )
-
-
-def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
-    """Choose method and steps per stage; from the stiffness where the scene has ``auto``. Rounding adds no step."""
-    implicit = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
-    if horizon.method == "sdirk2":
-        return "sdirk2", horizon.substeps or implicit
-    if horizon.substeps is not None:
-        return "rk4", horizon.substeps
-    wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
-    if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
-        return "rk4", wanted
-    return "sdirk2", implicit
-
-
 def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Function:
     """Write one step of an integrator of ``CONTROL_METHODS`` with its derivatives, (x, u, p, h) -> xn, A, B.
 
@@ -276,7 +161,9 @@ def cost_functions(
     expand = _expanded("stage_expanded", values, nr, z.numel(), nc, stage)
     cost = call(expand, *call(values, x, u, p), r, weights)
     expand_end = _expanded("terminal_expanded", values, nt, sizes["x"], ns, 1.0)
-    terminal = call(expand_end, *call(values, x, ca.MX(ca.DM.zeros(sizes["u"])), p), r, weights)
+    # Where nothing is tracked at the end the results are zeros, of which CasADi makes sparse ones.
+    found_end = call(expand_end, *call(values, x, ca.MX(ca.DM.zeros(sizes["u"])), p), r, weights)
+    terminal = [ca.densify(value) for value in found_end]
     return (
         ca.Function("stage_cost", [x, u, p, r, weights], cost, ["x", "u", "p", "r", "W"], _EXPANDED),
         ca.Function("terminal_cost", [x, p, r, weights], terminal, ["x", "p", "r", "T"], _EXPANDED),
@@ -291,14 +178,14 @@ def _expanded(name: str, values: ca.Function, nr: int, nz: int, nc: int, scale: 
     """
     given = {key: ca.SX.sym(key, values.sparsity_out(k)) for k, key in enumerate(values.name_out())}
     given |= {key: ca.SX.sym(key, values.size1_out(0)) for key in ("r", "W")}
-    error, slope = given["y"][:nr] - given["r"][:nr], given["Y"][:nr, :nz]
-    scaled = scale * given["W"][:nr]
+    error, slope = given["y"][:nr, :] - given["r"][:nr, :], given["Y"][:nr, :nz]
+    scaled = scale * given["W"][:nr, :]
     weighted = scaled * error
     found = [
         0.5 * ca.dot(error, weighted),
         ca.mtimes(slope.T, weighted),
         ca.mtimes(slope.T, ca.mtimes(ca.diag(scaled), slope)),
-        given["c"][:nc],
+        given["c"][:nc, :],
         given["C"][:nc, :nz],
     ]
     # Names of their own: C has no argument twice.

@@ -27,6 +27,8 @@ STATUS = {
 }
 """Names of the statuses; those from 0 on give a usable plan, the others leave the plan as it was."""
 
+_VIOLATED = 2
+
 _ADVICE = {
     -1: "state, parameters, setpoints, plan and settings must be finite, and no lower bound above its upper one",
     -2: "model or cost is not finite at the plan: reset it, or use more substeps",
@@ -35,19 +37,23 @@ _ADVICE = {
 }
 
 
-_ITERATIONS = 40
-"""Default cap of the interior-point method [1], which bounds the time of a call; in the shipped closed loops a QP takes
-at most 32 factorizations in all (configs/mpc/keep_out.yaml)."""
+_ITERATIONS = 60
+"""Default for the greatest number of factorizations of a QP [1], which bounds the time of a call; in the shipped closed
+loops a QP takes at most 32 (configs/mpc/keep_out.yaml), in the shipped missions 35."""
 
 
 class Report(NamedTuple):
-    """Outcome of an iteration: ``rti_report`` of ``c/rti.h``, its status a key of ``STATUS``."""
+    """Outcome of an iteration: ``rti_report`` of ``c/rti.h``, its status a key of ``STATUS``.
+
+    ``violated`` names the rows that are violated, in their order.
+    """
 
     status: int
     iterations: int
     kkt: float
     violation: float
     cost: float
+    violated: tuple[str, ...] = ()
 
 
 class Settings:
@@ -146,7 +152,7 @@ class RealTimeIteration:
         self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
         self._warm_start = plan[states + inputs :]
         self._work = np.zeros(library.rti_sizeof(2), np.uint8)
-        self._record = _record(self._number)
+        self._record = _record(self._number, stages.nc)
         # numpy and ctypes lay structures out as a C compiler does by default; one that packs them is refused.
         sizes = self.settings.size, plan.nbytes, self._work.nbytes, ctypes.sizeof(self._record)
         if sizes != tuple(library.rti_sizeof(k) for k in range(4)):
@@ -232,7 +238,9 @@ class RealTimeIteration:
         self._take(self._x0, "x0", x0)
         self._must(self._feedback(*self._answer))
         record = self._record
-        return Report(record.status, record.iterations, record.kkt, record.violation, record.cost)
+        names = zip(self.stages.c_names, record.violated, strict=False) if record.status == _VIOLATED else ()
+        violated = tuple(name for name, excess in names if excess > 0.0)
+        return Report(record.status, record.iterations, record.kkt, record.violation, record.cost, violated)
 
     def shift(self, stages: float = 1.0, *, rollout: bool = False) -> None:
         """Shift the plan by a number of stages, whole or not.
@@ -290,7 +298,8 @@ def _address(array: Array) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _record(number: Any) -> Any:
+def _record(number: Any, rows: int) -> Any:
     """Memory for a report of the C code."""
-    kinds = (ctypes.c_int, ctypes.c_int, number, number, number)
+    # Of the violated rows the C has the excess of each, in an array of one entry at least.
+    kinds = (ctypes.c_int, ctypes.c_int, number, number, number, number * max(rows, 1))
     return type("_Record", (ctypes.Structure,), {"_fields_": list(zip(Report._fields, kinds, strict=True))})()

@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
-from continuum_grasp.core.lanes import lane_function
-from continuum_grasp.core.precision import literal
-from continuum_grasp.core.source import lane_prelude, plain_source
+from continuum_grasp.core.source import in_lanes, plain_source
 from continuum_grasp.errors import InputError
 
 TOLERANCE = {"double": 1e-8, "float": 1e-4}
@@ -47,19 +44,27 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     cannot hold.
     """
     _check(stages)
-    vector = _lanes(stages, real) if lanes else ""
+    vector = in_lanes([stages.step, stages.cost], real) if lanes else ""
     # The last node is one of its own, which lanes would compute as often as there are.
     scalar = [stages.terminal] if vector else [stages.step, stages.cost, stages.terminal]
     functions = plain_source("stages", scalar, real)
     # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
-    parts = [dimensions(stages, real), width, functions, vector, template("rti.h")]
+    parts = [
+        dimensions(stages, real),
+        width,
+        functions,
+        vector,
+        "#define RTI_VECTOR" if vector else "",
+        template("rti.h"),
+    ]
     return "\n".join([*parts, *iteration_bodies(stages, lanes=lanes)])
 
 
 def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
     """Write the C after the header."""
-    own = [_row_functions(stages), row_products(stages) if lanes else jacobian_products(stages)]
+    own = [_row_functions(stages), _stores(stages)]
+    own.append(row_products(stages) if lanes else jacobian_products(stages))
     return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
 
 
@@ -123,21 +128,6 @@ def _check(stages: Stages) -> None:
             raise InputError(f"{function.name()}: expected dense outputs of {expected} entries, got {found}")
 
 
-def _lanes(stages: Stages, real: str) -> str:
-    """Write step and cost in vector lanes; empty if one has an operation that lanes do not have."""
-    functions = [stages.step, stages.cost]
-    try:
-        texts = [lane_function(f, real) for f in straight_functions(functions)]
-    except InputError:
-        return ""
-    texts += [
-        calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
-        for f in functions
-        if not f.is_a("SXFunction")
-    ]
-    return "\n".join([lane_prelude(real), *texts, "#define RTI_VECTOR\n"])
-
-
 def _nonzeros(function: ca.Function, output: int) -> Pattern:
     """Structural nonzeros of an output."""
     symbols = [ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate(function.name_in())]
@@ -174,6 +164,17 @@ def _row_functions(stages: Stages) -> str:
         unused = " ".join(f"(void){name};" for name in arguments)
         lines += [f"static inline void rti_row_{head}", "{", f"  {unused}", *body, "}"]
     return "\n".join([*lines, ""])
+
+
+def _stores(stages: Stages) -> str:
+    """Write ``rti_store``, which copies the structural nonzeros of a stage out of its lane."""
+    lines = [f"  o->M[at][{i}][{j}] = RTI_AT(M[{j}][{i}], l);" for i, j in np.argwhere(_reached(stages))]
+    lines += [f"  o->H[at][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
+    lines += [f"  o->C[at][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
+    arguments = "rti_wide (*M)[RTI_NX], rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]"
+    unused = " ".join(f"(void){name};" for name in "olMHC")
+    head = f"static inline void rti_store(rti_work *o, int at, int l, {arguments})"
+    return "\n".join([head, "{", f"  {unused} (void)at;", *lines, "}", ""])
 
 
 _MOST = 1500

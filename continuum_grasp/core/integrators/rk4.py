@@ -60,7 +60,7 @@ def _round(name: str, slope: ca.Function, instants: int, is_first: bool) -> ca.F
     changed = ca.mtimes(by_state, s["by"]) + by_input
     share, half_share, ahead = (s["coefficients"][k] * s["h"] for k in range(3))
     found = {
-        "state": ca.vertcat(s["start"][:nd] + ahead * s["rate"], s["start"][nd:]),
+        "state": ca.vertcat(s["start"][:nd] + ahead * s["rate"], s["start"][nd:, :]),
         "end": s["end"] + share * s["rate"],
         "end_by": s["end_by"] + share * changed,
         "half_by": s["half_by"] + half_share * changed,

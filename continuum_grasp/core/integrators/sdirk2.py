@@ -23,15 +23,15 @@ def differentiated_step(
     its time is constant. A contact of 20 kN/m that closes within a step of 10 ms leaves the stage equations unsolved;
     such models need shorter steps. Half the step is a step of its own: an L-stable method has no continuous extension.
     """
-    predict = _predict(f"{name}_predict", slope)
-    corrections = [_correct(f"{name}_{which}", slope, which == "first", instants > 0) for which in ("first", "last")]
+    first_guess = predict(f"{name}_predict", slope)
+    corrections = [correct(f"{name}_{which}", slope, which == "first", instants > 0) for which in ("first", "last")]
     found: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
         # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
         given, base, stage = [h, ca.MX(share)], start, list[ca.MX]()
-        for correct in corrections:
-            k, at = call(predict, *given, base, *call(slope, base, *others))
-            base, *stage = call(correct, *given, start, *call(slope, at, *others), k, *stage)
+        for stage_of in corrections:
+            k, at = call(first_guess, *given, base, *call(slope, base, *others))
+            base, *stage = call(stage_of, *given, start, *call(slope, at, *others), k, *stage)
         found.append([base, *stage])
     return [found[0][0], *(derivatives for _, *following in found for derivatives in following)]
 
@@ -44,32 +44,36 @@ def _given(slope: ca.Function) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
     return given, _GAMMA * length, (1.0 - _GAMMA) * length
 
 
-def _predict(name: str, slope: ca.Function) -> ca.Function:
+def predict(name: str, slope: ca.Function) -> ca.Function:
     """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
     given, step, _ = _given(slope)
     start, rate, n = given["start"], given["rate"], slope.size1_out(0)
     k = solve(ca.SX.eye(n) - step * parts(given["jacobian"])[0], rate)
-    return straight_function(name, given, {"k": k, "at": ca.vertcat(start[:n] + step * k, start[n:])})
+    return straight_function(name, given, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
 
 
-def _correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: bool) -> ca.Function:
+def correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: bool) -> ca.Function:
     """Second Newton iteration: of the first stage where the second starts and the rate, of the second one the end of
     the step; with derivatives, those of the last one of these.
+
+    A stage ``y = base + step f(y, u)`` has derivatives Y with ``(I - step J) Y = Y_base + step J_u``.
     """
     given, step, ahead = _given(slope)
     n, pattern, start = slope.size1_out(0), derivative_pattern(slope), given["start"]
-    k, before, before_by = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("before_by", pattern)
+    k, before, reached = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("reached", pattern)
     by_state, by_input = parts(given["jacobian"])
-    by = identity(pattern) if is_first else identity(pattern) + ahead * before_by
-    columns = ca.horzcat(given["rate"] - k, *[ca.mtimes(by_state, by) + by_input] * with_derivatives)
+    unmoved = identity(pattern)
+    # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
+    base = unmoved if is_first else unmoved + (1.0 - _GAMMA) / _GAMMA * (reached - unmoved)
+    columns = ca.horzcat(given["rate"] - k, *[base + step * by_input] * with_derivatives)
     solved = solve(ca.SX.eye(n) - step * by_state, columns)
-    rates, rates_by = k + solved[:, 0], ca.sparsify(solved[:, 1:])
+    rates = k + solved[:, 0]
     given["k"] = k
     if is_first:
-        found = {"next": ca.vertcat(start[:n] + ahead * rates, start[n:]), "rates": rates}
+        found = {"next": ca.vertcat(start[:n, :] + ahead * rates, start[n:, :]), "rates": rates}
     else:
-        given |= {"before": before} | ({"before_by": before_by} if with_derivatives else {})
-        found = {"end": start[:n] + ahead * before + step * rates}
+        given |= {"before": before} | ({"reached": reached} if with_derivatives else {})
+        found = {"end": start[:n, :] + ahead * before + step * rates}
     if with_derivatives:
-        found["by"] = ca.project(rates_by if is_first else by + step * rates_by, pattern)
+        found["by"] = ca.project(solved[:, 1:], pattern)
     return straight_function(name, given, found)

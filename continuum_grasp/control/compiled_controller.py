@@ -1,0 +1,368 @@
+"""What controllers of scenes and solvers of problems share: the C of ``control/c``, called once per period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from time import perf_counter_ns
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.arguments import check_arguments, positive, shown
+from continuum_grasp.control.arguments import named, numbers, vector
+from continuum_grasp.control.command import Command, Layout
+from continuum_grasp.control.compiled import Compiled, controller_source
+from continuum_grasp.control.estimation.contact_detector import contact_parts
+from continuum_grasp.control.estimation.contact_model import ContactModel
+from continuum_grasp.control.estimation.model import Estimation
+from continuum_grasp.control.field import Field
+from continuum_grasp.control.ocp.setpoints import Setpoints
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.status import Statistics, Status
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.remade import Remade
+from continuum_grasp.summary import Summarized
+
+Array = NDArray[np.float64]
+
+_STATUS = tuple(Status)
+_CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
+_CHUNK = 128
+"""Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
+little to hold (30 stages of 6 setpoints: 190 kB)."""
+_LATE, _APPLIED = 1, 2
+"""Flags of ``cg_controller_step``."""
+_NUMBERS = (
+    *("anomalies", "iterations", "violation", "residual", "cost"),
+    *("health", "sensor", "entry", "reason", "rung", "mismatch", "activity"),
+)
+"""Scalars of ``cg_controller_step`` in ``c/controller_python.c``, in its order."""
+
+
+class CompiledController(Remade, Summarized):
+    """A controller in C: one call per period, setpoints and settings that change between calls, a state to save.
+
+    Subclasses compile by ``_compile``, and have ``nominal_setpoints``: those where ``reference`` sets none.
+    """
+
+    stages: Stages
+    period: float
+    nominal_setpoints: Setpoints
+    measurement_names: tuple[str, ...]
+    _what = "the controller"
+    _period_key = "controller.period"
+    _called: Mapping[str, str] = MappingProxyType({})
+    """Arguments of a step by another name."""
+
+    def _compile(
+        self,
+        fields: list[Field],
+        precision: str,
+        deadline: float,
+        estimation: Estimation | None = None,
+        contact: ContactModel | None = None,
+        delay: int = 0,
+    ) -> None:
+        """Compile for ``stages``; ``deadline`` [s], ``delay`` of measurements in periods."""
+        s, n = self.stages, self.stages.stages
+        if self.period > s.stage * (1.0 + 1e-9):
+            raise InputError(
+                f"{self.period:g} s is longer than a stage of {s.stage:g} s, over which the plan holds an "
+                "input: expected a period of at most a stage",
+                key=self._period_key,
+            )
+        # With an infinite deadline no command is late.
+        self._deadline_ns = 1e9 * (deadline if deadline == math.inf else positive("deadline", deadline))
+        self._fields = {field.member: field for field in fields}
+        source = controller_source(s, estimation, delay, fields, precision, contact)
+        nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
+        nm = len(self.measurement_names)
+        given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
+        parts = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
+        parts |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
+        parts |= {"innovation": ny, "innovation_variance": ny}
+        parts |= {} if contact is None else contact_parts(contact)
+        parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
+        self._c = Compiled(source, fields, given, parts, self._what)
+        places = () if contact is None else contact.finger.places
+        sensors = () if estimation is None else estimation.sensor_names
+        touch = None if estimation is None else estimation.contact_forces
+        names = s.x_names, s.u_names, s.c_names
+        self._layout = Layout(self._c.parts, s.nx, s.nu, s.nd, self.measurement_names, sensors, places, *names, touch)
+        self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
+        self._setpoints = rows.reshape(n + 1, s.nr)
+        self._call = self._c.library.cg_controller_step
+        self._nz = max(nz, s.nd)
+        self._own: dict[str, tuple[Any, float]] = {}
+        self._targets: Setpoints | None = None
+        # Names of what a step may take by name, and values of entries that are not given: none for a state.
+        unknown = None if estimation is None else np.full(nm, np.nan)
+        self._by_name: dict[str, tuple[tuple[str, ...], Array | None]] = {
+            "measurement": (self.measurement_names, unknown),
+            "p": (s.p_names, s.p_nominal),
+            "applied": (s.u_names, None),
+        }
+
+    def _start(self, x: Array, u: Array, *, given: bool = False) -> None:
+        """Start again from a state (nd) of the model, given or the usual one, with an input (nu) before."""
+        z = np.zeros(self._nz)
+        z[: x.size] = x
+        self._c.start(z, u, self.stages.p_nominal, np.array([float(given)]))
+        self._step, self._late, self._time = 0, False, math.nan
+        self._own = {key: (value, 0.0) for key, (value, _) in self._own.items()}
+        self._targets = None
+        self._counts = Statistics()
+
+    def _advance(
+        self,
+        measurement: ArrayLike | Mapping[str, float] | None,
+        reference: ArrayLike | Mapping[str, Any] | None,
+        p: ArrayLike | Mapping[str, float] | None,
+        applied: ArrayLike | Mapping[str, float] | None,
+        late: bool | None,
+        time: float | None,
+    ) -> Command:
+        """Compute the next command; see ``Controller.step``."""
+        began = perf_counter_ns()
+        try:
+            # Straight into the memory that the C reads: next to a call of some 50 us (docs/mpc.md), allocations show.
+            if measurement is None:
+                self._measurement[:] = np.nan
+            else:
+                self._put("measurement", self._measurement, measurement)
+            self._put("p", self._p, self.stages.p_nominal if p is None else p)
+            if reference is None:
+                rows: Any = self._scheduled()
+            elif isinstance(reference, Mapping):
+                rows = self._rows_with(reference)
+            else:
+                rows = reference
+            _copy(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
+            flags = _LATE if (self._late if late is None else late) else 0
+            if applied is not None:
+                self._put("applied", self._applied, applied)
+                flags |= _APPLIED
+            now = math.nan if time is None else float(numbers(time))
+            # Below 0 the C takes the time since the last call as unknown: at the first, and where a clock went back.
+            self._elapsed[0] = now - self._time if now > self._time else -1.0
+            self._time = now if math.isfinite(now) else math.nan
+        except InputError:
+            raise
+        except (ValueError, TypeError) as error:
+            raise self._shape_error(
+                measurement=measurement, reference=reference, p=p, applied=applied, time=time
+            ) from error
+        c = self._c
+        status = self._call(c.address, c.input_address, flags, c.output_address)
+        if status < 0:
+            raise InputError(f"the settings of {self._what} are not valid")
+        self._step += 1
+        out = c.output.copy()
+        command = Command(self._layout, _STATUS[status], out)
+        elapsed = perf_counter_ns() - began
+        self._late = elapsed > self._deadline_ns
+        parts = self._layout.parts
+        self._counts.add(
+            status, out[parts["anomalies"].start], out[parts["ticks"]], elapsed, self._late, command.health
+        )
+        return command
+
+    def _put(self, key: str, to: Array, value: Any) -> None:
+        """Copy an argument of a step, given by name or as an array."""
+        if type(value) is not np.ndarray and isinstance(value, Mapping):
+            to[:] = named(self._called.get(key, key), value, *self._by_name[key])
+        else:
+            _copy(to, value)
+
+    def change(self, **settings: ArrayLike) -> None:
+        """Change weights, bounds or penalty weights from the next step on; all of the arguments, or none.
+
+        Parameters
+        ----------
+        **settings : array_like
+            Named and sized as in ``stages``: ``weights``, ``terminal_weights`` (nr);
+            ``u_min``, ``u_max`` (nu), within the nominal ones; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
+
+        Raises
+        ------
+        InputError
+            If a name is unknown; a value has another size, is not finite, or is out of range; a lower limit would be
+            above its upper one; or neither inputs nor their rates would have a weight, so that inputs are not unique.
+
+        Notes
+        -----
+        A limit that is moved past the last command is approached at ``controller.input.rate_max``: until a command is
+        within it, steps report ``Anomaly.BEYOND_LIMIT``.
+        """
+        fields = dict(self._fields)
+        for name, given in settings.items():
+            if name not in _CHANGEABLE:
+                raise InputError(f"expected some of {', '.join(_CHANGEABLE)}, got {name!r:.60}", key=name)
+            nominal = getattr(self.stages, name)
+            value = vector(name, given, nominal.size)
+            if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
+                raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
+            # The safe ramp and the supervisor's scales are those of the nominal limits.
+            if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
+                raise InputError("expected entries within the limits of the scene", key=name)
+            fields[f"rti.{name}"] = Field(f"rti.{name}", value)
+        self._check_settings(fields, tuple(settings))
+        self._fields = fields
+        self._c.configure(tuple(fields.values()))
+
+    def _check_settings(self, fields: Mapping[str, Field], given: tuple[str, ...]) -> None:
+        """Refuse crossed limits and a QP without a unique solution."""
+        for kind, names in (("u", self.stages.u_names), ("c", self.stages.c_names)):
+            low, high = (np.asarray(fields[f"rti.{kind}_{end}"].values) for end in ("min", "max"))
+            crossed = [f"{n}: {a:g} > {b:g}" for n, a, b in zip(names, low, high, strict=True) if a > b]
+            if crossed:
+                key = next(name for name in given if name.startswith(f"{kind}_"))
+                raise InputError(f"a lower limit is above its upper one ({'; '.join(crossed)})", key=key)
+        of_inputs = slice(self.stages.nt, None)
+        # A problem may leave inputs to the dynamics alone: then no weight can be taken away.
+        if self.stages.nt < self.stages.nr and not np.any(np.asarray(fields["rti.weights"].values)[of_inputs] > 0.0):
+            asked = ", ".join(self.stages.r_names[of_inputs])
+            raise InputError(f"one of {asked} needs a weight above 0, else inputs are not unique", key="weights")
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Counts of statuses, anomalies, fallbacks and late steps since the last reset; durations of phases [s]."""
+        return self._counts.as_dict()
+
+    def save_state(self) -> bytes:
+        """Return all that the next command depends on, but for what ``change`` and ``reference`` have set."""
+        return self._c.save(self._step, int(self._late))
+
+    @check_arguments
+    def restore(self, saved: bytes) -> None:
+        """Continue from a saved state, which must be of the same problem, version and precision."""
+        self._step, late = self._c.restore(saved)
+        self._late, self._time = bool(late), math.nan
+
+    def __getstate__(self) -> tuple[dict[str, Field], dict[str, tuple[Any, float]], bytes]:
+        return self._fields, self._own, self.save_state()
+
+    def __setstate__(self, state: tuple[dict[str, Field], dict[str, tuple[Any, float]], bytes]) -> None:
+        self._fields, self._own, saved = state
+        self._targets = None
+        self._c.configure(tuple(self._fields.values()))
+        self.restore(saved)
+
+    # -- setpoints ---------------------------------------------------------------------------------------------------
+
+    def reference(self, **setpoints: ArrayLike | Any) -> None:
+        """Move setpoints by name, from the next step on; all others stay, and all arguments hold, or none.
+
+        Parameters
+        ----------
+        **setpoints
+            Numbers, constant from now on; a function of time since the last reset [s] that returns all entries; an
+            array (count, entries) with a row per node from now on, a stage apart, linear between them, the last
+            row held; or None: what it was at first.
+
+        Raises
+        ------
+        InputError
+            If nothing with a setpoint has the name, or the number of entries differs.
+
+        Notes
+        -----
+        ``current_setpoints`` shows what holds. A step that is given its own ``reference`` follows that one alone.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import continuum_grasp as cg
+        >>> controller = cg.Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
+        >>> controller.reference(tip=(-0.06, 0.16))
+        >>> controller.current_setpoints["tip"].tolist()
+        [-0.06, 0.16]
+        >>> controller.reference(tip=lambda t: (-0.06 - 0.01 * t, 0.16))  # a function of time
+        >>> controller.reference(tip=np.linspace((-0.06, 0.16), (-0.05, 0.17), 31))  # over the horizon
+        >>> controller.reference(tip=None)  # as in the scene
+        """
+        now = self._now
+        own = {key: (value, now) for key, value in setpoints.items() if value is not None}
+        others = {key: value for key, value in self._own.items() if key not in setpoints}
+        unknown = dict.fromkeys(set(setpoints) - set(own), ((), 0.0))
+        if not set(unknown) <= set(self.nominal_setpoints.parts):
+            self._replaced(unknown)  # raises
+        moved = self._replaced({**others, **own})
+        self._own, self._targets = {**others, **own}, moved
+
+    @property
+    def current_setpoints(self) -> dict[str, Array]:
+        """What the next step follows at its first node where it is given no ``reference``, by name."""
+        row = self._following().rows(self._now)[0]
+        return {key: row[part] for key, part in self._following().parts.items()}
+
+    @property
+    def _now(self) -> float:
+        return self.period * self._step
+
+    def _following(self) -> Setpoints:
+        if self._targets is None:
+            self._targets, self._chunk = self._replaced(self._own), -1
+        return self._targets
+
+    def _replaced(self, given: Mapping[str, tuple[Any, float]]) -> Setpoints:
+        found, self._chunk = self.nominal_setpoints, -1
+        for key, (value, since) in given.items():
+            found = found.replaced({key: value}, since, self.stages.stage)
+        return found
+
+    @property
+    def _ahead(self) -> Array:
+        return self.stages.stage * np.arange(self.stages.stages + 1.0)
+
+    def _rows_with(self, given: Mapping[str, Any]) -> Array:
+        """Rows of the next step with some setpoints replaced in this step alone."""
+        return self._following().replaced(given, self._now, self.stages.stage).rows(self._now + self._ahead)
+
+    def _scheduled(self) -> Array:
+        following = self._following()
+        chunk, at = divmod(self._step, _CHUNK)
+        if self._chunk != chunk:
+            times = self.period * (chunk * _CHUNK + np.arange(_CHUNK))[:, None] + self._ahead
+            self._rows: Array = following.rows(times.ravel()).reshape(_CHUNK, len(self._ahead), self.stages.nr)
+            self._chunk = chunk
+        rows: Array = self._rows[at]
+        return rows
+
+    def _shape_error(self, **given: Any) -> InputError:
+        """Name what has another shape than expected, or everything where the shapes fit but entries are no numbers."""
+        s = self.stages
+        shapes: dict[str, tuple[Any, ...]] = {
+            "measurement": (self._measurement.shape,),
+            "reference": ((s.nr,), self._setpoints.shape),
+            "p": ((s.np,),),
+            "applied": ((s.nu,),),
+            "time": ((),),
+        }
+        present = {name: value for name, value in given.items() if value is not None}
+        wrong = [name for name, value in present.items() if _shape(value) not in shapes[name]] or list(present)
+        messages = []
+        for name in wrong:
+            value, shape, expected = present[name], _shape(present[name]), shapes[name]
+            got = shown(value, 80) if shape in (None, (), *expected) else str(shape)
+            messages.append(f"{self._called.get(name, name)}: expected {' or '.join(map(str, expected))}, got {got}")
+        return InputError("a step takes arrays of numbers; " + "; ".join(messages))
+
+
+def _shape(value: Any) -> tuple[int, ...] | None:
+    """Shape of an argument; None where it is ragged."""
+    try:
+        return tuple(np.shape(value))
+    except ValueError:
+        return None
+
+
+def _copy(to: Array, value: ArrayLike, spread: bool = False) -> None:
+    """Copy an array of the same shape, or ``spread`` one of another over all entries."""
+    array = value if type(value) is np.ndarray and value.dtype == float else numbers(value)
+    if array.shape != to.shape and not spread:
+        raise ValueError
+    to[:] = array

@@ -1,0 +1,111 @@
+"""The optimal control problem of a scene: its model, cost, bounds and horizon as a ``ControlProblem``."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.control.ocp.bounds import HARD, Row, state_bounds
+from continuum_grasp.control.ocp.control_problem import ControlProblem
+from continuum_grasp.control.ocp.cost_terms import Outputs
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Horizon
+
+Array = NDArray[np.float64]
+
+_TARGET = 1.5
+"""Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
+only."""
+_EXPLICIT_UP_TO = 4
+"""Explicit substeps per stage [1] up to which RK4 is used: an implicit step evaluates the slope as often as one RK4
+step, but is of order 2 instead of 4 and damps what it does not resolve."""
+_IMPLICIT_STEP = 0.010
+"""Longest implicit step [s]: ten per period of a mode of 10 Hz, four times the first one of a 60 cm rod."""
+
+
+@check_arguments
+def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stages:
+    """Transcribe the problem of a scene into functions of a stage.
+
+    Parameters
+    ----------
+    scene : ControlScene
+        The scene.
+    prediction : Prediction, optional
+        Its model, if it exists already.
+
+    Returns
+    -------
+    Stages
+
+    Raises
+    ------
+    InputError
+        If the pieces do not fit together.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.control import stages_of
+    >>> stages = stages_of(cg.load("configs/mpc/steady_tip.yaml"))
+    >>> stages.nx, stages.nu, stages.r_names[:2]
+    (8, 2, ('tip_x [m]', 'tip_y [m]'))
+    """
+    return problem_of(scene, Prediction(scene) if prediction is None else prediction).stages
+
+
+def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
+    """Write the problem of a scene, whose model exists already, as one of any model."""
+    horizon, limits, cost = scene.controller.horizon, scene.controller.input, scene.controller.cost
+    # The input before is needed where its change has a weight or a limit.
+    remembers = limits.rate_max is not None or bool(cost.input_rate)
+    held = ca.vertcat(*[ca.SX.sym(f"held_{name}") for name in model.u_names if remembers])
+    # Over a stage, which is how long the plan holds an input; a command that is held shorter is limited in the C.
+    change = (model.u - held) / horizon.stage if remembers else None
+    rows = state_bounds(scene.controller.bounds, model).groups()
+    if limits.rate_max is not None and change is not None:
+        # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
+        names = tuple(f"{name.split(' ')[0]}_rate" for name in model.u_names)
+        rows["rate"] = Row(change / limits.rate_max, -1.0, 1.0, HARD, names)
+    # A servo that saturates moves within milliseconds, which a stage does not resolve: plans do without.
+    torque = model.servo_torques
+    if torque.numel():
+        names = tuple(f"torque_{k + 1}" for k in range(torque.numel()))
+        rows["torque"] = Row(torque, -1.0, 1.0, HARD, names)
+    least, most = (np.array(limit) for limit in scene.input_limits)
+    method, substeps = _integration(horizon, model, least, most)
+    return ControlProblem(
+        states=model.x,
+        inputs=model.u,
+        parameters=model.p,
+        previous=held,
+        dynamics=model.dynamics(model.x, model.u, model.p),
+        cost=Outputs.of(cost, model).residuals(change),
+        rows=rows,
+        bounds={name.split(" ")[0]: pair for name, *pair in zip(model.u_names, least, most, strict=True)},
+        nominal={name.split(" ")[0]: value for name, value in zip(model.p_names, model.p_nominal, strict=True)},
+        stages=horizon.stages,
+        stage=horizon.stage,
+        method=method,
+        substeps=substeps,
+        name=scene.name or "",
+    )
+
+
+def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
+    """Choose method and steps per stage; from the stiffness where the scene has ``auto``. Rounding adds no step."""
+    implicit = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    if horizon.method == "sdirk2":
+        return "sdirk2", horizon.substeps or implicit
+    if horizon.substeps is not None:
+        return "rk4", horizon.substeps
+    wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
+    if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
+        return "rk4", wanted
+    return "sdirk2", implicit

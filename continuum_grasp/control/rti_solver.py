@@ -1,0 +1,206 @@
+"""Real-time iterations for a problem of one's own: the controller's C around any model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.arguments import check_arguments, positive, whole
+from continuum_grasp.control.arguments import named, vector
+from continuum_grasp.control.command import Command
+from continuum_grasp.control.compiled_controller import CompiledController
+from continuum_grasp.control.ocp.control_problem import ControlProblem
+from continuum_grasp.control.ocp.setpoints import Setpoints
+from continuum_grasp.control.settings import Calls, solver_fields
+from continuum_grasp.core.precision import precision_of
+from continuum_grasp.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class RtiSolver(CompiledController):
+    """Nonlinear model predictive control of any model by real-time iterations; see ``rti``.
+
+    Attributes
+    ----------
+    problem, stages
+        The problem, and its functions and numbers (``Stages``).
+    period : float
+        Time from one step to the next [s].
+    """
+
+    _what = "the solver"
+    _period_key = "period"
+    _called = MappingProxyType({"measurement": "x", "p": "parameters"})
+
+    @check_arguments
+    def __init__(
+        self,
+        problem: ControlProblem,
+        *,
+        period: float | None = None,
+        safe: Mapping[str, float] | None = None,
+        sqp_iterations: int = 1,
+        start_iterations: int = 5,
+        iterations: int = 60,
+        precision: str = "double",
+        deadline: float = math.inf,
+    ) -> None:
+        self.problem, self.stages = problem, problem.stages
+        s = self.stages
+        self.precision = precision_of(precision)
+        self.period = s.stage if period is None else positive("period", period)
+        self.measurement_names = s.x_names[: s.nd]
+        near_zero = np.clip(np.zeros(s.nu), s.u_min, s.u_max)
+        self.safe = near_zero if safe is None else named("safe", safe, s.u_names, near_zero)
+        if np.any(self.safe < s.u_min) or np.any(self.safe > s.u_max):
+            raise InputError("expected inputs within their bounds", key="safe")
+        counts = {"sqp_iterations": sqp_iterations, "start_iterations": start_iterations, "iterations": iterations}
+        self.calls = Calls(
+            self.period, self.safe, s.stages * s.stage, **{key: whole(key, count) for key, count in counts.items()}
+        )
+        self._compile(solver_fields(s, self.calls, self.precision), self.precision, deadline)
+        keys, widths = zip(*problem.cost_names, strict=True)
+        self.nominal_setpoints = Setpoints(s.r_names, [(width, None) for width in widths], keys)
+        self.reset()
+
+    def headline(self) -> str:
+        """Its problem."""
+        return self.problem.headline()
+
+    def pairs(self) -> dict[str, str]:
+        """Names of its vectors, and how its steps ended."""
+        counts = ", ".join(f"{count} {name}" for name, count in self.statistics["status"].items() if count)
+        return {**self.problem.pairs(), "steps": counts or "none"}
+
+    def reset(self, u: ArrayLike | Mapping[str, float] | None = None) -> None:
+        """Start again without a plan, at time zero, with an input (nu) before; the safe one where not given.
+
+        Raises
+        ------
+        InputError
+            If the input has another size or other names, or is not finite.
+        """
+        given = named("u", u, self.stages.u_names) if isinstance(u, Mapping) else self.safe if u is None else u
+        self._start(np.zeros(self.stages.nd), vector("u", given, self.stages.nu))
+
+    def step(
+        self,
+        x: ArrayLike | Mapping[str, float],
+        reference: ArrayLike | Mapping[str, Any] | None = None,
+        parameters: ArrayLike | Mapping[str, float] | None = None,
+        *,
+        applied: ArrayLike | Mapping[str, float] | None = None,
+        late: bool | None = None,
+    ) -> Command:
+        """Compute the input for a state; call it once per period.
+
+        Parameters
+        ----------
+        x : (nx,) array_like or mapping of str to float
+            The state, in the order of the problem's states or by name.
+        reference : mapping, (nr,) or (N + 1, nr) array_like, optional
+            Setpoints of this step: by the names of the cost (numbers, a function of time, or a row per node from now
+            on), or of all residuals in the order of ``stages.r_names``; by default those set by ``reference``, else
+            zero.
+        parameters : mapping of str to float or (np,) array_like, optional
+            Parameters; nominal by default, and where a name is left out.
+        applied : (nu,) array_like or mapping of str to float, optional
+            Input that was applied since the last step; the last command by default.
+        late : bool, optional
+            Whether the last command was late; by the deadline by default.
+
+        Returns
+        -------
+        Command
+            ``u``, or by name ``inputs``; ``status``; ``plan``, or by name ``planned``; ``violated`` rows.
+
+        Raises
+        ------
+        InputError
+            If a shape or a name is wrong. Numbers that are not finite do not raise: they are anomalies of the command.
+        """
+        return self._advance(x, reference, parameters, applied, late, None)
+
+
+@check_arguments
+def rti(
+    problem: ControlProblem,
+    *,
+    period: float | None = None,
+    safe: Mapping[str, float] | None = None,
+    sqp_iterations: int = 1,
+    start_iterations: int = 5,
+    iterations: int = 60,
+    precision: str = "double",
+    deadline: float = math.inf,
+) -> RtiSolver:
+    """Compile the real-time iterations of a problem (M. Diehl et al., doi:10.1016/S0959-1524(02)00023-1).
+
+    A step linearizes the problem at the last plan, shifted in time, solves one QP, and takes the full step. The C is
+    that of ``Controller``, with its statuses: where a state is not finite, an iteration fails or a command was late,
+    the solver follows the last plan to its end, then ramps to the safe input. A command is finite and within the
+    bounds of the inputs.
+
+    Parameters
+    ----------
+    problem : ControlProblem
+        The problem.
+    period : float, optional
+        Time from one step to the next [s], at most a stage; a stage by default.
+    safe : mapping of str to float, optional
+        Input by name that is safe without a plan; what is nearest to zero by default.
+    sqp_iterations, start_iterations : int
+        Iterations per step from the last plan, and from a plan at rest where there is none.
+    iterations : int
+        Greatest number of factorizations per QP.
+    precision : {"double", "float"}
+        Floating-point type of the C.
+    deadline : float
+        Duration of a step after which its command counts as late [s]; never by default.
+
+    Returns
+    -------
+    RtiSolver
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, or there is no C compiler.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import continuum_grasp as cg
+    >>> angle, rate, torque = (ca.SX.sym(name) for name in ("angle", "rate", "torque"))
+    >>> problem = cg.ControlProblem(
+    ...     states=[angle, rate],
+    ...     inputs=torque,
+    ...     dynamics=[rate, torque - ca.sin(angle)],
+    ...     cost={"angle": (angle, 10.0, 1.0), "rate": (rate, 0.1), "torque": (torque, 0.1)},
+    ...     bounds={"torque": (-0.5, 0.5), "rate": (-1.0, 1.0)},
+    ...     stages=20,
+    ...     stage=0.1,
+    ... )
+    >>> solver = cg.rti(problem)
+    >>> command = solver.step({"angle": 0.8, "rate": 0.0}, {"angle": 0.2})
+    >>> command.status.name, round(command.inputs["torque"], 3)
+    ('SOLVED', -0.5)
+    >>> command.planned("angle").shape
+    (21,)
+    """
+    return RtiSolver(
+        problem,
+        period=period,
+        safe=safe,
+        sqp_iterations=sqp_iterations,
+        start_iterations=start_iterations,
+        iterations=iterations,
+        precision=precision,
+        deadline=deadline,
+    )

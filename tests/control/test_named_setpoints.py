@@ -1,0 +1,125 @@
+"""Setpoints and measurements of a controller by name."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.control.status import Anomaly
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.errors import InputError
+from tests.control_cases import rod_scene
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+
+TIP = np.array([0.1, 0.58])
+COST = {"tip": 2e3, "speed": 0.1, "effort": 0.1}
+
+
+def controller(**changes) -> cg.Controller:
+    scene = rod_scene(
+        controller={"horizon": {"stages": 15, "stage": 0.01}, "cost": COST, "input": {"moment_max": 0.3}}, **changes
+    )
+    return cg.Controller(scene, deadline=math.inf)
+
+
+@pytest.fixture(scope="module")
+def two() -> tuple[cg.Controller, cg.Controller]:
+    """One is given setpoints by name, the other all rows in order."""
+    return controller(), controller()
+
+
+@pytest.fixture(autouse=True)
+def anew(two):
+    for one in two:
+        one.reset()
+        one.reference(tip=None, input=None)
+
+
+def rows(named: cg.Controller, tips: np.ndarray) -> np.ndarray:
+    """All setpoints: those of the tip in the places that ``r_names`` gives, and zeros."""
+    found = np.zeros((16, named.stages.nr))
+    found[:, [named.stages.r_names.index(f"tip_{axis} [m]") for axis in "xy"]] = tips
+    return found
+
+
+@pytest.mark.parametrize("kind", ["point", "function", "array"])
+def test_only_the_tip_moves_by_name(two, kind):
+    """Three steps before the change, three after: equal commands, to the last bit."""
+    named, ordered = two
+    nodes = 0.01 * np.arange(16.0)
+    course = np.linspace(TIP, TIP + np.array([0.05, -0.02]), 16)
+    for k in range(6):
+        if k == 3:
+            named.reference(tip={"point": TIP, "function": lambda t: TIP + np.array([t, 2 * t]), "array": course}[kind])
+        t = 0.01 * k + nodes
+        after = np.minimum(k - 3 + np.arange(16), 15)
+        tips = {"point": np.tile(TIP, (16, 1)), "function": TIP + np.outer(t, [1, 2]), "array": course[after]}[kind]
+        expected = rows(ordered, tips if k >= 3 else np.array([0.3, 0.4]))
+        setpoint = named.current_setpoints
+        np.testing.assert_allclose(setpoint["tip"], expected[0, :2], rtol=1e-14)
+        assert setpoint["input"].tolist() == [0.0]
+        measured = np.array(ordered.prediction.tip(ordered.first, 0.0, ordered.stages.p_nominal)).ravel()
+        found = named.step(measured).u, ordered.step(measured, expected).u
+        np.testing.assert_allclose(*found, rtol=1e-12)
+
+
+def test_setpoints_of_one_step_leave_the_next_ones_alone(two):
+    named, ordered = two
+    for tip in ({"tip": TIP}, None):
+        one = named.step([0.0, 0.6], tip).u
+        other = ordered.step([0.0, 0.6], rows(ordered, TIP if tip else np.array([0.3, 0.4]))).u
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_reset_starts_the_course_again_and_a_copy_goes_on_with_it(two):
+    named, _ = two
+    named.step([0.0, 0.6])
+    named.reference(tip=np.linspace(TIP, 2 * TIP, 16))
+    np.testing.assert_allclose(named.current_setpoints["tip"], TIP)
+    named.step([0.0, 0.6])
+    copied = copy.deepcopy(named)
+    np.testing.assert_allclose(copied.current_setpoints["tip"], TIP * (1 + 1 / 15))
+    np.testing.assert_array_equal(copied.step([0.0, 0.6]).u, named.step([0.0, 0.6]).u)
+    named.reset()
+    np.testing.assert_allclose(named.current_setpoints["tip"], TIP)
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"top": TIP}, r"expected setpoints of what has a weight \(tip, input\), got 'top'"),
+        ({"top": None}, "got 'top'"),
+        ({"bending": [0.0, 0.0]}, "bending"),
+        ({"speed": [0.0, 0.0]}, "speed"),
+        ({"tip": 0.1}, r"tip: expected \(2,\)"),
+        ({"tip": np.zeros((16, 3))}, r"got \(16, 3\)"),
+        ({"tip": [0.1, math.nan]}, "finite"),
+        ({"tip": "far"}, "numbers or a function"),
+        ({"input": 0.1, "tip": [0.1]}, "tip"),
+    ],
+)
+def test_wrong_setpoints_are_refused_and_change_nothing(two, given, match):
+    named, _ = two
+    named.reference(tip=TIP)
+    with pytest.raises(InputError, match=match):
+        named.reference(**given)
+    np.testing.assert_array_equal(named.current_setpoints["tip"], TIP)
+    assert named.current_setpoints["input"].tolist() == [0.0]
+
+
+def test_measurements_and_parameters_by_name(two):
+    named, ordered = two
+    assert named.step({"tip_y": 0.59, "tip_x": 0.01}).u == ordered.step([0.01, 0.59]).u
+    half = named.step({"tip_x": 0.02}, applied={"tip_moment": 0.01})
+    assert half.u == ordered.step([0.02, math.nan], applied=[0.01]).u
+    assert half.anomaly & Anomaly.MISSING
+    assert half.inputs == {"tip_moment": half.u[0]}
+    with pytest.raises(InputError, match="there is no 'tip': expected tip_x, tip_y"):
+        named.step({"tip": [0.0, 0.6]})
+    with pytest.raises(InputError, match=r"measurement.tip_x: expected a number"):
+        named.step({"tip_x": "left"})

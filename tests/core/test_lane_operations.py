@@ -1,0 +1,105 @@
+"""Operations in vector lanes against numpy, at the edges of their ranges too, and elimination against LAPACK."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.core.integrators.derivatives import solve
+from continuum_grasp.core.lanes import lane_function
+from continuum_grasp.core.source import lane_prelude
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+
+_EDGES = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan]
+
+
+def in_lanes(folder, kind, flags):
+    """A call on pairs of numbers, which fill the lanes one after the other; and what it gives by numpy."""
+    a, b = ca.SX.sym("a"), ca.SX.sym("b")
+    found = ca.vertcat(
+        ca.exp(a), ca.sqrt(a), ca.fabs(a), ca.fmin(a, b), ca.fmax(a, b), ca.if_else(a < b, a, 0), a <= b, ca.sign(a)
+    )
+    function = ca.Function("operations", [a, b], [ca.densify(found)])
+    source = folder / "lanes.c"
+    source.write_text(f"""{lane_prelude(kind)}
+{lane_function(function, kind)}
+void run(int count, const cg_real *given, cg_real *found)
+{{
+  for (int k = 0; k < count; k += CG_LANES) {{
+    cg_lanes a[1], b[1], c[8]; const cg_lanes *in[] = {{a, b}}; cg_lanes *out[] = {{c}};
+    for (int l = 0; l < CG_LANES; ++l) {{ a[0][l] = given[2 * (k + l)]; b[0][l] = given[2 * (k + l) + 1]; }}
+    operations_lanes(in, out);
+    for (int l = 0; l < CG_LANES; ++l)
+      for (int j = 0; j < 8; ++j) found[8 * (k + l) + j] = c[j][l];
+  }}
+}}""")
+    library = folder / "lanes.so"
+    command = [*find_compiler().command, "-std=gnu11", "-O2", "-w", *flags, "-shared", "-fPIC", source, "-o", library]
+    subprocess.run([*command, "-lm"], check=True)
+    run = ctypes.CDLL(str(library)).run
+
+    def called(pairs):
+        results = np.zeros((len(pairs), 8), pairs.dtype)
+        run(len(pairs), ctypes.c_void_p(pairs.ctypes.data), ctypes.c_void_p(results.ctypes.data))
+        return results
+
+    return called
+
+
+@pytest.mark.parametrize("flags", [(), ("-march=native",)], ids=["plain", "native"])
+@pytest.mark.parametrize("kind", ["double", "float"])
+def test_operations_in_lanes_are_those_of_numpy(kind, flags, tmp_path):
+    number = np.dtype(kind if kind == "double" else np.float32).type
+    limits = np.finfo(number)
+    most, least = np.log(limits.max), np.log(limits.tiny)
+    rng = np.random.default_rng(0)
+    inside = np.array([[most - 1e-4, 0.0], [least + 1e-2, 0.0], [0.3, 0.3]])
+    spread = rng.uniform(-1.0, 1.0, (990, 2)) * np.logspace(-8, np.log10(0.99 * most), 990)[:, None]
+    beyond = np.array([[1.01 * most, 1.0], [1.3 * least, 1.0], [1e30, -1e30]])
+    edges = np.array(np.meshgrid(_EDGES, _EDGES)).reshape(2, -1).T
+    pairs = np.vstack([inside, spread, beyond, edges]).astype(number)
+    pairs = np.ascontiguousarray(np.vstack([pairs, pairs[: -len(pairs) % 16]]))
+    a, b = pairs.T
+    exp, sqrt, fabs, least_of, most_of, chosen, is_less, sign = in_lanes(tmp_path, kind, flags)(pairs).T
+    with np.errstate(all="ignore"):
+        expected = np.exp(a)
+        np.testing.assert_array_equal(sqrt, np.sqrt(a))
+    whole = ~((expected > 0.0) & (expected < limits.tiny))
+    np.testing.assert_allclose(exp[whole], expected[whole], rtol=2.0 * limits.eps, atol=0.0)
+    np.testing.assert_array_less(np.abs(exp[~whole]), limits.tiny)
+    np.testing.assert_array_equal(fabs, np.abs(a))
+    ordered = ~(np.isnan(a) | np.isnan(b))
+    np.testing.assert_array_equal(least_of[ordered], np.minimum(a, b)[ordered])
+    np.testing.assert_array_equal(most_of[ordered], np.maximum(a, b)[ordered])
+    np.testing.assert_array_equal(chosen, np.where(a < b, a, 0.0))
+    np.testing.assert_array_equal(is_less, a <= b)
+    np.testing.assert_array_equal(sign[ordered], np.sign(a)[ordered])
+
+
+@pytest.mark.parametrize("density", [0.15, 0.4, 1.0])
+def test_elimination_solves_as_lapack_does(density):
+    """Arrow matrices, whose natural order fills in, are among them."""
+    rng = np.random.default_rng(1)
+    for n in (1, 2, 7, 14):
+        pattern = rng.uniform(size=(n, n)) < density
+        pattern[0], pattern[:, 0] = True, True
+        matrix = np.eye(n) + 0.4 / n * rng.normal(size=(n, n)) * pattern
+        right = rng.normal(size=(n, 3)) * (rng.uniform(size=(n, 3)) < 0.6)
+        found = np.array(ca.DM(ca.evalf(solve(ca.sparsify(ca.SX(matrix)), ca.sparsify(ca.SX(right))))))
+        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-11, atol=1e-13)
+
+
+def test_an_arrow_is_eliminated_without_filling_in():
+    """2 n + 1 products and as many sums solve an arrow whose tip is eliminated last; the natural order takes n^3."""
+    n = 20
+    arrow = ca.diagcat(1, ca.SX.sym("d", n - 1)) * ca.SX.eye(n)
+    arrow[0, :], arrow[:, 0] = ca.SX.sym("r", 1, n), ca.SX.sym("c", n)
+    right = ca.SX.sym("b", n)
+    symbols = ca.symvar(ca.vertcat(ca.vec(arrow), right))
+    assert ca.Function("arrow", symbols, [solve(arrow, right)]).n_instructions() < 15 * n
