@@ -74,7 +74,7 @@ def export_casadi(
     >>> export_casadi(model, tempfile.mkdtemp(), functions=["tip"]).files
     ('MANIFEST.json', 'finger.c', 'finger.h')
     """
-    model = source_of(given, REALS["double"]).model
+    model = source_of(given, REALS["double"]).finger
     known = (*FUNCTIONS, STEP)
     names = chosen(known if functions is None else functions, known, "function", "functions")
     prefix = prefix_of(prefix)

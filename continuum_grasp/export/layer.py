@@ -16,6 +16,7 @@ from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
+from continuum_grasp.model import FingerModel
 
 _LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
@@ -113,17 +114,21 @@ def abi_of(contents: Contents) -> str:
     return "0x" + hashlib.sha256("\n".join(texts).replace(__version__, "").encode()).hexdigest()[:8] + "u"
 
 
-def _header(contents: Contents) -> str:
-    subject, calls, codes = contents.subject, contents.calls, contents.codes
-    prefix, big, model = subject.prefix, subject.prefix.upper(), subject.model
-    dimensions = {
-        "N": (subject.model.n, "bending coordinates"),
-        "NX": (subject.model.nx, "states"),
+def _dimensions(model: FingerModel) -> dict[str, tuple[int, str]]:
+    return {
+        "N": (model.n, "bending coordinates"),
+        "NX": (model.nx, "states"),
         "NU": (model.nu, "inputs"),
         "NW": (model.nw, "force components"),
         "NP": (model.np, "run-time parameters"),
     }
-    lines = [f"#define {big}_{name} {size} /* {note} */" for name, (size, note) in dimensions.items() if calls]
+
+
+def _header(contents: Contents) -> str:
+    subject, calls, codes = contents.subject, contents.calls, contents.codes
+    prefix, big = subject.prefix, subject.prefix.upper()
+    dimensions = {} if not calls else _dimensions(subject.model)
+    lines = [f"#define {big}_{name} {size} /* {note} */" for name, (size, note) in dimensions.items()]
     constants = {name: value for part in contents.parts for name, value in part.constants.items()}
     lines += [f"#define {big}_{name} {value}" for name, value in constants.items()]
     width = max(len(code.name) for code in codes)
@@ -188,7 +193,7 @@ def _layer_source(contents: Contents) -> str:
         for struct in contents.structs
     ]
     codes = [f'    case {prefix.upper()}_{code.name}: return "{code.text}";' for code in contents.codes]
-    nominal = zip(parameters.fields if parameters else (), subject.model.p_nominal, strict=True)
+    nominal = zip(parameters.fields, subject.model.p_nominal, strict=True) if parameters else ()
     functions = [subject.guard_function] if subject.guard else []
     functions += [_function(contents, call) for call in calls]
     functions += [part.definitions for part in contents.parts if part.definitions]

@@ -37,7 +37,7 @@ def manifest(
     configuration: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """All of it, as plain values."""
-    subject, model, words = contents.subject, contents.subject.model, contents.words
+    subject, model, words = contents.subject, contents.subject.finger, contents.words
     return {
         "name": subject.prefix,
         "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
@@ -46,13 +46,13 @@ def manifest(
         "real": subject.real.name,
         "target": target,
         "parts": [part.name for part in contents.parts],
-        "model": model_description(model),
+        "model": None if model is None else model_description(model),
         "flags": FLAGS,
-        "dimensions": {"n": subject.model.n, "nx": subject.model.nx, "nu": model.nu, "nw": model.nw, "np": model.np},
+        "dimensions": {} if model is None else {name: getattr(model, name) for name in ("n", "nx", "nu", "nw", "np")},
         "structs": {s.name: [_entry(field) for field in s.fields] for s in contents.structs},
-        "nominal_parameters": dict(
-            zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)
-        ),
+        "nominal_parameters": {}
+        if model is None
+        else dict(zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)),
         "functions": {
             call.name: {
                 "inputs": [a.name if a.is_struct else _entry(a.fields[0]) for a in call.inputs],
@@ -74,7 +74,9 @@ def manifest(
         },
         "codes": {code.name: {"value": int(code), "text": code.text} for code in contents.codes},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in contents.kernels},
-        "stability": {
+        "stability": None
+        if model is None
+        else {
             # Rounded: the last digits of eigenvalues differ from one LAPACK to the next.
             "greatest_rate_1_per_s": float(f"{subject.radius:.6g}"),
             "substeps": subject.substeps,

@@ -11,18 +11,20 @@ from typing import Any
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.control.rti_solver import RtiSolver
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
-from continuum_grasp.export.source import Given, count_of, parts_of, positive, prefix_of, source_of
+from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
@@ -65,19 +67,21 @@ def export_c(
     error: float | None = None,
     measured: bool = False,
 ) -> Package:
-    """Write the functions of a finger as a self-contained C99 package.
+    """Write the functions of a finger, or a solver, as a self-contained C99 package.
 
     Parameters
     ----------
-    given : FingerModel, Scene, ControlScene, Controller, Estimator or path of a configuration
-        What to export. Parameters that it names stay fields of a struct.
+    given : FingerModel, Scene, ControlScene, Controller, Estimator, RtiSolver or path of a configuration
+        What to export; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
+        names stay fields of a struct.
     folder : path-like
         Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.
     real : {"float", "double"}, optional
         What to compute in; that of the target by default.
     what : sequence of str
-        Parts: dynamics, step, kinematics, statics, and of a closed loop estimator and mpc; by default those
-        two of a closed loop, else the others. They may be mixed: the model is that of the controller's prediction.
+        Parts: dynamics, step, implicit_step, kinematics, statics, and of a closed loop estimator and mpc; by
+        default those two of a closed loop, else the others but implicit_step. They may be mixed: the model is that of
+        the controller's prediction.
     prefix : str
         Of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
@@ -125,9 +129,7 @@ def export_c(
     longest = source.step if step is None else positive(step, "step")
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
-    subject = Subject.of(source.model, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
-    if source.loop is not None:
-        subject = replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))
+    subject = _subject(source, names, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
     parts = [PARTS[name](subject) for name in names]
     # The same in double: the truth for the errors of single precision.
     wide = [PARTS[name](replace(subject, real=REALS["double"])) for name in names]
@@ -173,6 +175,26 @@ def export_c(
     return Package(Path(folder), tuple(sorted(files)), values)
 
 
+def _subject(
+    source: Source,
+    names: Sequence[str],
+    prefix: str,
+    kind: Real,
+    ranges: Mapping[str, Sequence[float]],
+    longest: float | None,
+    substeps: int,
+) -> Subject:
+    """The model and the loop that it is part of, or a solver's loop alone."""
+    if isinstance(source.loop, RtiSolver):
+        if ranges:
+            raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
+        return Subject.of_loop(Loop.of_solver(source.loop, kind), prefix, kind)
+    subject = Subject.of(source.finger, prefix, kind, ranges, longest, substeps)
+    if source.loop is None:
+        return subject
+    return replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))
+
+
 def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:
     """Tests, examples, and what builds and finds the library."""
     prefix = contents.subject.prefix
@@ -211,6 +233,7 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str) -> Contents:
             "version3": ".".join([*number.split("."), "0", "0"][:3]),  # package.xml of ROS asks for three numbers
             "real": subject.real.name,
             "title": title,
+            "what": "a predictive controller" if subject.finger is None else "a planar continuum finger",
             "sources": " ".join(sources),
             "count": str(len(contents.calls) + len(contents.stateful)),
             "check_memory": memory or "\n  int nothing;",  # C takes no empty struct

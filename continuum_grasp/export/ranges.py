@@ -159,8 +159,11 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
 
 
 @dataclass(frozen=True)
-class TipRange:
-    """What keeps the tip's curvature in its range."""
+class JointRange:
+    """A range of several numbers together: of a matched tip's curvature, or of tensions that winches and motors leave.
+
+    Steps are as short as tensions up to ``max_tension`` ask for. Beyond, friction is stiffer than what was looked at.
+    """
 
     guard: Kernel | None = None
     """(x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same."""
@@ -170,10 +173,12 @@ class TipRange:
     """The condition as a sentence with the numbers of nominal parameters, by the struct (state, input) it is of."""
 
     @staticmethod
-    def of(model: FingerModel, equations: Equations) -> TipRange:
-        """That of a model; nothing where the tip is not matched."""
+    def of(model: FingerModel, equations: Equations) -> JointRange:
+        """That of a model; nothing where the tip is not matched and tensions are commanded."""
+        if model.structure.winches:
+            return JointRange._of_tensions(model, equations)
         if not model.structure.matched:
-            return TipRange()
+            return JointRange()
         use = ca.SX(equations.full[-1]) * equations.lengths[-1] / model.ranges[-1]
         given = ca.vertcat(equations.x, equations.u)
         slopes = ca.Function("slopes", [given, equations.p], [ca.jacobian(use, given), use])
@@ -185,14 +190,27 @@ class TipRange:
         if len(acting) == 1 and not ca.depends_on(use, equations.p):
             at = acting[0]  # -1 <= rest + slope x <= 1, solved for x
             low, high = sorted(((-1.0 - rest[0]) / slope[at], (1.0 - rest[0]) / slope[at]))
-            return TipRange(limits={names[at]: (float(low), float(high))})
-        function = ca.Function("tip_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
-        guard = Kernel("tip_use", function, "Share of its bending range that the curvature of the tip takes.")
+            return JointRange(limits={names[at]: (float(low), float(high))})
+        function = ca.Function("range_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
+        guard = Kernel("range_use", function, "Share of its bending range that the curvature of the tip takes.")
         terms = " ".join(f"{slope[at]:+.6g} {names[at]}" for at in acting)
         constant = f" {rest[0]:+.6g}" if rest[0] else ""
         nominal = " with nominal parameters" if ca.depends_on(use, equations.p) else ""
         note = f" The curvature of the tip must be in its range: -1 <= {terms.strip('+')}{constant} <= 1{nominal}."
-        return TipRange(guard, notes={"state" if at < len(model.x_names) else "input": note for at in acting})
+        return JointRange(guard, notes={"state" if at < len(model.x_names) else "input": note for at in acting})
+
+    @staticmethod
+    def _of_tensions(model: FingerModel, equations: Equations) -> JointRange:
+        tendons = model.finger.tendon_list
+        uses = zip(equations.tendons.tensions, tendons, strict=True)
+        use = ca.SX(0.0)
+        for tension, tendon in uses:
+            use = ca.fmax(use, (1.0 / tendon.max_tension) * tension)
+        function = ca.Function("range_use", [equations.x, equations.p], [ca.cse(use)], ["x", "p"], ["use"])
+        guard = Kernel("range_use", function, "Share of its greatest that the greatest tension takes.")
+        most = ", ".join(f"{tendon.max_tension:g} N" for tendon in tendons)
+        note = f" Tensions that follow from it must be in their range, up to {most} (max_tension)."
+        return JointRange(guard, notes={"state": note})
 
     def bounded(self, fields: tuple[Field, ...]) -> tuple[Field, ...]:
         """Entries of a struct, with the range of the number that sets the curvature."""

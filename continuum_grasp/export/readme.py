@@ -11,6 +11,7 @@ from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
+from continuum_grasp.export.subject import Subject
 
 
 def readme(
@@ -25,7 +26,8 @@ def readme(
 ) -> str:
     """The text."""
     subject, calls, stateful = contents.subject, contents.calls, contents.stateful
-    prefix, model, note = subject.prefix, subject.model, moment_note(subject)
+    prefix, finger = subject.prefix, subject.finger
+    note = "" if finger is None else moment_note(subject)
     both: list[Call | Stateful] = [*calls, *stateful]
     functions = _table(
         ("function", "gives", "test cases"),
@@ -51,9 +53,8 @@ def readme(
     return contents.fill(
         "README.md",
         source=source,
-        family=model.family,
-        elements=" + ".join(f"{h:g}" for h in model.lengths),
-        ranges=", ".join(f"{r:.4g}" for r in model.ranges),
+        finger=finger is not None,
+        **_model_words(subject),
         functions=functions,
         structs=structs,
         operations=operations,
@@ -72,14 +73,22 @@ def readme(
         step="step" in names,
         mpc="mpc" in names,
         skeletons={"step", "mpc"} & names,
-        radius=f"{subject.radius:.4g}",
-        longest=f"{subject.longest_step:g}",
-        accurate=f"{subject.accurate_step:g}",
         note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
         touching=calls and touching,
         wasm=wasm,
         cases=sum(vectors.values()),
     )
+
+
+def _model_words(subject: Subject) -> dict[str, str]:
+    """What is said of the model of a finger."""
+    names = ("family", "elements", "ranges", "radius", "longest", "accurate")
+    if subject.finger is None:
+        return dict.fromkeys(names, "")
+    model = subject.finger
+    found = model.family, " + ".join(f"{h:g}" for h in model.lengths), ", ".join(f"{r:.4g}" for r in model.ranges)
+    steps = f"{subject.radius:.4g}", f"{subject.longest_step:g}", f"{subject.accurate_step:g}"
+    return dict(zip(names, (*found, *steps), strict=True))
 
 
 _BEGIN_NOTES = {
@@ -121,7 +130,7 @@ def _stateful(contents: Contents) -> str:
         return ""
     owners = [name for function in contents.stateful for name in function.types]
     rows = [(f"`{contents.subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
-    limits = loop.scene.controller
+    limits = loop.calls
     usual, first = _times(limits.sqp_iterations), _times(limits.start_iterations)
     return contents.fill(
         "control/README.md",
@@ -130,10 +139,13 @@ def _stateful(contents: Contents) -> str:
         n=loop.stages.stages,
         stage=f"{loop.stages.stage:g}",
         iterations=f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
-        interior=limits.iterations,
+        factorizations=limits.iterations,
         safe=loop.safe,
         mpc="mpc" in loop.parts,
         observed=loop.estimation is not None,
+        touch=loop.contact is not None,
+        owner=contents.stateful[-1].types[0],
+        places=", ".join(f"{at:g} m" for at in loop.contact.finger.places) if loop.contact is not None else "",
     )
 
 

@@ -13,9 +13,10 @@ from typing import Any
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
-from continuum_grasp.export.parts import OF_LOOPS, PARTS
+from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.export.subject import MOST_SUBSTEPS
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
@@ -29,22 +30,30 @@ _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 _CUT = 0.25
 """Share of the rounding below which the terms of an arc's series are left out in single precision."""
 
-Given = FingerModel | Scene | ControlScene | Controller | Estimator | str | os.PathLike[str]
+Given = FingerModel | Scene | ControlScene | Controller | Estimator | RtiSolver | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
 class Source:
     """A model with what is known of where it comes from."""
 
-    model: FingerModel
+    model: FingerModel | None
+    """None for a solver."""
     title: str
     name: str
     """What the README says that it was made from."""
     step: float | None
     configuration: Mapping[str, Any] | None
     """The resolved scene as plain values."""
-    loop: ControlScene | None = None
-    """The closed loop, where it is one."""
+    loop: ControlScene | RtiSolver | None = None
+    """The closed loop, where it is one, or a solver."""
+
+    @property
+    def finger(self) -> FingerModel:
+        """The model; InputError of a solver, which has none."""
+        if self.model is None:
+            raise InputError("this needs the model of a finger; a solver is exported by export_c", key="given")
+        return self.model
 
 
 def source_of(given: Given, real: Real) -> Source:
@@ -57,12 +66,18 @@ def source_of(given: Given, real: Real) -> Source:
         return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, (str, os.PathLike)):
         given = load(given)  # type: ignore[assignment, arg-type]
+    if isinstance(given, RtiSolver):
+        title = " ".join(_MEANT.sub(" ", given.problem.name).split())
+        of = f"the problem '{title}'" if title else "a problem without a name"
+        return Source(None, title or "a predictive controller", of, None, None, given)
     if isinstance(given, (Controller, Estimator)):
         given = given.scene
     if isinstance(given, ControlScene):
         return _of_loop(given, real)
     if not isinstance(given, Scene):
-        raise InputError(f"expected a FingerModel, a Scene, a closed loop or the path of its file, got {given!r:.80}")
+        raise InputError(
+            f"expected a FingerModel, a Scene, a closed loop, a solver or the path of its file, got {given!r:.80}"
+        )
     scene = given
     if scene.fidelity.tolerance is not None:
         from continuum_grasp.accuracy.choose import resolve_fidelity
@@ -147,8 +162,10 @@ def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
     """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
         loop = source.loop
-        without = () if loop is None or loop.estimator is not None else ("estimator",)
-        what = [name for name in PARTS if (name in OF_LOOPS) == (loop is not None) and name not in without]
+        observed = isinstance(loop, ControlScene) and loop.estimator is not None
+        without = () if loop is None or observed else ("estimator",)
+        usual = [name for name in PARTS if name not in ASKED_FOR]
+        what = [name for name in usual if (name in OF_LOOPS) == (loop is not None) and name not in without]
     names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
     return [name for name in PARTS if name in names]
 

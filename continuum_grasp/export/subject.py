@@ -17,7 +17,7 @@ from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Real, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
-from continuum_grasp.export.ranges import TipRange, force_fields, input_fields, parameter_fields, state_fields
+from continuum_grasp.export.ranges import JointRange, force_fields, input_fields, parameter_fields, state_fields
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
@@ -30,8 +30,9 @@ class Subject:
 
     Attributes
     ----------
-    equations : Equations
-        Expressions of the model, for kernels of the whole state.
+    finger, finger_equations
+        Model, and its expressions for kernels of the whole state; None for a solver of a problem, whose package has
+        ``mpc`` alone.
     parameters, forces : Struct or None
         None where the model has none.
     radius : float
@@ -42,8 +43,8 @@ class Subject:
         The closed loop that it is part of.
     """
 
-    model: FingerModel
-    equations: Equations
+    finger: FingerModel | None
+    finger_equations: Equations | None
     prefix: str
     real: Real
     parameters: Struct | None
@@ -73,22 +74,54 @@ class Subject:
         if step is not None:
             _check_step(step, substeps, radius)
         equations = Equations(model.structure)
-        tip = TipRange.of(model, equations)
+        joint = JointRange.of(model, equations)
         return Subject(
-            model=model,
-            equations=equations,
+            finger=model,
+            finger_equations=equations,
             prefix=prefix,
             real=real,
             parameters=_struct("parameters", "Parameters of the finger that may be changed at run time.", parameters),
-            state=Struct("state", "State of the finger." + tip.notes.get("state", ""), tip.bounded(states)),
+            state=Struct("state", "State of the finger." + joint.notes.get("state", ""), joint.bounded(states)),
             input=Struct(
-                "input", "What drives the finger." + tip.notes.get("input", ""), tip.bounded(input_fields(model))
+                "input", "What drives the finger." + joint.notes.get("input", ""), joint.bounded(input_fields(model))
             ),
             forces=_struct("forces", "Forces on the finger.", forces),
             radius=radius,
             substeps=substeps,
-            guard=tip.guard,
+            guard=joint.guard,
         )
+
+    @staticmethod
+    def of_loop(loop: Loop, prefix: str, real: Real) -> Subject:
+        """A loop without the model of a finger."""
+        return Subject(
+            finger=None,
+            finger_equations=None,
+            prefix=prefix,
+            real=real,
+            parameters=None,
+            state=Struct("state", "", ()),
+            input=Struct("input", "", ()),
+            forces=None,
+            radius=math.nan,
+            substeps=1,
+            guard=None,
+            loop=loop,
+        )
+
+    @property
+    def model(self) -> FingerModel:
+        """The model of the finger; InputError where there is none."""
+        if self.finger is None:
+            raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
+        return self.finger
+
+    @property
+    def equations(self) -> Equations:
+        """Its expressions; InputError where there is none."""
+        if self.finger_equations is None:
+            raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
+        return self.finger_equations
 
     @property
     def longest_step(self) -> float:
@@ -123,7 +156,7 @@ class Subject:
 
     @property
     def guard_function(self) -> str:
-        """C of the function that reports a matched tip out of its range."""
+        """C of the function that reports a matched tip or a tension out of its range."""
         if self.guard is None:
             return ""
         p, inputs = self.prefix, self.guard.inputs
@@ -133,23 +166,23 @@ class Subject:
 
     @property
     def guard_source(self) -> str:
-        """C that refuses a matched tip out of its range."""
+        """C that refuses a matched tip or a tension out of its range."""
         if self.guard is None:
             return ""
-        return f"  if ({self._tip_left_range('x')}) return {self.prefix.upper()}_ERR_RANGE;\n"
+        return f"  if ({self._jointly_left('x')}) return {self.prefix.upper()}_ERR_RANGE;\n"
 
     def left_range(self, x: str) -> str:
         """C expression for whether the numbers ``x`` are a state that no step would take under the same input."""
         p = self.prefix.upper()
         box = f"check({x}, state_low, state_high, {p}_NX) < 0"
-        return box if self.guard is None else f"{box} || {self._tip_left_range(x)}"
+        return box if self.guard is None else f"{box} || {self._jointly_left(x)}"
 
-    def _tip_left_range(self, x: str) -> str:
+    def _jointly_left(self, x: str) -> str:
         names = () if self.guard is None else self.guard.inputs
-        return f"tip_left_range({', '.join(x if name == 'x' else name for name in names)})"
+        return f"left_range({', '.join(x if name == 'x' else name for name in names)})"
 
     def refused(self, rows: Rows) -> NDArray[np.bool_]:
-        """Rows whose matched tip is out of its range."""
+        """Rows whose matched tip or tension is out of its range."""
         count = len(rows["x"])
         if self.guard is None:
             return np.zeros(count, dtype=bool)

@@ -192,7 +192,7 @@ def test_the_controller_is_that_of_python(name, real, libraries):
             y[k % len(y)] = np.nan
         if k % 29 == 20:
             y[0] = np.inf
-        rows = control._reference.rows(k * control.period + 0.01 * np.arange(9))
+        rows = control.nominal_setpoints.rows(k * control.period + 0.01 * np.arange(9))
         command = control.step(y, rows)
         found = other.step(finger.Measurement(*y), reference(finger, rows))
         limit = 2e-3 if real == "float" else 1e-7
@@ -214,7 +214,7 @@ def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
     control, other = Controller(given, deadline=math.inf), finger.Controller(library)
     plant, moved = Reality(given, control.first), []
     for k in range(30):
-        row = np.tile(control._reference.rows([0.0])[0], (7, 1))
+        row = np.tile(control.nominal_setpoints.rows([0.0])[0], (7, 1))
         row[:, :2] = (-0.06, 0.16) if k < 15 else (0.0, 0.18)
         command, found = control.step(plant.x, row), other.step(finger.Measurement(*plant.x), reference(finger, row))
         assert values(found) == pytest.approx(command.u, rel=1e-6, abs=1e-9)
@@ -362,7 +362,7 @@ def test_drives_that_are_off_are_what_was_applied(real, libraries):
 @needs("cc")
 def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene(libraries):
     finger, library = libraries("observed", "double")
-    rows = Controller(scene("observed"))._reference.rows(np.zeros(9))
+    rows = Controller(scene("observed")).nominal_setpoints.rows(np.zeros(9))
     short, whole = finger.Controller(library), finger.Controller(library)
     for k in range(12):
         tip = {"tip_x": -0.002 * k, "tip_y": 0.18}

@@ -22,6 +22,10 @@ _TEXTS = {
     "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
     "outputs": "What is compared with measurements, with its derivative.",
     "parameters": "Parameters with the disturbances.",
+    "measured": "What winches have wound up, and what pulls them.",
+    "begin": "State and lengths of winches, as a step takes them.",
+    "tension": "What the tendons of a finger that touches nothing pull winches with.",
+    "gain": "Tension per force across the finger.",
 }
 """What a kernel computes, by the last word of its name."""
 
@@ -47,7 +51,7 @@ class Adapter:
         if self.kernel is None:
             lines.append("  (void)arg; (void)res;")
         else:
-            if self.behind:
+            if "behind" in {self.given[name] for name in self.kernel.outputs}:
                 lines += ["  real *behind = 0;", f"  if (res[1]) behind = res[1] + {self.behind};"]
             lines += [] if self.kernel.inputs else ["  (void)arg;"]
             lines.append(f"  {self.kernel.call(prefix, **self.given)}")

@@ -12,14 +12,24 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, ranges_of
 from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.ocp.stages import Stages, stages_of
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction, first_state, rest_input
-from continuum_grasp.control.settings import controller_fields, delay_periods
+from continuum_grasp.control.rti_solver import RtiSolver
+from continuum_grasp.control.settings import (
+    Calls,
+    calls_of,
+    controller_fields,
+    delay_periods,
+    free_ranges,
+    solver_fields,
+)
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct
@@ -44,6 +54,8 @@ DIAGNOSIS = (
     ("real", "activity", "mean squared change of the command, per that at its rate limit"),
 )
 """C type, name and meaning of what is known of the last call of a controller."""
+_KICK = 0.1
+"""Size of pushes of a solver's states in test vectors, in their units: what is usual is not known."""
 _WEIGHTS, _LIMITS, _ROWS = CHANGEABLE[:2], CHANGEABLE[2:4], CHANGEABLE[4:]
 _NAMES = {
     "weights": ("weight_{}", "of half the squared error of {0}, per second"),
@@ -61,12 +73,11 @@ _NAMES = {
 class Loop:
     """A closed loop as its parts see it."""
 
-    scene: ControlScene
     parts: tuple[str, ...]
     """Those that the package has: estimator, mpc."""
-    prediction: Prediction
     stages: Stages
     estimation: Estimation | None
+    contact: ContactModel | None
     ranges: Ranges
     periods: int
     """Age of a measurement when it arrives, in periods."""
@@ -76,6 +87,17 @@ class Loop:
     """State (nz) from which the controller starts."""
     before: Array
     """Input (nu) before."""
+    calls: Calls
+    """Period and iterations."""
+    setpoints: Setpoints
+    """Setpoints over time, for as long as ``duration`` [s]."""
+    duration: float
+    kicks: Array
+    """Size (nd) of pushes in test vectors, of each state."""
+    safe: str
+    """Where commands go when there is no plan."""
+    estimated: tuple[str, ...]
+    """Names and units of what the plan starts from: states, then disturbances."""
 
     @staticmethod
     def of(scene: ControlScene, real: Real, parts: Sequence[str]) -> Loop:
@@ -87,41 +109,62 @@ class Loop:
             raise InputError(
                 f"{scene.controller.step:g} s is longer than a stage of {stages.stage:g} s", key="controller.period"
             )
-        if scene.estimator is not None and scene.estimator.contact_detection is not None:
-            raise InputError(
-                "contact detection is not exported: its C is not yet of the strict kind; leave it out here",
-                key="estimator.contact_detection",
-            )
         estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
+        detects = scene.estimator is not None and scene.estimator.contact_detection is not None
+        contact = contact_model_of(scene) if detects else None
         z = np.zeros(model.nx if estimation is None else estimation.nz)
         z[: model.nx] = first_state(scene, model)  # disturbances start at zero, as nothing is known of them
+        n, kicks = model.system.finger_model.n, np.zeros(model.nx)
+        kicks[n : 2 * n] = 1.0  # rates of the coordinates
         return Loop(
-            scene=scene,
             parts=tuple(parts),
-            prediction=model,
             stages=stages,
             estimation=estimation,
+            contact=contact,
             ranges=ranges_of(scene, model, stages, estimation),
             periods=delay_periods(scene),
-            members=tuple(controller_fields(scene, model, stages, estimation, real.name)),
+            members=tuple(controller_fields(scene, model, stages, estimation, real.name, contact)),
             first=z,
             before=rest_input(scene),
+            calls=calls_of(scene),
+            setpoints=setpoints(Outputs.of(scene.controller.cost, model), scene.reference),
+            duration=scene.duration or 1.0,
+            kicks=kicks,
+            safe="the least tensions" if scene.finger.tendons is not None else "no moment",
+            estimated=model.x_names if estimation is None else estimation.z_names,
+        )
+
+    @staticmethod
+    def of_solver(solver: RtiSolver, real: Real) -> Loop:
+        """The loop of a solver, whose measurement is the state and which takes any finite number."""
+        s = solver.stages
+        return Loop(
+            parts=("mpc",),
+            stages=s,
+            estimation=None,
+            contact=None,
+            ranges=free_ranges(s, np.inf),
+            periods=0,
+            members=tuple(solver_fields(s, solver.calls, real.name)),
+            first=np.zeros(s.nd),
+            before=solver.safe,
+            calls=solver.calls,
+            setpoints=solver.nominal_setpoints,
+            duration=1.0,
+            kicks=np.full(s.nd, _KICK),
+            safe="the safe command",
+            estimated=s.x_names[: s.nd],
         )
 
     @property
     def period(self) -> float:
         """Time from one call to the next [s]."""
-        return self.scene.controller.step
-
-    @property
-    def safe(self) -> str:
-        """Where commands go when there is no plan."""
-        return "the least tensions" if self.scene.finger.tendons is not None else "no moment"
+        return self.calls.period
 
     @property
     def measurement_names(self) -> tuple[str, ...]:
         """Names and units of what is measured; the state where there is no estimator."""
-        return self.prediction.x_names if self.estimation is None else self.estimation.measurement_names
+        return self.estimated if self.estimation is None else self.estimation.measurement_names
 
     @property
     def watched(self) -> tuple[str, ...]:
@@ -133,15 +176,15 @@ class Loop:
     @cached_property
     def measurement(self) -> Struct:
         """What is measured."""
-        text = "What is measured, NaN where it was not." if self.estimation else "The state of the finger."
+        text = "What is measured, NaN where it was not." if self.estimation else "The state."
         return Struct("measurement", text, named_fields(self.measurement_names, self.ranges.measurement))
 
     @cached_property
     def estimate(self) -> Struct:
         """States and disturbances."""
-        names = self.prediction.x_names if self.estimation is None else self.estimation.z_names
         ranges = np.vstack([self.ranges.x, self.ranges.disturbances])
-        return Struct("estimate", "State of the finger and, behind it, what disturbs it.", named_fields(names, ranges))
+        text = "State of the finger and, behind it, what disturbs it."
+        return Struct("estimate", text, named_fields(self.estimated, ranges))
 
     @property
     def start(self) -> Struct:
@@ -164,15 +207,14 @@ class Loop:
     @cached_property
     def wanted(self) -> Array:
         """Setpoints (nr) with which the scene begins."""
-        outputs = Outputs.of(self.scene.controller.cost, self.prediction)
-        found: Array = setpoints(outputs, self.scene.reference).rows(0.0)[0]
+        found: Array = self.setpoints.rows(0.0)[0]
         return found
 
     @cached_property
     def known(self) -> Struct | None:
         """Parameters of the prediction, None where it has none."""
         fields = named_fields(self.stages.p_names, self.ranges.p)
-        text = "What is known of the finger: parameters, forces."
+        text = "What is known of the model: parameters, forces."
         return Struct("known", text, fields) if fields else None
 
     @cached_property
@@ -206,6 +248,25 @@ class Loop:
         unique = identifiers(field.name for field in fields)
         return Struct("settings", text, tuple(replace(f, name=n) for f, n in zip(fields, unique, strict=True)))
 
+    @cached_property
+    def touch(self) -> Struct | None:
+        """What the drives feel of a contact; None without a detector."""
+        if self.contact is None:
+            return None
+        drives, places = self.contact.sizes["ND"], self.contact.sizes["NL"]
+        of_place = "per place: " + ", ".join(f"{at:g} m" for at in self.contact.finger.places)
+        fields = [
+            Field("verdict", "1", "one of ..._CONTACT_...", 0.0, 4.0),
+            Field("residual", "N", "tension in excess of the free finger's, per drive", shape=(drives,)),
+            Field("low", "N", "least residual of a finger that touches nothing", shape=(drives,)),
+            Field("high", "N", "greatest", shape=(drives,)),
+            Field("gain", "1", "tension per force across the finger, per place and drive", shape=(places, drives)),
+            Field("threshold", "N", f"least force that is detected, {of_place}", 0.0, shape=(places,)),
+            Field("force_low", "N", "least force that explains the residual, per place", shape=(places,)),
+            Field("force_high", "N", "greatest; below the least where none does", shape=(places,)),
+        ]
+        return Struct("contact", "What the drives feel, by a finger that touches nothing.", tuple(fields))
+
     @property
     def nominal_settings(self) -> Array:
         """Values of ``settings`` that the scene gives."""
@@ -218,6 +279,8 @@ class Loop:
         found = [s.step, s.cost, s.terminal] if controls else []
         if e is not None:
             found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.periods else [])]
+        if self.contact is not None:
+            found += self.contact.functions
         return tuple(found)
 
 

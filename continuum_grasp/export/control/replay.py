@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
@@ -39,6 +37,8 @@ _EPISODES = 3
 """Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
+_FREE = 1e6
+"""Greatest number where any will do [SI]."""
 _TIMEOUT = 600.0
 """After which a compiler is taken to hang [s]; builds take seconds."""
 
@@ -144,9 +144,9 @@ class _Finger:
         return found
 
     def kick(self, size: float) -> None:
-        """Push it: change the rates of its coordinates at once."""
-        n = self._loop.prediction.system.finger_model.n
-        self.x[n : 2 * n] += size * self._rng.standard_normal(n)
+        """Push it: change its rates, or states of which nothing more is known, at once."""
+        at = np.flatnonzero(self._loop.kicks)
+        self.x[at] += size * self._loop.kicks[at] * self._rng.standard_normal(len(at))
 
 
 def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator) -> Array:
@@ -161,7 +161,7 @@ def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator
     if episode and k % 19 == 13:
         at = rng.integers(len(y))
         # An outlier: in its range, far from what the filter expects.
-        y[at] += 0.4 * (loop.measurement.bounded[at][1] - y[at])
+        y[at] += 0.4 * (min(loop.measurement.bounded[at][1], _FREE) - y[at])
     # Blind for longer than a plan lasts, late enough for something to be known before.
     start = _EPISODE - 2 * patience - 4 if 2 * patience + 4 < _EPISODE else _EPISODE - 4
     if episode and start <= k < start + patience + 3:
@@ -198,16 +198,20 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
 
 
 def _target(loop: Loop, rng: np.random.Generator) -> Array:
-    """Setpoints of the scene at some instant."""
-    rows = setpoints(Outputs.of(loop.scene.controller.cost, loop.prediction), loop.scene.reference)
-    found: Array = rows.rows(rng.uniform(0.0, loop.scene.duration or 1.0))[0]
+    """Setpoints at some instant."""
+    found: Array = loop.setpoints.rows(rng.uniform(0.0, loop.duration))[0]
     return found
+
+
+def _felt(loop: Loop) -> int:
+    """Count of outputs that say what the drives feel."""
+    return 0 if loop.touch is None else loop.touch.size
 
 
 def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: Stateful) -> Vectors:
     rng, real = np.random.default_rng(0), contents.subject.real
     nu = loop.command.size
-    record = _Record(host, function, nu + loop.start.size + 5, real.dtype)
+    record = _Record(host, function, nu + loop.start.size + 5 + _felt(loop), real.dtype)
     for episode in range(_EPISODES):
         finger, u, planned = _Finger(loop, rng), loop.before.copy(), False
         later = _target(loop, rng)
@@ -217,9 +221,9 @@ def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: S
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
-            given = rng.uniform(loop.stages.u_min, loop.stages.u_max) if k % 27 == 5 else u
+            given = rng.uniform(*np.clip((loop.stages.u_min, loop.stages.u_max), -_FREE, _FREE)) if k % 27 == 5 else u
             if episode and k % 27 == 5:  # off, or beyond what can be commanded
-                given = np.array([pair[k % 2] for pair in loop.applied.bounded]) * (k % 4 > 1)
+                given = np.clip([pair[k % 2] for pair in loop.applied.bounded], -_FREE, _FREE) * (k % 4 > 1)
             # Kind of the call as in tests/check.h: usual, without a plan before, or hard.
             kind = 1 if not planned else 2 if episode else 0
             settings = _settings(loop, episode, k)
@@ -236,7 +240,7 @@ def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: S
 def _estimator_vectors(contents: Contents, loop: Loop, host: _Host, function: Stateful) -> Vectors:
     rng, real = np.random.default_rng(1), contents.subject.real
     nz, low, high = loop.estimate.size, loop.stages.u_min, loop.stages.u_max
-    record = _Record(host, function, 2 * nz + 1, real.dtype)
+    record = _Record(host, function, 2 * nz + 1 + _felt(loop), real.dtype)
     for episode in range(_EPISODES):
         finger, u = _Finger(loop, rng), loop.before.copy()
         for k in range(_EPISODE):

@@ -43,6 +43,12 @@ ANOMALIES = {
 }
 
 
+_TOUCH_MEMORY = """
+  {p}_contact_state contact;
+  {p}_contact_report felt;"""
+"""What an estimator keeps of a contact detector."""
+
+
 class _Writer:
     """Texts of one package."""
 
@@ -70,13 +76,16 @@ class _Writer:
         found = []
         if self.mpc:
             found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
-            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter), "TOUCHES": 0}
+            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
+            sizes["TOUCHES"] = int(loop.contact is not None)
             sizes["NS"] = 0 if e is None else len(e.sensor_names)
             # Plain C has no vectors: one lane.
             found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
         if e is not None:
             sizes = estimator_sizes(e, loop.periods, s.nu, s.np)
             found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
+        if loop.contact is not None:
+            found += [f"#define CONTACT_{name} {size}" for name, size in loop.contact.sizes.items()]
         if self.real.name == "float":
             found.append("#define CG_SINGLE")
         return self.renamed("\n".join(dict.fromkeys(found)))
@@ -84,6 +93,7 @@ class _Writer:
     def headers(self) -> list[str]:
         found = ["rti.h"] if self.mpc else []
         found += ["ekf.h"] if self.filter else []
+        found += ["contact_detector.h"] if self.loop.contact is not None else []
         return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
     def memory(self, words: dict[str, object]) -> str:
@@ -93,6 +103,7 @@ class _Writer:
             "types": types,
             "mpc": self.mpc,
             "estimator": "estimator" in self.loop.parts,
+            "touch_memory": _TOUCH_MEMORY.format(p=self.prefix) if self.loop.touch else "",
         }
         return fill("control/memory.h", {**words, **more})
 
@@ -111,8 +122,9 @@ class _Writer:
         if self.mpc:
             texts += iteration_bodies(self.loop.stages, lanes=False)
         texts += [template("ekf.c")] if self.filter else []
+        texts += [template("contact_detector.c")] if self.loop.contact is not None else []
         texts += [template("supervisor.c"), template("controller.c")] if self.mpc else []
-        return self.renamed(without("RTI_VECTOR", "\n".join(texts)))
+        return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", "\n".join(texts))))
 
     def numbers(self) -> str:
         loop, p = self.loop, self.prefix
@@ -127,14 +139,18 @@ class _Writer:
             texts.append(self.array("first_setpoints", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
-            own = [m for m in loop.members if m.member.startswith("ekf.")]
-            own = [replace(m, member=m.member.removeprefix("ekf.")) for m in own]
-            texts.append(f"static const {p}_ekf_settings ekf_settings = {self.initializer(own)};")
+            texts += [self.own_settings("ekf"), *([self.own_settings("contact")] if loop.contact is not None else [])]
         if "estimator" in loop.parts:
             names = ("MISSING", "ABSURD", "OUTLIER", "REOPENED")
             bits = ", ".join(["0", *(f"{p.upper()}_ANOMALY_{name}" for name in names), "0"])
             texts.append(f"static const uint32_t anomaly_of_verdict[] = {{{bits}}};")
         return "\n".join(texts)
+
+    def own_settings(self, module: str) -> str:
+        """Settings of a module, where there are none of a controller around them."""
+        own = [m for m in self.loop.members if m.member.startswith(f"{module}.")]
+        own = [replace(m, member=m.member.removeprefix(f"{module}.")) for m in own]
+        return f"static const {self.prefix}_{module}_settings {module}_settings = {self.initializer(own)};"
 
     def initializer(self, members: Iterable[Member]) -> str:
         lines = (f"  .{m.member} = {self.braced(np.asarray(m.values), m.whole)}" for m in members)
@@ -149,7 +165,7 @@ class _Writer:
     def words(self, common: dict[str, object]) -> dict[str, object]:
         loop, p, big = self.loop, self.prefix, self.prefix.upper()
         known = loop.known.size if loop.known is not None else 0
-        start, nx, nz = loop.start, loop.prediction.nx, loop.start.size
+        start, nx, nz = loop.start, loop.stages.nd, loop.start.size
         taken, at = [], 0
         for member in CHANGEABLE:
             count = np.size(getattr(loop.stages, member))
@@ -194,6 +210,8 @@ class _Writer:
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
+            "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
+            "touch": loop.touch,
             "known": known,
             "known_nominal": "known_nominal" if known else "0",
             "known_or_null": "p" if known else "0",
@@ -209,7 +227,12 @@ class _Writer:
         settings, known = ([loop.settings] if self.mpc else []), ([loop.known] if loop.known else [])
         inputs = [loop.command, loop.measurement, loop.start, *known, *settings]
         outputs = [loop.start, loop.measurement, loop.command, *known, *settings]
-        files = ["given", *(["estimator"] if "estimator" in loop.parts else []), *(["controller"] if self.mpc else [])]
+        files = [
+            "given",
+            *(["contact"] if loop.contact is not None else []),
+            *(["estimator"] if "estimator" in loop.parts else []),
+            *(["controller"] if self.mpc else []),
+        ]
         more = {
             "sqrt": c_source({"sqrt"}, self.real, p),
             "prototypes": self.prototypes(),

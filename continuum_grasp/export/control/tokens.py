@@ -7,10 +7,17 @@ from collections.abc import Collection
 
 from continuum_grasp.core.precision import TOKEN, literal
 
-_MODULES = {"rti": "rti", "ekf": "ekf", "controller": "loop", "supervisor": "supervisor", "cg": "checks"}
+_MODULES = {
+    "rti": "rti",
+    "ekf": "ekf",
+    "contact": "contact",
+    "controller": "loop",
+    "supervisor": "supervisor",
+    "cg": "checks",
+}
 """What names begin with in ``control/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_MODULES)})_\w+|\b(?:{'|'.join(module.upper() for module in _MODULES)})_\w+")
-_HEADER = re.compile(r"\b(?:rti|ekf|supervisor|controller|checks)\.h\b")
+_HEADER = re.compile(r"\b(?:rti|ekf|contact_detector|supervisor|controller|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 _PROTOTYPE = re.compile(
     r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:int|void) \w+\([^;{}]*\);\n",

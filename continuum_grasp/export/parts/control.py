@@ -33,6 +33,7 @@ def estimator(subject: Subject) -> Part:
             ),
             Method("variance", "Variance of each entry at the time of the last measurement.", (), "estimate"),
             Method("anomalies", "What was noticed in the last call, bits of ANOMALIES.", counts=True),
+            *_contact(loop),
         ),
     )
     return _part(subject, "estimator", structs, (Code.WARN_ESTIMATE_RESTARTED,), function)
@@ -69,9 +70,15 @@ def mpc(subject: Subject) -> Part:
             Method("rearm", "Leave a trip: 1, or 0 where that is not allowed yet.", counts=True),
             Method("estimate", "State and disturbances from which the last plan starts.", (), loop.start.name),
             Method("diagnosis", "What is known of the last call.", (), "diagnosis"),
+            *_contact(loop),
         ),
     )
     return _part(subject, "mpc", structs, codes, function)
+
+
+def _contact(loop: Loop) -> list[Method]:
+    """What asks for the contact of the last call, where there is a detector."""
+    return [] if loop.touch is None else [Method("contact", "What the drives felt in the last call.", (), "contact")]
 
 
 def _loop(subject: Subject, name: str) -> Loop:
@@ -94,7 +101,7 @@ def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code,
         constants,
         declarations=declared[name],
         sources=files,
-        further=(*structs, *([loop.known] if loop.known is not None else [])),
+        further=(*structs, *(s for s in (loop.known, loop.touch) if s is not None)),
         codes=codes,
         stateful=(function,),
     )
@@ -118,6 +125,7 @@ def _estimator_runner(prefix: str, loop: Loop) -> str:
     known, measurement = _take_known(loop, "estimator", ROW_FLAGS)
     applied = measurement + loop.measurement.size
     words = {"take_known": known, "measurement": measurement, "applied": applied, "nz": nz, "anomalies": 2 * nz}
+    words |= {"touch": loop.touch, "contact": 2 * nz + 1}
     return _runner("estimator", prefix, words)
 
 
@@ -145,6 +153,7 @@ def _controller_runner(prefix: str, loop: Loop) -> str:
         "low": low,
         "high": low + nu,
         "end": end,
-        **{f"end{k}": end + k for k in range(1, 5)},
+        **{f"end{k}": end + k for k in range(1, 6)},
+        "touch": loop.touch,
     }
     return _runner("controller", prefix, words)

@@ -28,7 +28,8 @@ def _dynamics_kernel(subject: Subject) -> Kernel:
     return Kernel("dynamics", subject.model.forward_dynamics, text)
 
 
-def _codes_of(result: Array) -> Array:
+def codes_of(result: Array) -> Array:
+    """Codes of results that are finite, and of others."""
     return np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
 
 
@@ -38,7 +39,7 @@ def _refusing(subject: Subject, kernel: Kernel) -> Reference:
 
     def reference(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)[output]
-        return result, np.where(subject.refused(rows), Code.ERR_RANGE, _codes_of(result))
+        return result, np.where(subject.refused(rows), Code.ERR_RANGE, codes_of(result))
 
     return reference
 
@@ -154,7 +155,7 @@ def _drawing(subject: Subject, kernel: Kernel) -> Reference:
 
     def reference(rows: Rows) -> tuple[Array, Array]:
         result = kernel.evaluate(subject.real, **rows)["at"]
-        codes = _codes_of(result)
+        codes = codes_of(result)
         beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
         return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
 
@@ -180,7 +181,7 @@ def moment_note(subject: Subject) -> str:
 
 
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
-_LEAST_PART = 1e-6
+LEAST_PART = 1e-6
 """Shortest step, per the longest, so that zero is refused."""
 
 
@@ -188,12 +189,12 @@ def step(subject: Subject) -> Part:
     """Write the step in time, for one state and for many."""
     kernel, real = _dynamics_kernel(subject), subject.real
     coarse, longest = subject.accurate_step, subject.longest_step
-    length = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
+    length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)
 
     def reference(rows: Rows) -> tuple[Array, Array]:
         h = rows["h"]
         result = runge_kutta(rows)
-        codes = np.where(subject.refused(rows), Code.ERR_RANGE, _codes_of(result))
+        codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes_of(result))
         coarse_ones = (codes == Code.OK) & (h[:, 0] > real.dtype(coarse))
         codes = np.where(coarse_ones, Code.WARN_COARSE_STEP, codes)
         left = (codes >= 0) & subject.out_of_range({**rows, "x": result})

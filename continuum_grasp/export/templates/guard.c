@@ -1,5 +1,5 @@
-/* Whether the curvature of the matched tip, which is no coordinate, is out of its range. */
-<<P>>_API static int tip_left_range(<<declared>>)
+/* Whether what several numbers set together, which is none of them, is out of its range. */
+<<P>>_API static int left_range(<<declared>>)
 {
   <<p>>_real use[1];
   <<call>>

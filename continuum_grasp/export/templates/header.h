@@ -1,6 +1,6 @@
 /* <<title>>
  *
- * C99 of a planar continuum finger, made by continuum_grasp <<version>>. No heap, no mathematical library, no writable
+ * C99 of <<what>>, made by continuum_grasp <<version>>. No heap, no mathematical library, no writable
  * data of its own: any function may be called from any thread or interrupt, with data that the caller owns.
  *
 <<if modeled>> *   <<p>>_model model;

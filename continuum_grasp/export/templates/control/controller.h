@@ -75,4 +75,6 @@ int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds);
 int <<p>>_controller_rearm(<<p>>_controller *controller);
 /* State (and disturbances) from which the last plan starts; what is known of the last call. */
 int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<start>> *estimate);
-int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);
+int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);<<if touch>>
+/* What the drives felt in the last call. */
+int <<p>>_controller_contact(const <<p>>_controller *controller, <<p>>_contact *contact);<<end>>

@@ -8,7 +8,7 @@
 <<types>><<if estimator>>
 typedef struct {
   <<p>>_ekf_state state;
-  uint32_t anomalies;
+  uint32_t anomalies;<<touch_memory>>
 } <<p>>_estimator_memory;<<end>><<if mpc>>
 typedef struct {
   <<p>>_loop_state state;

@@ -5,7 +5,8 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   <<p>>_reference reference;
   <<p>>_command command, applied;
   <<p>>_<<start>> estimate;
-  <<p>>_diagnosis diagnosis;
+  <<p>>_diagnosis diagnosis;<<if touch>>
+  <<p>>_contact contact;<<end>>
   <<p>>_real nodes[<<nodes_size>>];
   int j, k, code = 0;
   if (row[0] > 0) <<p>>_controller_init(&memory->controller);
@@ -36,5 +37,8 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   out[<<end2>>] = diagnosis.violation;
   out[<<end3>>] = (<<p>>_real)diagnosis.health;
   out[<<end4>>] = diagnosis.mismatch;
-  return code;
+<<if touch>>
+  <<p>>_controller_contact(&memory->controller, &contact);
+  memcpy(out + <<end5>>, &contact, sizeof contact);
+<<end>>  return code;
 }

@@ -1,0 +1,135 @@
+"""Part of the model: ``implicit_step``, of stiff fingers, stiff cables and long steps.
+
+Its kernels are those of the controllers' ``sdirk2``: two diagonally implicit stages, L-stable, of order 2, each by two
+Newton iterations, so that a step takes the same time always.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.core.calls import straight_function
+from continuum_grasp.core.integrators.sdirk2 import correct, predict
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.fields import Field
+from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
+from continuum_grasp.export.parts.model import LEAST_PART, codes_of, moment_note
+from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.template import fill
+from continuum_grasp.model.planar import column
+
+LONGEST = 5e-3
+"""Longest sub-step [s]; docs/drives.md has the errors of steps of 1 to 5 ms."""
+_STEP = (
+    "State after a step of h under constant input and forces, by two diagonally implicit stages (L-stable, of order "
+    "2): for stiff fingers and cables."
+)
+_SETTLED = 1e-3
+"""Last correction of Newton's method, per range of a bending coordinate, above which a step is reported as coarse."""
+_UNSOLVED = 1e-1
+"""The same above which a step is refused: its equations are not solved."""
+
+
+def implicit_step(subject: Subject) -> Part:
+    """Write the implicit step in time."""
+    real, prefix = subject.real, subject.prefix
+    if subject.model.sweeps:
+        raise InputError(
+            f"implicit_step takes the inverse of a Jacobian of {subject.model.nx} states, too large for code without "
+            "loops: take fewer elements, or explicit steps (step)",
+            key="what",
+        )
+    slope, guess, first, last, size = kernels = _kernels(subject)
+    longest = real.rounded(subject.substeps * LONGEST)
+    length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)
+
+    def reference(rows: Rows) -> tuple[Array, Array]:
+        result, moved = steps(rows)
+        codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(result))
+        codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
+        coarse = (codes == Code.OK) & (moved[:, 0] > real.dtype(_SETTLED))
+        codes = np.where(coarse, Code.WARN_COARSE_STEP, codes)
+        left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
+        return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
+
+    def steps(rows: Rows) -> tuple[Array, Array]:
+        # The order of operations is that of implicit_step.c, for the same bits.
+        part = rows["h"] / real.dtype(subject.substeps)
+        x, moved = rows["x"], np.zeros_like(part)
+        for _ in range(subject.substeps):
+            base, before = x, dict[str, Array]()
+            for stage in (first, last):
+                given = {"h": part, **slope.evaluate(real, **{**rows, "x": base})}
+                ahead = guess.evaluate(real, start=base, **given)
+                given = {"h": part, **slope.evaluate(real, **{**rows, "x": ahead["at"]})}
+                found = stage.evaluate(real, start=x, k=ahead["k"], **given, **before)
+                base, before = found["next"], {"before": found["rates"]} if stage is first else {}
+            off = size.evaluate(real, x=base, at=ahead["at"])["off"]
+            with np.errstate(invalid="ignore"):
+                x, moved = base, np.where(off > moved, off, moved)
+        return x, moved
+
+    def call_of(kernel: Kernel, **own: str) -> str:
+        common = {"h": "&part", "rate": "rate", "jacobian": "jacobian", "k": "k", "u": "u", "w": "w", "p": "p"}
+        return kernel.call(prefix, **{**common, **own})
+
+    words = {
+        "p": prefix,
+        "P": prefix.upper(),
+        "nonzeros": slope.outputs["jacobian"],
+        "substeps": real.literal(subject.substeps),
+        "settled": real.literal(_SETTLED),
+        "unsolved": real.literal(_UNSOLVED),
+        "slope_base": call_of(slope, x="base"),
+        "guess": call_of(guess, start="base", at="ahead"),
+        "slope_ahead": call_of(slope, x="ahead"),
+        "first": call_of(first, start="result", next="base", rates="before"),
+        "last": call_of(last, start="result", before="before", next="base"),
+        "size": call_of(size, x="base", at="ahead", off="&off"),
+        "left_range": subject.left_range("result"),
+    }
+    call = Call(
+        "implicit_step",
+        " ".join([_STEP, moment_note(subject)]).strip(),
+        (*subject.acting(), Argument("h", length, "h", Code.ERR_STEP)),
+        Argument("next", subject.state, "result"),
+        fill("implicit_step.c", words),
+        reference,
+        subject.guard_source,
+        (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
+    )
+    constants = {"IMPLICIT_SUBSTEPS": str(subject.substeps), "LONGEST_IMPLICIT_STEP": real.literal(longest)}
+    return Part("implicit_step", (*kernels, *subject.kernels), (call,), constants)
+
+
+def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
+    """Slope with its Jacobian; first guess of a stage; both stages; and the size of the last one's correction."""
+    eq, model = subject.equations, subject.model
+    rate = ca.densify(column(eq.state_rate))
+    given = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
+    slope = straight_function("slope", given, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
+    found = [("slope", slope, "Rate of change of the state, and its derivative by the state.")]
+    found.append(("guess", _whole(predict("guess", slope)), "First Newton iteration of a stage."))
+    for name, is_first in (("first", True), ("last", False)):
+        text = f"Second Newton iteration of the {name} stage."
+        found.append((name, _whole(correct(name, slope, is_first, with_derivatives=False)), text))
+    x, at = ca.SX.sym("x", model.nx), ca.SX.sym("at", model.nx)
+    off: ca.SX = ca.SX(0.0)
+    for j, field in enumerate(subject.state.fields[: model.n]):
+        off = ca.fmax(off, ca.fabs((1.0 / field.high) * (x[j] - at[j])))
+    size = straight_function("size", {"x": x, "at": at}, {"off": off})
+    found.append(("size", size, "Last correction of a step, per range of the bending coordinates."))
+    slope_kernel, guess, first, last, measure = (
+        Kernel(f"implicit_{name}", function, text, called=True) for name, function, text in found
+    )
+    return slope_kernel, guess, first, last, measure
+
+
+def _whole(function: ca.Function) -> ca.Function:
+    """The same of a whole step, with the ends of both stages under one name."""
+    given = {name: function.sx_in(k) for k, name in enumerate(function.name_in())}
+    found = function.call({**given, "share": ca.SX(1.0)})
+    named = {"next" if name == "end" else name: found[name] for name in function.name_out()}
+    return straight_function(function.name(), {k: v for k, v in given.items() if k != "share"}, named)

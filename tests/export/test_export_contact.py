@@ -1,0 +1,190 @@
+"""Contact detection of a package: that of Python, to the bit where both compute by the same sine and exponential."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import re
+
+import numpy as np
+import pytest
+
+from continuum_grasp.control import Contact, Controller, Estimator
+from continuum_grasp.control.compiled import detector_source
+from continuum_grasp.control.estimation.contact_detector import contact_parts
+from continuum_grasp.control.estimation.contact_model import contact_model_of
+from continuum_grasp.export import export_c
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.strict_math import c_source
+from tests.contact_cases import NOISE, RADIUS, STEP, plant, scene
+from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
+
+HORIZON = {
+    "horizon": {"stages": 4, "stage": 0.005},
+    "cost": {"tip_angle": {"running": 1.0}, "effort": 0.1},
+    "input": {"angles": (-1.5, 1.5)},
+}
+
+
+def own_scene():
+    """With a short horizon."""
+    return scene().replaced(controller=HORIZON)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("contact")
+
+
+@pytest.fixture(scope="module", params=REALS)
+def made(request, folder):
+    """Precision, package, binding and library."""
+    real, path = request.param, folder / request.param
+    # Commands of tendons that stick jump in single precision; what the drives feel does not, which is compared here.
+    export_c(own_scene(), path, real=real, error=10.0)
+    (path / "build").mkdir()
+    return real, path, *shared_library(path, path / "build")
+
+
+@pytest.fixture(scope="module")
+def readings():
+    """Of a chain that is bent, pushed at its tip and let go, with sensors that fail in between."""
+    rng, driven, rows = np.random.default_rng(3), plant(0.1, hinges=12, time_step=5e-4), []
+    for k in range(1, 1201):
+        t = 5e-4 * k
+        driven.advance(0.8 * min(t / 0.2, 1.0), 1.5 * max(0.0, t - 0.3) if t < 0.5 else 0.0)
+        if k % 10 == 0:
+            rows.append(driven.readings(STEP, NOISE, rng))
+    rows[20][1] = math.nan
+    rows[25][0] = math.inf
+    rows[30][0] = 50.0  # no finger's motor is there
+    return rows
+
+
+def felt(struct) -> np.ndarray:
+    """All numbers of the struct."""
+    return np.ctypeslib.as_array(
+        ctypes.cast(ctypes.byref(struct), ctypes.POINTER(type(struct)._fields_[0][1])),
+        (ctypes.sizeof(struct) // ctypes.sizeof(type(struct)._fields_[0][1]),),
+    ).copy()
+
+
+@needs("cc")
+def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings):
+    real, _, finger, library = made
+    both = Controller(own_scene(), precision=real, deadline=math.inf), Estimator(own_scene(), precision=real)
+    others, seen = (finger.Controller(library), finger.Estimator(library)), set()
+    # Shares of the forces: their division by gains magnifies the rounding of tensions of 10 N.
+    limit = {"double": 1e-6, "float": 0.02}[real]
+    for y in readings:
+        command = both[0].step(y)
+        expected = [command.contact, both[1].step(y, command.u).contact]
+        others[0].step(finger.Measurement(*y), finger.Reference())
+        others[1].step(finger.Measurement(*y), finger.Command(*command.u))
+        for wanted, other in zip(expected, others, strict=True):
+            found = other.contact()
+            assert Contact(int(found.verdict)) is wanted.contact
+            seen.add(wanted.contact)
+            assert [*found.residual, *found.low, *found.high] == pytest.approx(
+                [*wanted.residual, *wanted.bounds.T.ravel()], abs=limit
+            )
+            known = wanted.threshold < math.inf
+            assert np.array(found.threshold)[known] == pytest.approx(wanted.threshold[known], rel=limit)
+            finite = np.isfinite(wanted.forces)
+            forces = np.transpose([found.force_low, found.force_high])
+            assert forces[finite] == pytest.approx(wanted.forces[finite], rel=limit, abs=limit)
+    assert seen == {Contact.FREE, Contact.UNCERTAIN, Contact.DETECTED, Contact.MISSING}
+
+
+@needs("cc")
+def test_the_detector_is_that_of_python_to_the_bit(made, readings):
+    """The C that Python compiles, with the package's sine, exponential and flags in place of the library's."""
+    real, path, finger, library = made
+    model = contact_model_of(own_scene())
+    numbers = np.concatenate([np.ravel(np.asarray(field.values, dtype=float)) for field in model.fields])
+    functions = ("sin", "cos", "exp", "sqrt")
+    names = [name + ("f" if real == "float" else "") for name in functions]
+    source = "#include <math.h>\n#include <stdint.h>\n#define FINGER_API\n"
+    source += "static int finger_is_finite(const finger_real *x) { return isfinite(*x); }\n"
+    source += c_source(set(functions), REALS[real], "finger")
+    source = source.replace("finger_real", real)
+    source += "\n".join(f"#define {name} strict_{own}" for name, own in zip(names, functions, strict=True))
+    (path / "build/own.c").write_text(f"{source}\n{detector_source(model, real)}")
+    run("cc", *STRICT, "-O1", "-w", "-shared", "-fPIC", path / "build/own.c", "-o", path / "build/own.so")
+    own, parts = ctypes.CDLL(str(path / "build/own.so")), contact_parts(model)
+    own.cg_size.restype = ctypes.c_size_t
+    memory, out = ctypes.create_string_buffer(own.cg_size()), np.zeros(sum(parts.values()))
+
+    def at(array):
+        return ctypes.c_void_p(array.ctypes.data)
+
+    own.cg_settings(memory, at(numbers))
+    own.cg_start(memory, at(np.ravel(model.fields[0].values).astype(float)))
+    estimator = finger.Estimator(library)
+    for y in readings:
+        own.cg_step(memory, at(np.array([*y, 0.1])), at(out))
+        estimator.step(finger.Measurement(*y), finger.Command(0.1))
+        assert felt(estimator.contact()).tobytes() == out.astype(REALS[real].dtype).tobytes()
+
+
+@needs("cc")
+def test_its_memory_is_all_that_it_keeps(made, readings):
+    """Copied in the middle, it goes on as it did; started at a state, it knows nothing of before."""
+    _, _, finger, library = made
+    first, second = finger.Estimator(library), finger.Estimator(library)
+    given = finger.Command(0.1)
+    for y in readings[:60]:
+        first.step(finger.Measurement(*y), given)
+    second._memory.raw = first._memory.raw
+    for y in readings[60:]:
+        first.step(finger.Measurement(*y), given)
+        second.step(finger.Measurement(*y), given)
+        assert felt(first.contact()).tobytes() == felt(second.contact()).tobytes()
+    estimate = finger.Estimate(*np.zeros(len(finger.Estimate._fields_)))
+    for each in (first, second := finger.Estimator(library)):
+        each.start(estimate, given)
+    for y in readings[:3]:
+        first.step(finger.Measurement(*y), given)
+        second.step(finger.Measurement(*y), given)
+    assert felt(first.contact()).tobytes() == felt(second.contact()).tobytes()
+
+
+def test_what_moves_as_no_finger_is_lost_until_it_starts_again():
+    """Rates of which no number is left: no contact is claimed, and no force excluded."""
+    python = Estimator(own_scene())
+    python.detector.start(np.full(python.prediction.nx, 1e200))
+    for _ in range(2):
+        found = python.step([0.0, 0.0], [0.1]).contact
+        assert found.contact is Contact.LOST
+        assert found.threshold.tolist() == [math.inf] * 2
+        assert found.force_interval == (-math.inf, math.inf)
+    python.reset()
+    assert python.step([0.0, 0.0], [0.1]).contact.contact is Contact.FREE
+
+
+def test_a_start_elsewhere_is_no_contact():
+    """An estimator that starts at a bent state has a detector that starts there: what holds the finger is free."""
+    python, torque = Estimator(own_scene()), 0.0
+    for k in range(200):
+        found = python.step([0.8 * min(1.0, k / 100), torque], [0.8])
+        torque -= 0.2 * RADIUS * found.contact.residual[0]
+    state = found.z[: python.prediction.nx].copy()
+    state[3:6] = 0.0  # at rest
+    python.reset(state)
+    verdicts = {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}
+    assert verdicts == {Contact.FREE}
+    python.reset()
+    assert Contact.DETECTED in {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("compiler", [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")])
+def test_every_vector_and_any_bits(compiler, made, tmp_path):
+    _, path, *_ = made
+    (program,) = compile_programs(compiler, path, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
+    found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
+    assert [name for name, _ in found] == ["estimator_step", "mpc"]
+    (tmp_path / "any").mkdir()
+    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
+    (fuzz,) = compile_programs(compiler, path, tmp_path / "any", "fuzz", *flags)
+    run(fuzz, 2000)

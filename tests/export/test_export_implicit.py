@@ -1,0 +1,63 @@
+"""Implicit steps of exported packages: the same bits as in Python, their order, and long steps of stiff cables."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.export import export_c
+from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
+from tests.simulation.test_winches import PASSIVE, SERVO, model
+
+STIFF = {"axial_stiffness": 1e5, "series_stiffness": 1e5}
+
+
+@needs("gcc")
+@pytest.mark.parametrize(("name", "real"), [("winches", "double"), ("winches", "float")])
+def test_every_vector_to_the_bit(name, real, tmp_path):
+    package, built = tmp_path / "package", tmp_path / "built"
+    built.mkdir()
+    export_c(scene(name), package, real=real, what=["implicit_step"], substeps=2)
+    (program,) = compile_programs("gcc", package, built, "main", *STRICT, *WARNINGS, "-O2")
+    assert len(re.findall(r" 0 of +\d+ cases failed", run(program))) == 1
+
+
+@needs("cc")
+def test_steps_have_order_two_and_long_ones_stay(tmp_path):
+    """Against integration of variable order, of cables of 1e5 N/m; explicit steps of 1 ms run away."""
+    made, u = model(SERVO, **STIFF), [0.004, -0.0045]
+    rate = made.forward_dynamics
+    exact = solve_ivp(
+        lambda t, x: np.array(rate(x, u, np.zeros(made.nw), [])).ravel(),
+        (0.0, 0.05),
+        np.zeros(made.nx),
+        method="Radau",
+        rtol=1e-9,
+        atol=1e-9,
+    ).y[: made.n, -1]
+    export_c(made, tmp_path / "package", real="double", what=["implicit_step"])
+    package, library = shared_library(tmp_path / "package", tmp_path)
+
+    def after(step):
+        state = package.State()
+        for _ in range(round(0.05 / step)):
+            state = library.implicit_step(state, package.Input(*u), package.Forces(), step)
+        return np.array([getattr(state, name) for name, _ in state._fields_])[: made.n]
+
+    off = [np.abs(after(step) - exact).max() for step in (1e-3, 5e-4, 2.5e-4)]
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.25)
+    assert off[1] / off[2] == pytest.approx(4.0, rel=0.25)
+    assert np.abs(after(5e-3) - exact).max() < 2e-2 * np.abs(exact).max()
+    with pytest.raises(package.Error):
+        library.implicit_step(package.State(), package.Input(*u), package.Forces(), 5.1e-3)
+
+
+def test_many_elements_are_refused(tmp_path):
+    given = cg.FingerModel(cg.Finger(**PASSIVE), family="arc", elements=40)
+    with pytest.raises(InputError, match="take fewer elements, or explicit steps"):
+        export_c(given, tmp_path, what=["implicit_step"])
