@@ -148,8 +148,63 @@ def width(steps: np.ndarray, bend: np.ndarray) -> float:
 
 
 def trunk() -> None:
-    """Releases with 200 g fitted, with 400 g predicted."""
-    show("trunk", cg.identify(CONFIGS / "trunk_releases.yaml", folder() / "hose_trunk_release"))
+    """Releases with 200 g fitted, with 400 g predicted, and the other way round; how well releases repeat."""
+    release("trunk", "trunk_releases", [])
+    release("trunk with dry friction", "trunk_dry_friction", [])
+    release("200 g from 400 g", "trunk_dry_friction", ["data[0].use=holdout", "data[1].use=fit"])
+    release("both fitted", "trunk_dry_friction", ["data[1].use=fit"])
+    for payload in (200, 400):
+        repeats(payload, folder() / "hose_trunk_release")
+
+
+def release(title: str, name: str, changes: list[str]) -> None:
+    """A fit of releases, and how far their tips are off."""
+    fit = cg.identify(cg.load(CONFIGS / f"{name}.yaml", changes), folder() / "hose_trunk_release")
+    show(title, fit)
+    start, found = 0, {"fitted": [], "predicted": []}
+    for block, count in fit.blocks:
+        own = slice(start, start + count)
+        start += count
+        # x and y of the last of three disks
+        squares = float(np.mean(np.sum(fit.residuals[own].reshape(-1, 6)[:, 4:] ** 2, axis=1)))
+        found["fitted" if fit.fitted[own][0] else "predicted"].append(squares)
+        print(f"  {block}: tip {1e3 * np.sqrt(squares):.1f} mm r.m.s.")
+    for use, of_tips in found.items():
+        if of_tips:
+            print(f"  {use}: tip {1e3 * np.sqrt(np.mean(of_tips)):.1f} mm r.m.s.")
+
+
+def repeats(payload: int, where: Path) -> None:
+    """How well the path of the tip repeats, without a model: from its start by regression, and between neighbors."""
+    runs = read_table(where / "runs.csv").chosen("payload_g", (str(payload),)).chosen("check", ("ok",))
+    starts, paths = [], []
+    for row in runs.rows:
+        table = read_table(where / row[runs.index("file")])
+        columns = [table.numbers(f"{axis}{k}_m") for k in (1, 2, 3) for axis in "xy"]
+        disks, first = np.stack(columns, axis=1), int(np.argmin(np.abs(table.numbers("t_s") - 0.15)))
+        # rates over 0.06 s count by 0.05 s, which makes them as large as the positions
+        rates = (disks[first + 3] - disks[first - 3]) / 0.06
+        starts.append(np.concatenate([disks[first], 0.05 * rates]))
+        paths.append(disks[first : first + 150, 4:])
+    x, y = np.array(starts), np.array(paths).reshape(len(paths), -1)
+    for components in (0, 2):
+        left = []
+        for k in range(len(x)):
+            others = np.arange(len(x)) != k
+            about, mean = x[others].mean(axis=0), y[others].mean(axis=0)
+            axes = np.linalg.svd(x[others] - about, full_matrices=False)[2][:components]
+            slopes = np.linalg.lstsq((x[others] - about) @ axes.T, y[others] - mean, rcond=None)[0]
+            missed = mean + (x[k] - about) @ axes.T @ slopes - y[k]
+            left.append(2.0 * np.mean(missed**2))
+        what = f"{components} numbers of the start" if components else "the mean of the others"
+        print(f"{payload} g, each of {len(x)} from {what}: tip {1e3 * np.sqrt(np.mean(left)):.1f} mm r.m.s.")
+    apart = [
+        (float(np.linalg.norm((x[j] - x[k])[:6])), float(np.sqrt(2.0 * np.mean((y[j] - y[k]) ** 2))))
+        for k in range(len(x))
+        for j in range(k)
+    ]
+    for start, path in sorted(apart)[:3]:
+        print(f"{payload} g, disks {1e3 * start:.0f} mm apart at the start: tips {1e3 * path:.1f} mm r.m.s. apart")
 
 
 def pictures() -> None:

@@ -15,6 +15,7 @@ from continuum_grasp.identification.observation import at_rest, check_tensions
 from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -44,10 +45,16 @@ class Block:
 
     name: str
     entries: list[Entry]
+    finger: Finger | None = None
+    """Whose laws predict it."""
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
     horizons = False
     """Whether the entries go along a motion."""
+    kinked = False
+    """Whether its predictions have kinks, where friction turns along a motion."""
+    ordered = False
+    """Whether the entries follow one another, all readings of an instant or row together."""
     free = False
     """Whether that motion is free, so that a part from its start is fitted before the whole."""
 
@@ -70,7 +77,7 @@ class _RowsBlock(Block):
     """Rows of measurements, each about an equilibrium of its own."""
 
     def __init__(self, scene: Scene, data: Poses | Frequencies, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.entries = data.name, []
+        self.name, self.entries, self.finger = data.name, [], scene.finger
         rows = Rows(scene, unknowns, data.name, data.conditions, data.rows)
         self._shapes = Shapes(rows, sequence=isinstance(data, Poses) and data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
@@ -96,7 +103,7 @@ class PosesBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        model = self._shapes.model
+        model, self.ordered = self._shapes.model, data.sequence
         check_tensions(model, data.measured, data.name)
         q, u, w, p = symbols(model)
         history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))

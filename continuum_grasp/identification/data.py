@@ -140,6 +140,9 @@ class TipPath:
     start : {"scene", "measured", "estimated"}
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in the smoothest shape and
         rates through the first samples, which stay or are estimated with the parameters.
+    start_sigma : (2,) sequence of float, optional
+        Standard deviations of an estimated start about the measured one: of the bend of every element [rad] and of its
+        rate [rad/s]; where not given, any start is as likely.
     before : sequence of Reading
         The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before a
         measured start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
@@ -161,6 +164,7 @@ class TipPath:
     measured: Sequence[Reading] = ()
     start: str = "scene"
     before: Sequence[Reading] = ()
+    start_sigma: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         t = column(f"{self.name}.t", self.t)
@@ -177,6 +181,12 @@ class TipPath:
             raise InputError(f"expected one of {', '.join(STARTS)}, got {self.start!r:.60}", key=f"{self.name}.start")
         if self.start != "scene" and t.size < START_SAMPLES:
             raise InputError(f"a measured start takes {START_SAMPLES} samples, got {t.size}", key=f"{self.name}.t")
+        if self.start_sigma is not None:
+            key = f"{self.name}.start_sigma"
+            if self.start != "estimated" or np.shape(self.start_sigma) != (2,):
+                raise InputError("expected two numbers, for a start that is estimated", key=key)
+            for one in self.start_sigma:
+                positive(key, one)
 
     @property
     def readings(self) -> tuple[Reading, ...]:

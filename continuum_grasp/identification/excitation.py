@@ -254,10 +254,19 @@ def _shares_of_time(jacobian: Array, segments: Sequence[NDArray[np.bool_]], size
         # Directions that nothing shows have no say.
         inverse = np.linalg.pinv(total, rcond=1e-12, hermitian=True)
         gain = np.einsum("ij,sjk,ki->s", inverse, each, inverse)
-        weights = weights * np.sqrt(np.maximum(gain, 0.0))
-        weights = np.maximum(weights / weights.sum(), least)
-        weights /= weights.sum()
+        weights = _at_least(weights * np.sqrt(np.maximum(gain, 0.0)), least)
     return weights
+
+
+def _at_least(weights: Array, least: Array) -> Array:
+    """Shares of one in proportion to weights, but for those that would be below their least one."""
+    low = np.zeros(weights.size, dtype=bool)
+    while True:
+        rest = (1.0 - least[low].sum()) / max(float(weights[~low].sum()), 1e-300)
+        found = np.where(low, least, rest * weights)
+        if not np.any(found < least):
+            return found
+        low |= found < least
 
 
 def csv_of(plan: ExcitationPlan) -> str:

@@ -51,7 +51,7 @@ class Fit(Result):
     names, units : tuple of str
         Of the n parameters.
     freedom : int
-        Degrees of freedom.
+        Degrees of freedom of the residuals' scatter; fewer where residuals hang together in time.
     entries : tuple of Entry
         The m measured numbers: label, group, unit, value, whether fitted.
     blocks : tuple of (str, int)
@@ -115,7 +115,7 @@ class Fit(Result):
     intervals: Array
     correlation: Array
     singular_values: Array
-    freedom: int
+    freedom: float
     entries: tuple[Entry, ...]
     predictions: Array
     sigma: Array

@@ -169,10 +169,11 @@ def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
 
 def _fit(scene: Scene, problem: Problem, solution: Solution, finer: Array | None, statistics: Mapping[str, Any]) -> Fit:
     fitted, sigma, unknowns = problem.fitted, solution.sigma, problem.unknowns
-    weighted = (solution.predictions - problem.measured) / sigma
-    jacobian = (solution.jacobian / sigma[:, None])[fitted]
-    shared = problem.shared
-    found = infer(unknowns, solution.values, jacobian, weighted[fitted], solution.inflation, shared)
+    weighted = ((solution.predictions - problem.measured) / sigma)[fitted]
+    jacobian, shared = (solution.jacobian / sigma[:, None])[fitted], problem.shared
+    missed, slopes = problem.prior(solution.values)
+    rows = np.vstack([jacobian, slopes]), np.append(weighted, missed)
+    found = infer(unknowns, solution.values, *rows, solution.inflation, shared, problem.series)
     doubted: tuple[str, ...] = ()
     if finer is not None:
         coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.identification.correlated import middle
 from continuum_grasp.identification.laws import doubts_of_laws
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
@@ -54,7 +55,7 @@ class Inference(NamedTuple):
     correlation: Array
     singular_values: Array
     """(n,), of the Jacobian in standard deviations of the data per typical size of the parameters."""
-    freedom: int
+    freedom: float
     warnings: tuple[str, ...]
 
 
@@ -65,17 +66,19 @@ def infer(
     residuals: Array,
     inflation: float = 1.0,
     shared: int | None = None,
+    series: Sequence[NDArray[np.intp]] = (),
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
     The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss. The
-    first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each.
+    first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each. Each of
+    ``series`` has the rows (T, readings) that follow one another in time, whose residuals may hang together: they are
+    worth fewer numbers then.
     """
     from scipy.special import stdtrit
 
     count, rows = len(unknowns), len(residuals)
     sizes = np.array([one.typical for one in unknowns])
-    freedom = rows - count
     # with fewer rows than parameters, the full basis has the directions that no row sees
     _, singular, directions = np.linalg.svd(jacobian * sizes, full_matrices=rows < count)
     singular = np.append(singular, np.zeros(count - len(singular)))
@@ -83,10 +86,11 @@ def infer(
     seen, unseen = directions[~blind], directions[blind]
     lost = np.any(np.abs(unseen) > _PART, axis=0)
     covariance, spread, quantile = np.full((count, count), np.inf), np.full(count, np.inf), np.inf
+    # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
+    inverse = seen.T @ (seen / singular[~blind, None] ** 2)
+    worth, scattered, freedom = _worth(jacobian * sizes, residuals, inverse, series)
     if freedom > 0:
-        variance = inflation * float(residuals @ residuals) / freedom
-        # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
-        covariance = variance * (seen.T @ (seen / singular[~blind, None] ** 2))
+        covariance = inflation * worth / (worth - count) * scattered
         spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -107,13 +111,36 @@ def infer(
     ]
     warnings += [
         f"{one.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
-        "than its linear law of stiffness says, so that law is wrong"
+        "than its law of stiffness says, so that law is wrong"
         for one, value, high in zip(reported, values, intervals[:, 1], strict=False)
         if one.target == "tendon_friction" and high < 0.0
     ]
     if freedom <= 0:
-        warnings.append(f"{rows} fitted numbers for {count} parameters: nothing is left to tell their uncertainty")
+        numbers = f"{rows} fitted numbers" + (f" that are worth {worth:.0f}, as they hang together," if series else "")
+        warnings.append(f"{numbers} for {count} parameters: nothing is left to tell their uncertainty")
     return Inference(deviations, intervals, correlation, singular, freedom, tuple(warnings))
+
+
+def _worth(
+    jacobian: Array, residuals: Array, inverse: Array, series: Sequence[NDArray[np.intp]]
+) -> tuple[float, Array, float]:
+    """How many independent numbers the rows are worth, the covariance (n, n) before the parameters are paid for, and
+    the degrees of freedom.
+
+    The parameters take of the sum of squares what the covariance of the residuals has in their directions: n mean
+    squares where the rows are independent, more where they hang together.
+    """
+    rows, count = jacobian.shape
+    total, apart, freedom = float(residuals @ residuals), np.ones(rows, dtype=bool), 0.0
+    middles = np.zeros((count, count))
+    for own in series:
+        found, own_freedom = middle(jacobian[own], residuals[own])
+        middles, freedom, apart[own] = middles + found, freedom + own_freedom, False
+    middles += total / rows * jacobian[apart].T @ jacobian[apart]
+    scattered = inverse @ middles @ inverse
+    paid = float(np.sum(inverse * middles))
+    worth = count * total / paid if series and paid > 0.0 else float(rows)
+    return worth, scattered, min(freedom + float(apart.sum()), worth - count)
 
 
 def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array, shared: int) -> list[str]:
@@ -181,7 +208,7 @@ def model_error_warnings(
     )
 
 
-def doubts(problem: Problem, solution: Solution, freedom: int) -> list[str]:
+def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
     """What speaks against normal, independent residuals, on which the intervals rest, and against the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     return [
@@ -262,7 +289,7 @@ def _series(problem: Problem, weighted: Array) -> list[str]:
         if share > _SIGNIFICANT / np.sqrt(own.size):
             found.append(
                 f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
-                "next): the model misses something, and the intervals are too narrow; more elements show whether it is "
-                "the family's own error"
+                "next): the model misses something, for which the intervals are wider, as if it were noise; more "
+                "elements show whether it is the family's own error"
             )
     return found

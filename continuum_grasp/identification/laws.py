@@ -1,7 +1,7 @@
 """Whether residuals have the structure that a wrong law of the material or of the damping leaves.
 
 Linear laws scale: a bend grows like its load, whichever way that was reached, and swings of any size lose the same
-share in the same time. What the data do beyond the model is compared with the size of the motion.
+share in the same time. What the data do beyond the model, linear or not, is compared with the size of the motion.
 """
 
 from __future__ import annotations
@@ -34,8 +34,35 @@ _SMALLEST = 0.04
 
 
 def doubts_of_laws(problem: Problem, predictions: Array) -> list[str]:
-    """What the residuals say against linear stiffness, linear damping, and a shape without memory."""
+    """What the residuals say against the laws of stiffness, damping and memory that the model has."""
     return [*_swings(problem, predictions), *_rows(problem, predictions)]
+
+
+def _has(problem: Problem) -> dict[str, bool]:
+    """Which laws beside the linear ones the model has, or is to find."""
+    estimated, fingers = {one.target for one in problem.unknowns}, problem.fingers
+    return {
+        "softening": any(finger.softening is not None for finger in fingers),
+        "stops": any(finger.stops is not None for finger in fingers),
+        "dry friction": any(finger.has_dry_friction for finger in fingers),
+        "tendon friction": "tendon_friction" in estimated or any(finger.has_tendon_friction for finger in fingers),
+        "drag": "quadratic_damping" in estimated or any(finger.damping.quadratic > 0.0 for finger in fingers),
+    }
+
+
+def _stiffness_law(problem: Problem) -> str:
+    return _law("stiffness", problem, ("softening", "stops"))
+
+
+def _damping_law(problem: Problem) -> str:
+    return _law("damping", problem, ("dry friction", "tendon friction", "drag"))
+
+
+def _law(what: str, problem: Problem, beside: tuple[str, ...]) -> str:
+    """The law in use, for messages."""
+    there = _has(problem)
+    has = [name for name in beside if there[name]]
+    return f"the law of {what} with {' and '.join(has)}" if has else f"a linear law of {what}"
 
 
 class _Series(NamedTuple):
@@ -113,9 +140,8 @@ def _swings(problem: Problem, predictions: Array) -> list[str]:
     if change is not None:
         law = "dry friction does, of the bending or in the tendons" if change > 0.0 else "the drag of the air does"
         found.append(
-            f"the damping law is wrong: {span}, what a swing leaves to the next falls by a factor of "
-            f"{math.exp(change):.2g} more than the model says, which {law}; a linear damping holds for "
-            "one amplitude alone"
+            f"{_damping_law(problem)} is wrong: {span}, what a swing leaves to the next falls by a factor of "
+            f"{math.exp(change):.2g} more than the model says, which {law}"
         )
     change = _change(sizes, duration)
     if change is not None:
@@ -125,8 +151,9 @@ def _swings(problem: Problem, predictions: Array) -> list[str]:
             else "softer in small bends than in large ones"
         )
         found.append(
-            f"the law of stiffness and damping is wrong: {span}, the time of a swing changes by a factor of "
-            f"{math.exp(change):.2g} more than the model says, so the finger is {law}; no linear law does that"
+            f"{_stiffness_law(problem)} and {_damping_law(problem)} are wrong together: {span}, the "
+            f"time of a swing changes by a factor of {math.exp(change):.2g} more than the model says, so the finger is "
+            f"{law}"
         )
     return found
 
@@ -154,12 +181,15 @@ def _rows(problem: Problem, predictions: Array) -> list[str]:
         width = _trend([(way, left, np.ones((len(left), 1)))])
         if width is not None and min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
             text = f"rows depend on the direction of loading, by {2.0 * abs(width):.2g} {one.unit}"
-            found.setdefault(f"{text}: friction with memory, which the model does not have", []).append(one.name)
+            there = _has(problem)
+            friction = there["dry friction"] or there["tendon friction"]
+            memory = "of another law than the model's" if friction else "which the model does not have"
+            found.setdefault(f"{text}: friction with memory, {memory}", []).append(one.name)
     for name, sets in bows.items():
         bow = _trend(sets)
         if bow is not None:
             law = "it softens where it is bent far" if bow > 0.0 else "it stiffens where it is bent far"
-            found.setdefault(f"a linear law of stiffness is wrong: {law}", []).append(name)
+            found.setdefault(f"{_stiffness_law(problem)} is wrong: {law}", []).append(name)
     return [
         f"{text} ({', '.join(names[:3])}{' and others' if len(names) > 3 else ''})" for text, names in found.items()
     ]

@@ -40,9 +40,18 @@ class Minimum(NamedTuple):
 
 
 def least_squares(
-    function: Function, start: Array, lower: Array, upper: Array, sizes: Array, *, evaluations: int = 200
+    function: Function,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    sizes: Array,
+    *,
+    evaluations: int = 200,
+    decrease: float = _DECREASE,
 ) -> Minimum:
     """Minimize the sum of squares of residuals between bounds, all (n,), by at most so many evaluations.
+
+    It has converged where a step lowers the sum by less than ``decrease``, relatively.
 
     The function gives residuals (m,) and their Jacobian (m, n) at values (n,). Where it raises `SolverError` or
     `NumericalError` other than at the start, shorter steps are tried. Typical sizes of the values scale the search.
@@ -59,7 +68,7 @@ def least_squares(
     found = _at(function, np.clip(start, lower, upper))
     free = np.ones(len(start), dtype=bool)
     while True:
-        found = _search(function, found, lower, upper, sizes, free, evaluations)
+        found = _search(function, found, lower, upper, sizes, free, evaluations, decrease)
         values, gradient = found.values, (found.jacobian * sizes).T @ found.residuals
         beside = np.where(gradient > 0.0, values - lower, upper - values) <= _AT_BOUND * sizes
         pushed = free & beside & (gradient != 0.0)
@@ -92,6 +101,7 @@ def _search(
     sizes: Array,
     free: NDArray[np.bool_],
     evaluations: int,
+    decrease: float,
 ) -> Minimum:
     """Search in the values that are free, in units of their typical sizes."""
     from scipy.optimize import least_squares
@@ -131,7 +141,7 @@ def _search(
             slopes,
             (lower[free] / scale, upper[free] / scale),
             x_scale="jac",
-            ftol=_DECREASE,
+            ftol=decrease,
             xtol=_STEP,
             gtol=None,  # the gradient has the unit of the data, for which there is no one tolerance
             max_nfev=max(evaluations - count, 1),

@@ -33,20 +33,22 @@ Array = NDArray[np.float64]
 class PathBlock(Block):
     """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated."""
 
-    horizons = True
+    horizons = ordered = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
         if any(one.target == DEADBAND for one in unknowns):
             raise InputError(f"{DEADBAND} is for shapes at rest, not for paths", key="estimate")
-        self.name, readings = data.name, data.readings
+        self.name, self.finger, readings = data.name, scene.finger, data.readings
         plain = Driven(scene, unknowns, readings)
         self._t = t = column(f"{data.name}.t", data.t)
         self._measured = None if data.start == "scene" else MeasuredStart(plain.model, readings, t, data.name)
         self._rows = Rows(plain.scene, unknowns, data.name)
+        self.kinked = bool(plain.model.friction_names)
         self._shape = _start_rows(plain.scene, unknowns, data.name) if self._measured is None else None
         self._count, self._initial = len(unknowns), scene.initial
         if self._measured is not None and data.start == "estimated":
-            self.own = self._estimated_start(self._measured, plain, np.array([one.start for one in unknowns]))
+            start = np.array([one.start for one in unknowns])
+            self.own = self._estimated_start(self._measured, plain, start, data.start_sigma)
         self._all = [*unknowns, *self.own]
         check_tensions(plain.model, readings, data.name)
         passed = self._passed(plain, data.before) if plain.model.friction_names else []
@@ -124,14 +126,23 @@ class PathBlock(Block):
         acting = [driven.signals.u(t)[0], driven.signals.w(t)[0], z[len(z) - driven.model.np :]]
         return self._measured.before(rows[np.isfinite(rows).all(axis=1)], np.concatenate(acting))
 
-    def _estimated_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> list[Unknown]:
-        """Coordinates and rates at the first sample, to be estimated from those that are read there."""
-        model = driven.model
+    def _estimated_start(
+        self, measured: MeasuredStart, driven: Driven, shared: Array, bends: tuple[float, float] | None
+    ) -> list[Unknown]:
+        """Coordinates and rates at the first sample, to be estimated from those that are read there.
+
+        ``bends`` are standard deviations about these, of the bend of an element [rad] and of its rate [rad/s].
+        """
+        model, known = driven.model, [math.inf] * (2 * driven.model.n)
+        if bends is not None:
+            family = model.structure.family
+            own = [[h for k, h in enumerate(model.lengths) if i in family.local(k)] for i in range(model.n)]
+            known = [family.coordinate_size(bend, max(lengths)) for bend in bends for lengths in own]
         state, _ = self._read_start(measured, driven, shared)
         sizes = [measured.reach] * model.n + [measured.reach / measured.slow] * model.n
         return [
-            Unknown(*split_unit(label), START, 0.0, False, float(value), -math.inf, math.inf, size, True)
-            for label, value, size in zip(model.x_names[: 2 * model.n], state, sizes, strict=True)
+            Unknown(*split_unit(label), START, 0.0, False, float(value), -math.inf, math.inf, size, True, sigma)
+            for label, value, size, sigma in zip(model.x_names[: 2 * model.n], state, sizes, known, strict=True)
         ]
 
 

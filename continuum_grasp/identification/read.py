@@ -148,7 +148,8 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
     x, y = (None if values is None else values[inside] for values in (x, y))
     further = [_of(reading, inside) for reading in measured]
     try:
-        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start, earlier)
+        known = None if one.start_prior is None else (one.start_prior.bend, one.start_prior.rate)
+        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start, earlier, known)
     except InputError as error:
         raise InputError(error.message, file=table.file) from None
 

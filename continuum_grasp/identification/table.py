@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 MAX_BYTES = 200_000_000
 """Of a file: cells as Python texts take some ten times that in memory."""
+_LARGEST = 1e15
+"""Of a number in a file [its unit]: what is larger was never measured, and its square may overflow."""
 _HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
 
 
@@ -105,8 +107,9 @@ class Table:
         if value is None:
             hint = " (write a decimal point, not a comma)" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
             raise self.error(f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}", at, row)
-        if not math.isfinite(value):
-            raise self.error(f"column {self.headings[at]}: expected a finite number, got {text!r}", at, row)
+        if not abs(value) <= _LARGEST:  # NaN too
+            wanted = f"a number up to {_LARGEST:g}" if math.isfinite(value) else "a finite number"
+            raise self.error(f"column {self.headings[at]}: expected {wanted}, got {text[:40]!r}", at, row)
         return value
 
 

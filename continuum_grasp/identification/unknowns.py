@@ -7,12 +7,17 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
+
+Array = NDArray[np.float64]
 
 DEADBAND = "tension_deadband"
 """The difference of tensions that friction takes before the finger feels any."""
@@ -59,6 +64,8 @@ class Unknown(NamedTuple):
     """A typical size, against which it is judged whether the data see the parameter."""
     per_set: bool = False
     """Whether each set of data has a value of its own."""
+    sigma: float = math.inf
+    """Standard deviation about ``start`` with which it is known before anything is measured."""
 
 
 def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unknown]:
@@ -126,7 +133,18 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     if not lower <= start <= upper:
         raise InputError(f"{start:g} is outside {lower:g} to {upper:g}", key=f"{key}.start")
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
-    return Unknown(name, unit, target, factor, name == "clamp_angle", start, lower, upper, typical, asked.per == "set")
+    sigma = math.inf if asked.sigma is None else asked.sigma
+    added, per_set = name == "clamp_angle", asked.per == "set"
+    return Unknown(name, unit, target, factor, added, start, lower, upper, typical, per_set, sigma)
+
+
+def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
+    """How far values (n,) are from what is known of them beforehand (k,), per deviation, and the derivatives (k, n)."""
+    known = [k for k, one in enumerate(unknowns) if math.isfinite(one.sigma)]
+    rows = np.zeros((len(known), len(unknowns)))
+    for row, k in zip(rows, known, strict=True):
+        row[k] = 1.0 / unknowns[k].sigma
+    return rows @ (values - np.array([one.start for one in unknowns])), rows
 
 
 def _modulus(rod: Rod, asked: Estimate, key: str) -> float:

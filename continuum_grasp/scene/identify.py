@@ -108,6 +108,15 @@ class StaticPoses(_Data):
     """Rows, counted from 1 among those read, that are predicted and not fitted."""
 
 
+class StartPrior(Value):
+    """What is known of an estimated start: standard deviations about what the first samples show."""
+
+    bend: Annotated[Positive, Unit("rad")]
+    """Of the bend of every element [rad]."""
+    rate: Annotated[Positive, Unit("rad/s")]
+    """Of its rate [rad/s]."""
+
+
 class TipTrajectory(_Data):
     """Path of a point of the finger in time, and of further ones along the same motion."""
 
@@ -129,6 +138,9 @@ class TipTrajectory(_Data):
     start: Literal["scene", "measured", "estimated"] = "scene"
     """How the motion starts. scene: at time zero as ``initial`` says; measured: at the first sample, in the smoothest
     shape and rates through what is measured there; estimated: so, but both are estimated with the parameters."""
+    start_prior: StartPrior | None = None
+    """Standard deviations of an estimated start about the measured one; None: any start is as likely, whatever its
+    rates."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
     sigma: Annotated[Positive, Unit("m")] | None = None
@@ -137,6 +149,8 @@ class TipTrajectory(_Data):
     def _check(self) -> None:
         if self.x is None and self.y is None and not self.measured:
             raise ValueError("x and y are both null: give one of them at least, or measured")
+        if self.start_prior is not None and self.start != "estimated":
+            raise ValueError(f"start_prior goes with start: estimated, not with start: {self.start}")
 
 
 class RingDown(_Data):
@@ -190,6 +204,9 @@ class Estimate(Value):
     """Least value [SI unit of the parameter]; None: 0, or none for angles and curvatures."""
     max: Annotated[Estimated | None, Field(examples=[2.0])] = None
     """Greatest value [SI unit of the parameter]; None: none."""
+    sigma: Annotated[Estimated | None, Field(examples=[0.05], gt=0.0)] = None
+    """Standard deviation about the start value with which the parameter is known beforehand, such as a mass that was
+    weighed [SI unit of the parameter]; None: nothing is known."""
     per: Literal["all", "set"] = "all"
     """all: one value; set: each set of data has its own, such as a clamp that is turned anew. The estimates of sets are
     reported beside the parameters, and no scene takes them."""

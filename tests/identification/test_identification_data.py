@@ -152,6 +152,7 @@ def test_files_that_are_no_tables(tmp_path, text, words):
     [
         ("nan", "expected a finite number, got 'nan'"),
         ("-inf", "expected a finite number"),
+        ("1e300", "expected a number up to 1e+15, got '1e300'"),
         ("", "the cell is empty"),
         ("two", "expected a number, got 'two'"),
         ('"0,5"', "write a decimal point"),

@@ -12,7 +12,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_excitation
 from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.excitation import csv_of, yaml_of
+from continuum_grasp.identification.excitation import _predicted, _shares_of_time, csv_of, yaml_of
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from tests.identification_cases import coverage, slope_error
@@ -243,3 +243,29 @@ def test_simulation_and_closed_loop_read_what_was_identified(tmp_path):
     assert applied.finger.tendons.time_constant == fit["drive_time_constant"]
     assert applied.estimator.delay == pytest.approx(0.02)
     assert cg.Controller(applied).step([0.0, 0.18, 1.0, 1.0]).status is not None
+
+
+@pytest.mark.parametrize(("slopes", "sizes"), [((1.0, 3.0), (1.0, 1.0)), ((2.0, 2.0), (1.0, 5.0))])
+def test_shares_of_time_make_the_sum_of_squared_deviations_least(slopes, sizes):
+    """Two segments that show one unknown each: the sum of 1 / (w m) is least for w as the inverse root of m."""
+    jacobian = np.zeros((60, 2, 2))
+    parts = [np.arange(60) < 20, np.arange(60) >= 20]
+    for k, part in enumerate(parts):
+        jacobian[part, 1, k] = slopes[k]
+    found = _shares_of_time(jacobian, parts, np.array(sizes), np.zeros(2))
+    inverse = 1.0 / (np.array(slopes) * sizes)
+    assert found == pytest.approx(inverse / inverse.sum(), rel=1e-3)
+    bounded = _shares_of_time(jacobian, parts, np.array(sizes), np.array([0.4, 0.4]))
+    assert bounded.min() == pytest.approx(0.4 if found.min() < 0.4 else found.min(), rel=1e-3)
+    assert bounded.sum() == pytest.approx(1.0)
+
+
+def test_deviations_beforehand_are_those_of_the_information():
+    """The inverse of J^T J, whatever the bounds of the unknowns are."""
+    scene = driven(WINCHES, "lengths", [])
+    unknowns = read_unknowns(scene, ["tendon_friction", "drive_pretension"])
+    jacobian = np.random.default_rng(4).standard_normal((40, 2)) * [30.0, 2.0]
+    values = np.array([one.lower for one in unknowns])
+    found = _predicted(unknowns, values, jacobian)
+    assert found.deviations == pytest.approx(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))), rel=1e-9)
+    assert not any("bound" in one for one in found.warnings)

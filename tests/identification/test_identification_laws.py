@@ -87,6 +87,19 @@ def test_stiffness_and_memory_of_shapes_at_rest(make, words):
     assert all(words in one for one in warnings)
 
 
+@pytest.mark.parametrize("softening", [None, {"curvature": 0.5, "stiffness_ratio": 0.5}])
+def test_a_wrong_law_of_stiffness_is_the_one_in_use(softening):
+    """Bends that grow more slowly than the moment: a finger that softens bends less than so, as a linear one does."""
+    moments = np.linspace(0.0, 0.1, 14)
+    bends = 8.0 * moments - 20.0 * moments**2
+    scene = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0), finger={"softening": softening})
+    fit = cg.identify(scene, Poses([Reading("bend", bends)], {"tip_moment": moments}), parameters=["bending_stiffness"])
+    (found,) = [one for one in fit.warnings if "law of stiffness" in one]
+    assert "stiffens where" in found
+    assert ("a linear law" in found) == (softening is None)
+    assert ("with softening" in found) == (softening is not None)
+
+
 def test_the_bend_of_one_joint():
     """Between two sections: moment times length over stiffness."""
     scene = rod_scene(ROD, "arc", 4, gravity=(0.0, 0.0))
