@@ -41,12 +41,16 @@ class CaseValues:
         SI.
     slopes : dict of str to ndarray, shape (n + m,)
         Their change per coordinate of each variable, then per share of each tolerated error.
+    acting : tuple of tuple of float
+        Errors and friction states that decide a grasp which must hold for many, as rows (x, y [m], angle [rad], size,
+        friction, mass, friction states [1]); the cost has a kink where others do.
     """
 
     case: str
     signs: Signs
     quantities: dict[str, float]
     slopes: dict[str, Array]
+    acting: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -243,7 +247,8 @@ class DesignProblem:
             error = max(error, off)
         self._tangents[signs, case] = tangents
         found = {name: np.array(column) for name, column in columns.items()}
-        return CaseValues(case, signs, quantities, found), error
+        acting = tuple(row for held in grasps.held.values() for row in held.acting)
+        return CaseValues(case, signs, quantities, found, acting), error
 
     def _directions(self, case: str, at: Array, signs: Signs) -> list[Along]:
         """Scenes along each coordinate, and along each tolerated error."""

@@ -10,17 +10,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.design.held import HeldGrasp, Stencil, moved_features, moved_start
+from continuum_grasp.design.held import HeldGrasp, Stencil, moved_start
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.values import moved_features
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.robust.joint import JointSolverRun
+from continuum_grasp.grasp.robust.response import Responder
+from continuum_grasp.grasp.robust.search import EXCHANGES, MOST, tried_errors
+from continuum_grasp.grasp.robust.states import descended, held_arrays, tried_states
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.values import Status
+from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import Robust
 
 Array = NDArray[Any]
 
@@ -122,7 +129,11 @@ class CaseGrasps:
 
     def _settled(self, result: GraspResult) -> HeldGrasp:
         """The grasp of a full search, its guarded places moved until they stand still."""
-        found = self._run(result.scene, start_from(result.scene, dict(result.arrays)))
+        scene, start = result.scene, start_from(result.scene, dict(result.arrays))
+        if result.robustness is not None:
+            found = self._run_joint(scene, start, result.robustness.active)
+        else:
+            found = self._run(scene, start)
         if found is None:
             raise LostGrasp(f"{self.name}: the grasp was found but not again from its own numbers")
         return found
@@ -137,21 +148,32 @@ class CaseGrasps:
         if before.relaxed:
             scene = _with_mass(scene, before.scene.object.mass)
             options = {"relaxed": [(MASS, 1.0 - before.quantities["payload"] / before.scene.object.mass)]}
-        features = moved_features(before.scene, scene, before.attempt)
+        features = moved_features(before.scene, scene, start.contacts, before.attempt.features)
         guesses = ([] if guess is None else [guess]) + [before.attempt.x]
         for x0 in guesses:
-            found = self._run(scene, start, x0=x0, features=features, **options)
+            if isinstance(before.solver, JointSolverRun):
+                found = self._run_joint(scene, start, before.solver.errors, x0, features)
+            else:
+                found = self._run(scene, start, x0=x0, features=features, **options)
             if found is not None:
                 return found if not before.relaxed or self._is_close(found) else self._centered(found)
         return None
 
     def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
         """A certified grasp from a start; None where there is none."""
-        spec = ProblemSpec.of(scene, start.contacts)
-        solver, budget = solver_for(spec), Budget.of(scene.solver)
-        before: HeldGrasp | None = None
+        found = self._converged(scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), rung=2, **options)
+        if found is None:
+            return None
+        checked = scene if not found.relaxed else _with_mass(scene, found.quantities["payload"])
+        return found if certify(checked, found.arrays).passed else None
+
+    def _converged(
+        self, scene: GraspScene, start: Start, solver: GraspSolverRun | JointSolverRun, **options: Any
+    ) -> HeldGrasp | None:
+        """The grasp that a solver finds from a start, its guarded places moved until they stand still."""
+        budget, before = Budget.of(scene.solver), None
         for _ in range(_RUNS):
-            attempt = solver.run(scene, start, budget, rung=2, **options)
+            attempt = solver.run(scene, start, budget, **options)
             self.effort.solves += 1
             self.effort.iterations += attempt.iterations
             if not attempt.converged or not np.isfinite(attempt.x).all():
@@ -161,8 +183,39 @@ class CaseGrasps:
             if same or not _probed(found):
                 break
             before, options = found, {**options, "x0": attempt.x.copy(), "features": attempt.features}
-        checked = scene if not found.relaxed else _with_mass(scene, found.quantities["payload"])
-        return found if certify(checked, found.arrays).passed else None
+        return found
+
+    def _run_joint(
+        self,
+        scene: GraspScene,
+        start: Start,
+        errors: Array,
+        x0: Array | None = None,
+        features: dict[str, Feature] | None = None,
+    ) -> HeldGrasp | None:
+        """A certified grasp that holds for all errors and friction states that are tried, from a start with those that
+        matter there; ones that fail become part of its problem. None where there is none.
+        """
+        bounds = scene.robust or Robust.model_construct()
+        budget = Budget.of(scene.solver)
+        for _ in range(EXCHANGES):
+            solver = JointSolverRun(scene, start, errors)
+            found = self._converged(scene, start, solver, x0=x0, features=features)
+            if found is None:
+                return None
+            responder = Responder(scene, found.arrays, budget)
+            responses = [responder.to(error) for error in tried_errors(scene, bounds, found.arrays)]
+            responses += list(descended(responder, responses))
+            known = {error.tobytes() for error in errors}
+            worse = [one for one in responses if not one.holds and one.error.tobytes() not in known]
+            if not worse:
+                held = tried_states(scene, found.arrays, budget) if scene.robust else responses
+                arrays = {**found.arrays, **held_arrays(scene, held)} if scene.state_columns else found.arrays
+                return replace(found, arrays=arrays) if certify(scene, arrays).passed else None
+            worse = sorted(worse, key=lambda one: one.reserve)[:MOST]
+            errors = np.concatenate([errors, [one.error for one in worse]])
+            x0 = np.concatenate([found.attempt.x, *(one.attempt.x for one in worse)])
+        return None
 
     def _take(self, aim: str, found: HeldGrasp) -> None:
         """Keep a grasp unless the one at hand is better."""
@@ -251,9 +304,8 @@ def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
 
 def _probed(found: HeldGrasp) -> bool:
     """Whether limits of guarded places act, which move with the grasp."""
-    forces = found.attempt.multipliers.constraints
-    blocks = [block for block in found.solver.problem.rows.blocks if block.name.startswith("penetration")]
-    return any(np.abs(forces[block.rows]).max(initial=0.0) > 1e-6 for block in blocks)
+    forces = found.attempt.multipliers.constraints[found.solver.guarded]
+    return bool(np.abs(forces).max(initial=0.0) > 1e-6)
 
 
 def _same(one: dict[str, float], two: dict[str, float], tolerance: float) -> bool:

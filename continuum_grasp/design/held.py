@@ -29,10 +29,10 @@ from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
 from continuum_grasp.grasp.problem.structure import ProblemSpec, support_of
-from continuum_grasp.grasp.problem.values import problem_bounds, tension_weight
+from continuum_grasp.grasp.problem.values import moved_features, tension_weight
+from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -141,7 +141,7 @@ class HeldGrasp:
     """A converged attempt at a scene; of one with a relaxed mass, the greatest mass is sought."""
 
     scene: GraspScene
-    solver: GraspSolverRun
+    solver: GraspSolverRun | JointSolverRun
     attempt: Attempt
     arrays: dict[str, Array]
     relaxed: bool = False
@@ -163,6 +163,13 @@ class HeldGrasp:
             "normal_force_max": float(forces[pressed]),
             "friction_margin": float(margins[least]),
         }
+
+    @property
+    def acting(self) -> tuple[tuple[float, ...], ...]:
+        """Errors and friction states that decide the grasp, as rows of `continuum_grasp.grasp.robust.errors`."""
+        if not isinstance(self.solver, JointSolverRun):
+            return ()
+        return tuple(sorted(tuple(error.tolist()) for error in self.solver.acting(self.attempt)))
 
     @cached_property
     def _extremes(self) -> tuple[int, int, int]:
@@ -196,18 +203,19 @@ class HeldGrasp:
         return Slopes(x, quantities, near.error(numbers, self._numbers(self.scene)))
 
     def _features(self, scene: GraspScene) -> dict[str, Feature]:
-        return moved_features(self.scene, scene, self.attempt)
+        return moved_features(self.scene, scene, self.attempt.start.contacts, self.attempt.features)
 
     def _numbers(self, scene: GraspScene) -> Array:
         start = moved_start(self.scene, scene, self.attempt.start)
         return self.solver.numbers_near(scene, self.attempt, start, self._features(scene))
 
     def _bounds(self, scene: GraspScene) -> tuple[Array, Array]:
-        return problem_bounds(self.solver.problem, scene, self._features(scene))
+        start = moved_start(self.scene, scene, self.attempt.start)
+        return self.solver.bounds(scene, start, self._features(scene))
 
     def _tangent(self, near: Stencil, numbers: list[Array], low: Array, high: Array) -> Array:
         """Change of the unknowns, from the conditions of optimality."""
-        attempt, problem, functions = self.attempt, self.solver.problem, self.solver.derivatives
+        attempt, functions = self.attempt, self.solver.derivatives
         x, forces, bound_forces = attempt.x, attempt.multipliers.constraints, attempt.multipliers.bounds
         gradients, values = [], []
         for there in numbers:
@@ -222,7 +230,7 @@ class HeldGrasp:
         most = np.where(x > most + 1e-6, np.inf, most)
         under = np.where(bound_forces < 0.0, -bound_forces, 0.0) / np.maximum(x - least, _LEAST)
         over = np.where(bound_forces > 0.0, bound_forces, 0.0) / np.maximum(most - x, _LEAST)
-        rows_low, rows_high = problem.rows.bounds()
+        rows_low, rows_high = self.solver.row_bounds
         g = attempt.g
         spare = np.where(forces < 0.0, g - rows_low, rows_high - g)
         spare = np.where(rows_low == rows_high, 0.0, np.maximum(spare, _LEAST))
@@ -262,18 +270,6 @@ def _parts(scene: GraspScene, arrays: dict[str, Array]) -> tuple[Array, Array, A
     friction = np.array([scene.friction(str(name)) for name in arrays["contact_names"]])
     most = np.maximum(friction * forces[:, 0], _LEAST)
     return tensions, forces[:, 0], 1.0 - np.hypot(forces[:, 1], forces[:, 2]) / most
-
-
-def moved_features(before: GraspScene, after: GraspScene, attempt: Attempt) -> dict[str, Feature]:
-    """Faces and corners that the contacts of an attempt sit on, in a scene whose object may have other dimensions."""
-    found = dict(attempt.features)
-    if before.object.parts == after.object.parts:
-        return found
-    for name, contact in attempt.start.contacts.items():
-        old, new = before.object.parts[contact.part], after.object.parts[contact.part]
-        surface = surface_of(old)
-        found[name] = surface_of(new).features(new)[surface.features(old).index(attempt.features[name])]
-    return found
 
 
 def moved_start(before: GraspScene, after: GraspScene, start: Start) -> Start:

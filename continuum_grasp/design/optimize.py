@@ -29,6 +29,7 @@ from continuum_grasp.scene.document import Place
 from continuum_grasp.scene.load import load_placed
 
 Array = NDArray[Any]
+Acting = tuple[tuple[float, ...], ...]
 
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
@@ -51,6 +52,8 @@ class _Trace:
     violations: list[float] = field(default_factory=list)
     rounds: list[int] = field(default_factory=list)
     switches: list[str] = field(default_factory=list)
+    acting: dict[str, set[Acting]] = field(default_factory=dict)
+    """Per case, the sets of errors that decided it at one design or another."""
 
 
 @interrupt.listening()
@@ -222,6 +225,9 @@ class _DesignSearch:
             trace.costs.append(np.nan)
             trace.violations.append(np.nan)
             raise
+        for case in found.cases:
+            if case.acting and not any(case.signs):
+                trace.acting.setdefault(case.case, set()).add(case.acting)
         trace.costs.append(found.cost)
         trace.violations.append(found.violation)
         return found
@@ -369,6 +375,7 @@ class _DesignSearch:
             rounds=np.array(self.trace.rounds),
             worst_cases=worst,
             switches=tuple(self.trace.switches),
+            acting={case: len(sets) for case, sets in self.trace.acting.items()},
             grasps={} if best is None else self.problem.results,
             before=self._before,
             statistics={

@@ -58,7 +58,7 @@ def page(result: DesignResult, *, pictures: Mapping[str, Any] | None = None) -> 
         section("Limits", items(f"{one} is active" for one in result.active)),
         section("Sensitivities", *_sensitivities(result)),
         section("Errors of manufacture", *_errors(result)),
-        section("The search", items(result.switches), nested(result.statistics)),
+        section("The search", items([*result.switches, *result.kinks]), nested(result.statistics)),
         section("The design", details("Configuration, as it was read", f"<pre>{escaped(yaml_text(given))}</pre>")),
     ]
     return document(name, "\n".join(part for part in body if part))

@@ -103,6 +103,9 @@ class DesignResult(Result):
         Combinations of errors of manufacture, the worst first; empty without tolerances.
     switches : tuple of str
         Where a full search found better grasps than those that were followed.
+    acting : dict of str to int
+        Of cases whose grasps must hold for many errors or friction states: how many different sets of these decided
+        the grasps of the designs tried.
     grasps, before : dict of str to GraspResult
         The grasps of the best design, and those at the start, by case.
     statistics : dict
@@ -155,6 +158,7 @@ class DesignResult(Result):
     rounds: Array
     worst_cases: tuple[WorstCase, ...] = ()
     switches: tuple[str, ...] = ()
+    acting: Mapping[str, int] = field(default_factory=dict)
     grasps: Mapping[str, GraspResult] = field(default_factory=dict, repr=False)
     before: Mapping[str, GraspResult] = field(default_factory=dict, repr=False)
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -242,6 +246,25 @@ class DesignResult(Result):
             return {}
         return {one.case: dict(one.quantities) for one in self.best.cases if not any(one.signs)}
 
+    @property
+    def kinks(self) -> tuple[str, ...]:
+        """Cases whose grasps other errors or friction states decide than at the start, or than at designs between:
+        their cost has kinks there, and its derivatives are those of one side.
+        """
+        if self.best is None or self.first is None:
+            return ()
+        first = {one.case: set(one.acting) for one in self.first.cases if not any(one.signs)}
+        last = {one.case: set(one.acting) for one in self.best.cases if not any(one.signs)}
+        found = []
+        for case, count in self.acting.items():
+            if count > 1:
+                words = "others than" if first.get(case) != last.get(case) else "the same as"
+                found.append(
+                    f"{case}: {count} different sets of errors or friction states decide the grasps of the designs "
+                    f"tried, {words} at the start those of the best; the cost has kinks between them"
+                )
+        return tuple(found)
+
     def parts(self) -> Mapping[str, Result]:
         """The grasps, in folders of their own."""
         return {f"grasp_{name}": grasp for name, grasp in self.grasps.items()}
@@ -275,6 +298,8 @@ class DesignResult(Result):
             rows[name] = ", ".join(said)
         if self.active:
             rows["active limits"] = "; ".join(self.active)
+        if self.kinks:
+            rows["kinks"] = "; ".join(self.kinks)
         if self.worst_cases:
             worst = self.worst_cases[0]
             rows["worst errors"] = f"cost {worst.cost:.6g}, to first order {worst.bound:.6g}"
@@ -296,6 +321,7 @@ class DesignResult(Result):
                 for one in self.worst_cases
             ],
             "switches": list(self.switches),
+            "kinks": list(self.kinks),
         }
 
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from continuum_grasp.results.declared import POSE, XY, Dimension, Stored
 
-STORED = (
-    Stored("contact_names", "(contact,)", "text", "name of each contact"),
-    Stored("contact_positions", "(contact, xy)", "m", "where it is on the object's surface, world"),
-    Stored("contact_normals", "(contact, xy)", "1", "outward normal of the object there, world"),
+_POSTURE = (
+    Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
+    Stored("contact_positions", "(contact, xy)", "m", "contacts on the object's surface, world"),
+    Stored("contact_normals", "(contact, xy)", "1", "outward normals of the object there, world"),
     Stored(
         "contact_forces",
         "(contact, part)",
         "N",
         "normal force, friction along the surface, friction out of the plane",
     ),
-    Stored("contact_stations", "(contact,)", "m", "position along the finger; NaN for supports"),
-    Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
-    Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
-    Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
+    Stored("contact_stations", "(contact,)", "m", "positions along the finger; NaN for supports"),
     Stored(
         "{finger}.q",
         "({finger} coordinate,)",
@@ -35,24 +32,26 @@ STORED = (
     Stored("{finger}.tensions", "(tendon,)", "N", "tensions of the tendons"),
     Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
-    *(
-        Stored(f"{{held}}.{name}", f"(state,{dims})", unit, f"with other friction states of the tendons: {what}")
-        for name, dims, unit, what in (
-            ("object.pose", " pose", "", "pose of the object: x, y [m], angle [rad]"),
-            ("contact_positions", " contact, xy", "m", "contacts on the object's surface, world"),
-            ("contact_normals", " contact, xy", "1", "outward normals of the object there, world"),
-            ("contact_forces", " contact, part", "N", "their forces"),
-            ("contact_stations", " contact", "m", "positions along the finger; NaN for supports"),
-            ("{finger}.friction_states", " {finger} cell", "1", "these states, +1: the left tendon was pulled last"),
-            ("{finger}.q", " {finger} coordinate", "", "coordinates above rest"),
-            ("{finger}.lengths", " {finger} element", "m", "lengths of the elements"),
-            ("{finger}.curvature_shapes", " {finger} element, {finger} spread, {finger} shape", "", "curvature shapes"),
-            ("{finger}.tip_curvature", "", "1/m", "curvature at the tip above rest"),
-            ("{finger}.tensions", " tendon", "N", "tensions of the tendons"),
-            ("{finger}.base", " base", "", "world x, y [m] and angle [rad] of the base"),
-            ("{finger}.backbone", " {finger} place, section", "", "shape of the finger from base to tip"),
-        )
-    ),
+)
+"""What a grasp has, and with other friction states of its tendons has anew."""
+
+
+def _held(one: Stored) -> Stored:
+    dimensions = ", ".join(["state", *filter(None, one.shape.strip("()").rstrip(",").split(", "))])
+    dimensions += "," * ("," not in dimensions)
+    meaning = f"with other friction states of the tendons: {one.meaning}"
+    return Stored(f"{{held}}.{one.name}", f"({dimensions})", one.unit, meaning)
+
+
+_STATES = Stored(
+    "{finger}.friction_states", "({finger} cell,)", "1", "these states, +1: the left tendon was pulled last"
+)
+STORED = (
+    Stored("contact_names", "(contact,)", "text", "name of each contact"),
+    Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
+    Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
+    *_POSTURE,
+    *(_held(one) for one in (*_POSTURE, _STATES)),
     Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
     Stored("{held trials}.friction_states", "(draw, cell)", "1", "friction states of the tendons that were drawn"),
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),

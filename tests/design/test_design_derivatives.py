@@ -209,6 +209,62 @@ def test_the_tension_per_offset_is_known_in_closed_form():
     assert here.slopes["tension"][0] / 0.002 == pytest.approx(-(left - right) / 0.005, rel=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("scene", "changes", "count"),
+    [
+        ("configs/grasp/mug_motor.yaml", {}, 1),
+        ("configs/grasp/mug_uncertain.yaml", {"robust.draws": 10}, 2),
+        pytest.param(
+            "configs/grasp/mug_motor.yaml",
+            {"robust": {"position": 0.001, "friction": 0.1, "draws": 10}},
+            1,
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_grasps_that_hold_for_many_postures_are_differentiated(scene, changes, count):
+    """Whatever the friction states, and for all errors of the object: against grasps that are searched anew."""
+    problem = problem_of(
+        scene=scene,
+        set=changes,
+        variables={"finger.tendons.offset": {"min": 0.004, "max": 0.006}},
+        minimize="tension",
+    )
+    here = problem.evaluate(start_of(problem), search=True).cases[0]
+    assert len(here.acting) >= count
+    step, found = 1e-5, []
+    for h in (-step, step):
+        given = cg.load(scene).changed({**changes, "finger.tendons.offset": 0.005 + h})
+        found.append(cg.optimize_grasp(given))
+    assert all(one.robustness.robust.tension > 1.01 * one.robustness.nominal.tension for one in found)
+    expected = (found[1].tension - found[0].tension) / (2.0 * step)
+    assert here.slopes["tension"][0] / 0.002 == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_design_says_that_other_friction_states_decide_elsewhere():
+    """More friction of the tendons: the cell from which on they slide back is another one."""
+    found = cg.optimize_design(
+        {
+            "scene": "configs/grasp/mug_motor.yaml",
+            "variables": {"finger.tendons.friction": {"min": 0.05, "max": 0.1}},
+            "minimize": "tension",
+            "solver": {"starts": 1, "max_iterations": 3},
+        }
+    )
+    first, last = (one.cases[0] for one in (found.first, found.best))
+    assert set(first.acting) != set(last.acting)
+    assert last.quantities["tension"] < first.quantities["tension"]
+    (kink,) = found.kinks
+    assert "others than at the start" in kink
+    assert kink in found.details()["kinks"]
+
+
+def test_the_payload_of_many_postures_is_refused():
+    variables = {"finger.tendons.offset": {"min": 0.004, "max": 0.006}}
+    with pytest.raises(cg.InputError, match="friction_states: payload is that of one posture"):
+        problem_of(scene="configs/grasp/mug_motor.yaml", variables=variables, minimize="-payload")
+
+
 def test_the_payload_is_where_grasps_end():
     problem = problem_of(
         scene=ARCS, variables={"finger.tendons.offset": {"min": 0.004, "max": 0.006}}, minimize="-payload"

@@ -180,6 +180,27 @@ def test_a_motor_that_is_too_weak_is_the_reason():
     assert f"torque_max = {0.008 * needed + 2e-3:.4g}" in reason.repair
 
 
+def test_the_certificate_checks_the_torque_of_motors_alone():
+    """Of one finger with winches that follow a length and one with commanded tensions there is none; of a motor it is
+    the part of torque_max by which the torque to reach the grasp is above it, by hand.
+    """
+    scene = load(CONFIGS / "pinch.yaml")
+    tendons = Tendons(offset=OFFSET, max_tension=80.0, drive=LENGTH_DRIVE, **CABLE)
+    left = scene.named_fingers["left"].replaced(tendons=tendons)
+    fingers, fidelity = {**scene.named_fingers, "left": left}, scene.fidelity.replaced(family="clothoid")
+    two = optimize_grasp(scene.replaced(fingers=fingers, fidelity=fidelity))
+    assert two.certificate.passed
+    assert not [check.name for check in two.certificate.checks if "torque" in check.name]
+
+    found = optimize_grasp(mug(MOTOR))
+    (check,) = [check for check in found.certificate.checks if "torque" in check.name]
+    needed = 0.008 * found.fingers["finger"].tensions.max() + 2e-3
+    assert check.value == pytest.approx(needed / 0.5 - 1.0, rel=1e-9)
+    assert (check.unit, check.relative_to) == ("1", "0.5 N m")
+    weak = mug(MOTOR.replaced(torque_max=(1.0 - 1e-5) * needed))
+    assert "torque, finger" in {check.name for check in certify(weak, found.arrays).failed}
+
+
 @pytest.mark.parametrize("pretension", [2.0, 25.0])
 def test_tendons_of_one_pulley_go_together(pretension):
     """Both taut: C (T1 + T2) = 2 C pretension, whatever the bend; else the second is slack."""
@@ -219,6 +240,69 @@ def test_a_grasp_holds_whatever_the_friction_states(drive):
     # Code of another hand, from the capstan law, for the grasp and each posture of its friction states.
     for name, value in residuals(found.scene, found.arrays).items():
         assert value < LIMITS[name], name
+
+
+def test_tendons_that_slid_back_may_bend_a_finger_far():
+    """Torque motors, friction 0.15: released, elements bend by more than pi, which no limit of the scene forbids."""
+    drive = MOTOR.replaced(torque_max=0.56)
+    found = optimize_grasp(mug(drive, 0.15))
+    assert found.status is Status.OPTIMAL
+    assert found.robustness.robust.holds
+    held = {key.removeprefix("held."): value[1] for key, value in found.arrays.items() if key.startswith("held.")}
+    assert (held["finger.friction_states"] == -1.0).all()
+    shape = FingerShape(found.scene.setups[0], {**found.arrays, **held})
+    assert np.abs(held["finger.lengths"][:, None] * shape.curvatures).max() > math.pi
+    for name, value in residuals(found.scene, found.arrays).items():
+        assert value < LIMITS[name], name
+
+
+@pytest.mark.parametrize(
+    ("drive", "friction"),
+    [
+        (LENGTH_DRIVE, 0.1),
+        (MOTOR.replaced(**PULLEY), 0.0),
+        (MOTOR.replaced(torque_constant=None, position_gain=2.0), 0.1),
+    ],
+)
+def test_sensitivities_of_grasps_with_drives_are_those_of_grasps_solved_anew(drive, friction):
+    scene = mug(drive, friction, friction_states="pulled")
+    found = {one.name: one.derivative for one in optimize_grasp(scene).sensitivity}
+
+    def difference(change, step):
+        ends = [optimize_grasp(scene.changed(change(h))).tension for h in (-step, step)]
+        return (ends[1] - ends[0]) / (2.0 * step)
+
+    base = scene.finger.base.position
+    expected = {
+        # The palm has the friction of contacts too, so that it keeps its own here.
+        "mass of the object": difference(lambda h: {"object.mass": 0.3 + h}, 1e-4),
+        "friction between fingers and object": difference(
+            lambda h: {"contacts.friction": 0.5 + h, "supports.palm.friction": 0.5}, 1e-4
+        ),
+        "object along y": difference(lambda h: {"finger.base.position": [base[0], base[1] - h]}, 1e-5),
+    }
+    # The places at which the finger is looked at for clearance move with it, which its sensitivity leaves out: 1e-4
+    # without drives and friction too.
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, rel=3e-4 if name == "object along y" else 1e-4), name
+
+
+def test_too_much_friction_of_tendons_is_reported_with_how_much_less_is_enough():
+    """Torque motors, friction 0.2: released, no posture balances; what the reason names holds, half way back not."""
+    drive = MOTOR.replaced(torque_max=0.8)
+    tendons = mug(drive, 0.2).finger.tendons.replaced(max_tension=90.0)
+
+    def found(friction):
+        scene = mug(drive)
+        finger = scene.finger.replaced(tendons=tendons.replaced(friction=friction))
+        return optimize_grasp(scene.replaced(finger=finger), raise_on_failure=False)
+
+    none = found(0.2)
+    (reason,) = none.reasons
+    assert (reason.key, reason.limit, none.solved) == ("tendons.friction", 0.2, False)
+    assert "friction states -1 -1" in none.violated[0]
+    assert found(reason.needed).solved
+    assert not found(0.5 * (0.2 + reason.needed)).solved
 
 
 def test_a_posture_of_friction_states_that_is_changed_is_refused():

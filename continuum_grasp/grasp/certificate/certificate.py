@@ -301,11 +301,12 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
         over[unused] = abs(finger.tensions[unused]), 0.0
     value = worst(*(v for pair in over for v in pair)) / most
     yield Check(f"tendon tension, {finger.name}", value, LIMIT, "1", f"{most:.4g} N")
-    if finger.wound is not None:
-        yield Check(f"torque, {finger.name}", finger.wound.over / most, LIMIT, "1", f"{most:.4g} N")
-        if finger.wound.law.pulley:
-            off = finger.wound.misfit() / most
-            yield Check(f"tendons of one pulley, {finger.name}", off, LIMIT, "1", f"{most:.4g} N")
+    if finger.wound is not None and finger.wound.over_torque is not None:
+        over_torque, greatest = finger.wound.over_torque
+        yield Check(f"torque, {finger.name}", over_torque / greatest, LIMIT, "1", f"{greatest:.4g} N m")
+    if finger.wound is not None and finger.wound.law.pulley:
+        off = finger.wound.misfit() / most
+        yield Check(f"tendons of one pulley, {finger.name}", off, LIMIT, "1", f"{most:.4g} N")
     bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
     for contact in grasp.of(finger):
         if contact.name in bounds:

@@ -141,10 +141,16 @@ class WoundTendons:
         return float(np.abs(_softened(given - self.paths) / self.compliances - self.tensions).max())
 
     @property
-    def over(self) -> float:
-        """By how much the torque is above the greatest [N of tension]; negative within."""
+    def over_torque(self) -> tuple[float, float] | None:
+        """By how much the torque that reaches the tensions is above the greatest, negative within, and that greatest
+        torque [N m]; None of winches that follow a length, which have no torque.
+        """
+        drive = self.law.drive
+        if not isinstance(drive, MotorDrive):
+            return None
         pulls = [abs(self.tensions[0] - self.tensions[1])] if self.law.pulley else self.tensions
-        return float(np.max(pulls)) - self.law.greatest
+        reached = float(np.max(pulls)) * self.law.radius + drive.coulomb_friction
+        return reached - drive.torque_max, drive.torque_max
 
     @property
     def stiffness(self) -> float:

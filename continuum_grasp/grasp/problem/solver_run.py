@@ -177,6 +177,21 @@ class GraspSolverRun:
         """The physical numbers of a point, given by unknowns and run-time numbers."""
         return stored_arrays(self.problem, scene, start, self._read.call([x, numbers]))
 
+    def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:
+        """Bounds of the unknowns of a scene next to a start, with no limit relaxed."""
+        return problem_bounds(self.problem, scene, features)
+
+    @property
+    def row_bounds(self) -> tuple[Array, Array]:
+        """Bounds of all constraints."""
+        return self.problem.rows.bounds()
+
+    @property
+    def guarded(self) -> NDArray[np.int64]:
+        """Which constraints are those of guarded places (n,), which move with the grasp."""
+        rows = [block.rows.ravel() for block in self.problem.rows.blocks if block.name.startswith("penetration")]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+
     @property
     def derivatives(self) -> dict[str, ca.Function]:
         """Derivatives of the problem by its unknowns: ``grad_f``, ``jac_g`` and ``hess_lag``."""

@@ -85,6 +85,20 @@ def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> di
     return found
 
 
+def moved_features(
+    before: GraspScene, after: GraspScene, contacts: Mapping[str, ContactStart], features: dict[str, Feature]
+) -> dict[str, Feature]:
+    """The same faces, corners and smooth parts in a scene whose object may have other dimensions."""
+    found = dict(features)
+    if before.object.parts == after.object.parts:
+        return found
+    for name, contact in contacts.items():
+        old, new = before.object.parts[contact.part], after.object.parts[contact.part]
+        surface = surface_of(old)
+        found[name] = surface_of(new).features(new)[surface.features(old).index(features[name])]
+    return found
+
+
 def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Values:
     """All run-time numbers but those of clearance, with no limit relaxed."""
     units = Units.of(scene)

@@ -90,6 +90,9 @@ class NearSolver:
             off = g[equal] - start.lower[equal]
             if np.abs(off).max(initial=0.0) < _EXACT:
                 return replace(start, x=x)
+            # Where Newton's method runs away, as to a finger that coils up, its numbers overflow.
+            if not np.isfinite(off).all() or not np.isfinite(jacobian).all():
+                return None
             x[free] -= np.linalg.lstsq(jacobian[equal][:, free], off)[0]
             x = np.clip(x, start.low, start.high)
         return None

@@ -114,7 +114,8 @@ class RobustProblem:
         gradient = ca.vertcat(*(part.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)))
         jacobians = [part.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
         pairs = [slopes(xs[0], ps[0], a, e) for a, e in zip(xs[1:], errors, strict=True)]
-        below = ca.horzcat(ca.vertcat(*(a for a, _ in pairs)), ca.diagcat(*(b for _, b in pairs)))
+        first_part = ca.vertcat(ca.MX(0, first.size), *(a for a, _ in pairs))
+        below = ca.horzcat(first_part, ca.diagcat(*(b for _, b in pairs)))
         jacobian = ca.vertcat(ca.diagcat(*jacobians), below)
 
         weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())

@@ -121,7 +121,7 @@ class Responder:
         then ``retensioned`` is that with the tensions of the grasp, from which they are sought.
         """
         scene = self.in_error.scene_with(error, yields=self.yields)
-        start = self._start(scene, error)
+        start = start_in_error(self.scene, self.in_error, self.start, scene, error)
         pinned = self._pinned(scene, start, error, tensions=retensioned is None)
         # More than what holds is not asked for: the tensions change as little as they can.
         most = {} if retensioned is None else {"reserve": 0.0}
@@ -228,18 +228,6 @@ class Responder:
                 found.append((margin, contact.name))
         return min(found, default=(1.0, ""))
 
-    def _start(self, scene: GraspScene, error: Array) -> Start:
-        """The grasp as a start for an object of another size that lies elsewhere, with the friction states given."""
-        size = 1.0 + float(error[3])
-        contacts = {
-            name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
-            for name, contact in self.start.contacts.items()
-        }
-        contacts |= support_contacts(scene, scene.object.pose, self.in_error.on)
-        contacts = {name: contacts[name] for name in self.start.contacts}
-        states = {name: tuple(error[6:][columns].tolist()) for name, columns in self.scene.state_columns.items()}
-        return replace(self.start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
-
     def landings(self, error: Array) -> dict[str, Array]:
         """Where tips land on an object that yields (2,), in its frame and in units of the problem."""
         pose = np.array(self.in_error.pose_in_error(error)) - self.in_error.pose
@@ -267,3 +255,18 @@ def _near_solver(solver: GraspSolverRun) -> tuple[NearSolver, Surroundings]:
 def _rotation(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
+
+
+def start_in_error(scene: GraspScene, in_error: InError, start: Start, other: GraspScene, error: Array) -> Start:
+    """A grasp's ``start`` for the scene ``other`` of an error, whose object has another size and lies elsewhere, with
+    the friction states given.
+    """
+    size = 1.0 + float(error[3])
+    contacts = {
+        name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
+        for name, contact in start.contacts.items()
+    }
+    contacts |= support_contacts(other, other.object.pose, in_error.on)
+    contacts = {name: contacts[name] for name in start.contacts}
+    states = {name: tuple(error[6:][columns].tolist()) for name, columns in scene.state_columns.items()}
+    return replace(start, object_pose=other.object.pose, contacts=contacts, friction_states=states)

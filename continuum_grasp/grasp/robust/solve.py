@@ -11,13 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import alone, drawn
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Found, find_robust
-from continuum_grasp.grasp.robust.states import OBJECT, extremes, held_arrays, with_drawn_states, with_states
+from continuum_grasp.grasp.robust.states import (
+    OBJECT,
+    extremes,
+    held_arrays,
+    tried_states,
+    with_drawn_states,
+    with_states,
+)
 from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.values import Reason, Status
 from continuum_grasp.grasp.verdict import UNSTABLE, flawed
 from continuum_grasp.nlp import Budget
@@ -83,7 +93,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     effort["branches"] = branches
     arrays, certificate = found.arrays, found.certificate
     if scene.state_columns:
-        arrays = {**arrays, **held_arrays(scene, arrays, trials)}
+        arrays = {**arrays, **held_arrays(scene, tried_states(scene, arrays, trials))}
         certificate = certify(scene, arrays)
     changed = GraspResult(
         scene,
@@ -143,13 +153,13 @@ def _tension(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
 
 
 def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
-    """No robust grasp: with which part of the bounds there is one."""
+    """No robust grasp: with which part of the bounds, or of the friction of the tendons, there is one."""
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS if result.scene.robust else 0):
+    for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if budget.over:
             break
-        if find_robust(result.scene, _times(bounds, middle), result.arrays, budget).holds:
+        if _holds(result, bounds, middle, budget):
             low = middle
         else:
             high = middle
@@ -170,11 +180,31 @@ def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Rob
                 "after they are pulled."
             )
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
-    text += f"; with {low:.0%} of all bounds there is one"
-    repair = f"multiply all bounds in robust by {low:.4g}"
-    reason = Reason("errors", "robust", "1", 1.0, low, text, repair)
+    if result.scene.robust:
+        text += f"; with {low:.0%} of all bounds there is one"
+        repair = f"multiply all bounds in robust by {low:.4g}"
+        reason = Reason("errors", "robust", "1", 1.0, low, text, repair)
+    else:
+        now = max(setup.tendons.friction for setup in result.scene.setups)
+        text += f"; with {low:.0%} of tendons.friction there is one"
+        repair = f"multiply all tendons.friction by {low:.4g}, to {low * now:.4g} at most"
+        reason = Reason("friction states", "tendons.friction", "1", now, low * now, text, repair)
     advice = f"Any one of these repairs it: {repair}."
     return replace(base, status=Status.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
+
+
+def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) -> bool:
+    """Whether a grasp is found next to that of a result for a share of the bounds, or of the friction of the tendons
+    where there are none.
+    """
+    scene = result.scene
+    if scene.robust:
+        return find_robust(scene, _times(bounds, share), result.arrays, budget).holds
+    fingers = {s.name: s.finger.with_tendons(friction=share * s.tendons.friction) for s in scene.setups}
+    less, start = scene.with_fingers(fingers), start_from(scene, dict(result.arrays))
+    solver = solver_for(ProblemSpec.of(less, start.contacts))
+    attempt = solver.run(less, start, budget, rung=2)
+    return attempt.converged and find_robust(less, bounds, solver.arrays(less, attempt), budget).holds
 
 
 def _times(bounds: Robust, factor: float) -> Robust:

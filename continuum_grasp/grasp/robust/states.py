@@ -87,13 +87,17 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
             last = new
 
 
-def held_arrays(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> dict[str, Array]:
-    """Postures of a grasp with friction states that its certificate is to verify: those of `extremes`, and the worst
-    ones from there; each array of a grasp with the states as first axis, ``held.`` before its name.
-    """
+def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> list[Response]:
+    """Responses of a grasp to the friction states of `extremes`, and to the worst ones from there."""
     responder = Responder(scene, arrays, budget)
     found = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
-    found += list(descended(responder, found))
-    each = [response.arrays for response in found]
+    return found + list(descended(responder, found))
+
+
+def held_arrays(scene: GraspScene, responses: Sequence[Response]) -> dict[str, Array]:
+    """Postures of a grasp with friction states that its certificate is to verify, as `tried_states` gives them; each
+    array of a grasp with the states as first axis, ``held.`` before its name.
+    """
+    each = [response.arrays for response in responses]
     same = ("contact_names", "contact_parts", *(f"{name}.family" for name in scene.named_fingers))
     return {f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}
