@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
-__version__ = "0.5.0"
+__version__ = "0.6.0"
 
 if TYPE_CHECKING:
     from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop
     from continuum_grasp.control.controller import Controller as Controller
     from continuum_grasp.control.estimation.estimator import Estimator as Estimator
+    from continuum_grasp.control.ocp.control_problem import ControlProblem as ControlProblem
+    from continuum_grasp.control.rti_solver import rti as rti
     from continuum_grasp.core import compile as compile
     from continuum_grasp.design import optimize_design as optimize_design
+    from continuum_grasp.errors import BeyondCertificate as BeyondCertificate
     from continuum_grasp.errors import ContinuumGraspError as ContinuumGraspError
     from continuum_grasp.errors import InputError as InputError
     from continuum_grasp.errors import Interrupted as Interrupted

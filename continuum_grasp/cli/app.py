@@ -9,7 +9,7 @@ import warnings
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.cli.accuracy import accuracy
@@ -56,6 +56,24 @@ class _Verbs(TyperGroup):
             raise typer.Exit(BAD_INPUT) from None
 
 
+class _Verb(TyperCommand):
+    """Names the place in the configuration that an error found later on is about."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except InputError as error:
+            config = ctx.params.get("config")
+            if config is None or error.file is not None or error.key is None:
+                raise
+            from continuum_grasp.scene.load import load_placed
+
+            scene, document = load_placed(config, ctx.params.get("changes") or ())
+            if error.key.partition(".")[0].partition("[")[0] not in type(scene).model_fields:
+                raise  # about an option, or an argument of a function
+            raise document.placed_error(error) from None
+
+
 app = typer.Typer(
     name="continuum-grasp",
     cls=_Verbs,
@@ -98,7 +116,7 @@ for _verb in (
     validate,
     doctor,
 ):
-    app.command()(_verb)
+    app.command(cls=_Verb)(_verb)
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:

@@ -12,7 +12,6 @@ from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.document import Document
     from continuum_grasp.scene.identify import IdentifyScene
 
 _SHOWN = 12
@@ -48,11 +47,11 @@ def identify(
     from continuum_grasp.results.atomic import write_text
     from continuum_grasp.results.yaml_text import yaml_text
     from continuum_grasp.scene.identify import IdentifyScene
-    from continuum_grasp.scene.load import load, load_placed
+    from continuum_grasp.scene.load import load
     from continuum_grasp.scene.simulate import FingerScene
 
     output = Output(as_json, quiet, verbose)
-    scene, document = load_placed(config, changes or ())
+    scene = load(config, changes or ())
     if not isinstance(scene, IdentifyScene):
         raise InputError("expected a scene with parameters to estimate: [{name: ...}] and data", file=str(config))
     if excitation == bool(data) or (excitation and apply):
@@ -64,19 +63,14 @@ def identify(
             raise InputError("estimates go into scenes of one finger", file=str(path))
         targets.append((path, target))
     if excitation:
-        _design(scene, document, run_folder(out, config, "excitation"), output, pictures)
+        _design(scene, run_folder(out, config, "excitation"), output, pictures)
         return
     folder = run_folder(out, config, "identify")
 
     from continuum_grasp.identification import identify as run
 
-    try:
-        with output.busy("identifying") as report:
-            fit = run(scene, data or (), progress=report)
-    except InputError as error:
-        if error.file is not None or error.key is None:
-            raise
-        raise document.placed_error(error) from None
+    with output.busy("identifying") as report:
+        fit = run(scene, data or (), progress=report)
     applied = [(f"{path.stem}_identified.yaml", fit.apply(target)) for path, target in targets]
     files = output.save(fit, folder, pictures)
     for name, changed in applied:
@@ -110,17 +104,12 @@ def identify(
     output.result(**own, **fit.summary())
 
 
-def _design(scene: IdentifyScene, document: Document, folder: Path, output: Output, pictures: bool) -> None:
+def _design(scene: IdentifyScene, folder: Path, output: Output, pictures: bool) -> None:
     """Commands that show the unknowns."""
     from continuum_grasp.identification import design_excitation
 
-    try:
-        with output.busy("designing"):
-            plan = design_excitation(scene)
-    except InputError as error:
-        if error.file is not None or error.key is None:
-            raise
-        raise document.placed_error(error) from None
+    with output.busy("designing"):
+        plan = design_excitation(scene)
     files = output.save(plan, folder, pictures)
     output.warn(plan.warnings)
     output.table(

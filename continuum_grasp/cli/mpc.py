@@ -54,7 +54,7 @@ def mpc(
     """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
 
     Exit status 1 if the supervisor tripped. A mission (its configuration has a grasp) takes an object from approach to
-    release; exit status 1 if it is dropped.
+    release; exit status 1 if it is dropped, or not let go in the end.
     """
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load, other_kind
@@ -137,7 +137,7 @@ def _comparison(runs: dict[str, ControlRun]) -> list[tuple[str, ...]]:
 
 
 def _carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
-    """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if the object was dropped."""
+    """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if it failed."""
     from continuum_grasp.mission.run import run_mission
 
     grasp = _grasp(scene, output)
@@ -145,7 +145,8 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
         run = run_mission(scene, grasp=grasp, progress=report)
     files = output.save(run, folder, pictures, animation)
     found = run.run.metrics()
-    output.warn(run.warnings)
+    said = {one.text for one in run.exceeded}  # before the run
+    output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())
     output.say("")
     output.table(*run.rows())
@@ -160,14 +161,13 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
         status=run.run.ended,
         folder=folder,
         files=files,
-        verdict={**asdict(run.verdict), "succeeded": run.verdict.succeeded},
-        phases=[asdict(span) for span in run.spans],
+        **run.findings(),
         pulls=run.pulls,
         metrics=asdict(found),
         warnings=run.warnings,
         statistics=run.run.statistics,
     )
-    if not run.verdict.held:
+    if not run.verdict.succeeded:
         raise typer.Exit(_FAILED)
 
 
@@ -193,7 +193,14 @@ def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool
         output.say(f"and {len(found.failed) - _SHOWN} more: see trials.csv")
     output.pairs(saved_in(folder, files, "files"))
     failed = [{"plant": k + 1, "text": outcomes[k].text} for k in found.failed]
-    output.result(folder=folder, files=files, asked=scene.trials.count, summary=asdict(found), failed=failed)
+    output.result(
+        folder=folder,
+        files=files,
+        asked=scene.trials.count,
+        summary=asdict(found),
+        failed=failed,
+        warnings=outcomes.warnings,
+    )
     if stopped is not None:
         raise stopped
     if not all(outcome.succeeded for outcome in outcomes):

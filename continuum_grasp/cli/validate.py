@@ -40,7 +40,9 @@ def validate(
             try:  # as far as the structure of the model; no expressions are built
                 if isinstance(loaded, Scene):  # which model a tolerance needs is not asked here
                     fidelity = loaded.fidelity.replaced(tolerance=None)
-                    FingerModel(loaded.model_copy(update={"fidelity": fidelity}))
+                    structure = FingerModel(loaded.model_copy(update={"fidelity": fidelity})).structure
+                    if loaded.initial.pose == "equilibrium":
+                        structure.check_reached_by(loaded.initial)
                 elif isinstance(loaded, Finger):
                     FingerModel(loaded)
                 elif isinstance(loaded, ControlScene):

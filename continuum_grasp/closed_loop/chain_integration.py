@@ -88,7 +88,7 @@ def chain_source(model: PlantModel, system: ChainSystem) -> str:
         for what in ("arg", "res", "iw", "w"):
             sizes.append(f"#define {name}_SZ_{what.upper()} {max(getattr(function, f'sz_{what}')(), 1)}")
     words = {
-        "hinges": system.hinges,
+        "hinges": system.n,
         "tendons": len(system.tendons),
         "places": len(system.places),
         "others": x.numel(),

@@ -9,62 +9,28 @@ outside of the finger, object, supports, contacts and drives, is that of ``model
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, Guided, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
 from continuum_grasp.model.winches import winches_of
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Initial, Scene
-from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[np.float64]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NO_TENSION = 1e-9
 """Tension below which a tendon has no friction that could be read off [N]."""
 _NO_BEND = 1e-9
 """The same of its greatest loss, in logarithms [1]."""
-_OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
-"""What of the finger may be changed without compiling anew."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """A point of the chain: which bar, counted from that after the first hinge (-1: before it), how far along [m]."""
-
-    bar: int
-    along: float
-
-
-@dataclass(frozen=True)
-class Guided:
-    """A tendon and its guides from the drum on: that of a conduit, if any, then one per hinge up to its end.
-
-    ``arms`` (N) [m] are what a bend of each hinge draws in, zero beyond its end; ``gives`` are the compliances [m/N]
-    of its pieces: to the first guide, from guide to guide, and to its end.
-    """
-
-    arms: Array
-    gives: Array
-    friction: float
-    conduit: float
-    wound: bool
-
-    @property
-    def guides(self) -> int:
-        """Number of guides."""
-        return len(self.gives) - 1
 
 
 class ChainSystem:
@@ -99,16 +65,14 @@ class ChainSystem:
         parameters: Sequence[str] = (),
         object_parameters: Sequence[str] = (),
     ) -> None:
-        self.scene, self.hinges = scene, hinges
-        self._axial = axial_stiffness
-        self._check(scene, parameters)
+        self.scene = scene
+        _check(scene, axial_stiffness, parameters)
         finger = scene.finger
-        self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
+        self.chain = HingeChain(finger, hinges, axial_stiffness)
         self.finger_model = FingerModel(
             scene.replaced(finger=finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
         )
-        self.winches = winches_of(finger.tendon_list, self.length)
-        self.tendons = [self._guided(tendon) for tendon in finger.tendon_list]
+        self.winches = winches_of(finger.tendon_list, self.chain.length)
         self.surroundings = scene if scene.object is not None else None
         model = self.finger_model
         self.n, self.u_names, self.nu = hinges, model.u_names, model.nu
@@ -119,155 +83,25 @@ class ChainSystem:
         self.np = len(self.p_nominal)
         self._build()
 
-    def _check(self, scene: Scene, parameters: Sequence[str]) -> None:
-        finger = scene.finger
-        if not finger.tendon_list:
-            raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
-        if finger.stops is not None:
-            raise InputError("a chain of guides has no stops: leave finger.stops out", key="plant.guides")
-        if finger.damping.dry_friction:
-            raise InputError(
-                "a chain of guides bends without dry friction: leave finger.damping.dry_friction out",
-                key="plant.guides",
-            )
-        if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
-            raise InputError(
-                "a chain of guides carries a body at the tip only on its axis: "
-                f"finger.tip_body.center_of_mass[0] = {finger.tip_body.center_of_mass[0]:g} m, expected 0",
-                key="plant.guides",
-            )
-        if self._axial is None and any(tendon.axial_stiffness is None for tendon in finger.tendon_list):
-            raise InputError(
-                "needed for plant.guides where the tension is commanded: a tendon that sticks at two guides must be "
-                "elastic between them",
-                key="plant.axial_stiffness",
-            )
-        odd = [name for name in parameters if name not in _OF_FINGER]
-        if odd:
-            raise InputError(f"a chain of guides has no run-time argument {odd[0]}", key="plant.guides")
-
-    # -- constants ----------------------------------------------------------------------------------------------------
-
-    @cached_property
-    def _hinge_at(self) -> Array:
-        return np.asarray(self.pitch * (np.arange(self.hinges) + 0.5))
-
-    def place(self, at: float) -> Place:
-        """Return the point at a position along the finger [m]."""
-        bar = int(np.floor(at / self.pitch - 0.5 + 1e-9))
-        bar = min(max(bar, -1), self.hinges - 1)
-        return Place(bar, at - (self._hinge_at[bar] if bar >= 0 else 0.0))
-
-    @cached_property
-    def bars(self) -> Array:
-        """Lengths of the bars after each hinge (N) [m]."""
-        lengths = np.full(self.hinges, self.pitch)
-        lengths[-1] = 0.5 * self.pitch
-        return lengths
-
-    def _integral(self, low: float, high: float, *powers: int) -> list[float]:
-        """Integrals of the density times powers of the distance from ``low``, then of the rotary inertia."""
-        profile, found = self.scene.finger.profile, np.zeros(len(powers) + 1)
-        inner = [low, *[at for at in profile.breaks if low < at < high], high]
-        for a, b in pairwise(inner):
-            s, weights = 0.5 * (a + b) + 0.5 * (b - a) * _NODES, 0.5 * (b - a) * _WEIGHTS
-            density = profile.linear_density(s)
-            found += [*(float(weights @ (density * (s - low) ** k)) for k in powers), 0.0]
-            found[-1] += float(weights @ profile.rotary_inertia(s))
-        return [float(v) for v in found]
-
-    @cached_property
-    def inertia(self) -> tuple[Array, Array]:
-        """Weights (N, N) [kg m2] of the products of the bars' turning, and first moments (N) [kg m] of their weight."""
-        n, finger = self.hinges, self.scene.finger
-        mass, first, second = np.zeros(n), np.zeros(n), np.zeros(n)
-        for i, start in enumerate(self._hinge_at):
-            own = self._integral(start, start + self.bars[i], 0, 1, 2)
-            mass[i], first[i], second[i] = own[0], own[1], own[2] + own[3]
-        points = [(self.place(one.at), one.mass) for one in finger.masses]
-        if finger.tip_body is not None:
-            body, tip = finger.tip_body, self.place(self.length)
-            points.append((Place(tip.bar, tip.along + body.center_of_mass[1]), body.mass))
-            second[-1] += body.rotary_inertia
-        for place, own_mass in points:
-            if place.bar >= 0:
-                mass[place.bar] += own_mass
-                first[place.bar] += own_mass * place.along
-                second[place.bar] += own_mass * place.along**2
-        beyond = np.append(np.cumsum(mass[::-1])[::-1], 0.0)[1:]
-        carried = first + self.bars * beyond
-        weights = np.zeros((n, n))
-        for i in range(n):
-            weights[i, i] = second[i] + self.bars[i] ** 2 * beyond[i]
-            weights[i, i + 1 :] = weights[i + 1 :, i] = self.bars[i] * carried[i + 1 :]
-        return weights, carried
-
-    @cached_property
-    def elasticity(self) -> tuple[Array, Array, Array]:
-        """Stiffness [N m], bend at rest [rad] and damping [N m s] of the hinges (N) each."""
-        profile, n = self.scene.finger.profile, self.hinges
-        soft, rest = np.zeros(n), np.zeros(n)
-        for i in range(n):
-            low, high = i * self.pitch, (i + 1) * self.pitch
-            for a, b in pairwise([low, *[at for at in profile.breaks if low < at < high], high]):
-                s, weights = 0.5 * (a + b) + 0.5 * (b - a) * _NODES, 0.5 * (b - a) * _WEIGHTS
-                soft[i] += float(weights @ (1.0 / profile.bending_stiffness(s)))
-                rest[i] += float(weights @ profile.rest_curvature(s))
-        # Kelvin-Voigt: the damping is that at the base, and goes with the stiffness of the section.
-        viscosity = self.scene.finger.damping.material / float(profile.bending_stiffness(0.0))
-        return 1.0 / soft, rest, viscosity / soft
-
-    def _guided(self, tendon: Tendon) -> Guided:
-        to = self.length if tendon.to is None else tendon.to
-        at = self._hinge_at[self._hinge_at < to]
-        first, last = ends(tendon.offset)
-        # The constant cosine between a tendon and the backbone.
-        arms = np.zeros(self.hinges)
-        arms[: len(at)] = (first + (last - first) * at / to) / np.sqrt(1.0 + tendon.slope(self.length) ** 2)
-        stiffness = tendon.axial_stiffness or self._axial or np.inf
-        free = 0.0 if tendon.series_stiffness is None else 1.0 / tendon.series_stiffness
-        pieces = np.diff([0.0, *at, to]) / stiffness
-        conduit = tendon.conduit_bend > 0.0
-        gives = np.array([free, *pieces] if conduit else [free + pieces[0], *pieces[1:]])
-        return Guided(arms, gives, tendon.friction, tendon.conduit_bend, tendon.drive is not None)
+    @property
+    def tendons(self) -> list[Guided]:
+        """Tendons and their guides."""
+        return self.chain.tendons
 
     def numbers(self, p: Array) -> Array:
         """All that the C of the motion needs to know, at run-time arguments."""
         factors = dict(zip(self._finger_parameters, p.tolist(), strict=False))
-        stiffness, rest, damping = self.elasticity
-        weights, carried = self.inertia
-        # Material damping follows from the stiffness of the section as it is described.
-        scaled = factors.get("bending_stiffness", 1.0) * stiffness, factors.get("material_damping", 1.0) * damping
-        base = self.scene.finger.base
-        places = [self.place(at) for at in self.places]
-        parts: list[ArrayLike] = [
-            [*base.position, base.angle, 0.5 * self.pitch, *self.scene.gravity],
-            weights.ravel(),
-            scaled[0],
-            rest,
-            scaled[1],
-            carried,
-            self.bars,
-            [place.bar for place in places],
-            [place.along for place in places],
-        ]
-        for tendon in self.tendons:
-            gives = np.zeros(self.hinges + 2)
-            gives[: len(tendon.gives)] = tendon.gives
-            friction = factors.get("tendon_friction", 1.0) * tendon.friction
-            own = [tendon.guides, float(tendon.wound), float(tendon.conduit > 0.0), friction, tendon.conduit, 0.0, 0.0]
-            parts += [own, tendon.arms, gives]
-        return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
+        return self.chain.numbers(self.scene.gravity, self.places, factors)
 
     # -- what surrounds the chain -------------------------------------------------------------------------------------
 
     def _build(self) -> None:
         scene, model = self.scene, self.finger_model
-        ways = [at for at in model.contacts if at < self.length]
+        ways = [at for at in model.contacts if at < self.chain.length]
         forces = [load for load in model.loads if isinstance(load, ForceLoad)]
         if len(forces) < len(model.loads):
             raise InputError("a chain of guides takes forces as loads, no moments", key="loads")
-        self.places = [*ways, self.length, *(load.at for load in forces)]
+        self.places = [*ways, self.chain.length, *(load.at for load in forces)]
         self._motion = ca.SX.sym("places", 6, len(self.places))
         w, p = ca.SX.sym("w", model.nw), ca.SX.sym("p", len(self._object_parameters))
         given = dict(zip(self._object_parameters, ca.vertsplit(p), strict=True)) if p.numel() else {}
@@ -300,9 +134,9 @@ class ChainSystem:
         self._others = ca.vertcat(self._states, pose, rates, *z)
         winch_names = [name for k, winch in enumerate(self.winches) for name in winch.names(k + 1)]
         contact_names = [name for pair in self._pairs for name in pair.z_names]
-        q_names = [f"bend_{k + 1} [rad]" for k in range(self.hinges)]
+        q_names = [f"bend_{k + 1} [rad]" for k in range(self.chain.hinges)]
         tension_names = [
-            f"tension_{j + 1}_{k + 1} [N]" for j in range(len(self.tendons)) for k in range(self.hinges + 1)
+            f"tension_{j + 1}_{k + 1} [N]" for j in range(len(self.tendons)) for k in range(self.chain.hinges + 1)
         ]
         self.x_names = [*q_names, *(name.replace(" [rad]", "_rate [rad/s]") for name in q_names), *tension_names]
         self.first_other = len(self.x_names)
@@ -380,13 +214,13 @@ class ChainSystem:
 
     def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Position, velocity, angle and spin of a point of the chain."""
-        n, (x, *_), base, place = self.hinges, self._symbols, self.scene.finger.base, self.place(at)
+        n, (x, *_), base, place = self.chain.hinges, self._symbols, self.scene.finger.base, self.chain.place(at)
         angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
-        start = 0.5 * self.pitch if place.bar >= 0 else place.along
+        start = 0.5 * self.chain.pitch if place.bar >= 0 else place.along
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
         velocity = ca.SX(2, 1)
         for i in range(place.bar + 1):
-            length = float(self.bars[i]) if i < place.bar else place.along
+            length = float(self.chain.bars[i]) if i < place.bar else place.along
             way = length * ca.vertcat(-ca.sin(angle[i]), ca.cos(angle[i]))
             position += way
             velocity += spin[i] * ca.vertcat(-way[1], way[0])
@@ -397,33 +231,33 @@ class ChainSystem:
     @cached_property
     def tip(self) -> ca.Function:
         """``(x, u, p) -> r``: world position of the tip (2) [m]."""
-        return self._function("tip", [self._at(self.length)[0]], ["r"])
+        return self._function("tip", [self._at(self.chain.length)[0]], ["r"])
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""
-        (x, *_), n = self._symbols, self.hinges
+        (x, *_), n = self._symbols, self.chain.hinges
         points = [self._at(at)[0] for at in stations]
         angles = []
         for at in stations:
-            whole = min(int(at / self.pitch), n - 1)
+            whole = min(int(at / self.chain.pitch), n - 1)
             angle = self.scene.finger.base.angle + ca.sum1(x[:whole])
-            angles.append(angle + (at / self.pitch - whole) * x[whole])
+            angles.append(angle + (at / self.chain.pitch - whole) * x[whole])
         return self._function("sections", [ca.horzcat(*points), ca.vertcat(*angles)], ["r", "angle"])
 
     @cached_property
     def curvature(self) -> ca.Function:
         """``(x, u, p) -> kappa``: curvature of each hinge's part (N) [1/m]."""
-        return self._function("curvature", [self._symbols[0][: self.hinges] / self.pitch], ["kappa"])
+        return self._function("curvature", [self._symbols[0][: self.chain.hinges] / self.chain.pitch], ["kappa"])
 
     @cached_property
     def range_use(self) -> ca.Function:
         """``(x, u, p) -> use``: bend per that at which neighboring bars are at a right angle (N) [1]."""
-        return self._function("range_use", [ca.fabs(self._symbols[0][: self.hinges]) / (0.5 * np.pi)], ["use"])
+        return self._function("range_use", [ca.fabs(self._symbols[0][: self.chain.hinges]) / (0.5 * np.pi)], ["use"])
 
     @cached_property
     def tensions(self) -> ca.Function:
         """``(x, u, p) -> tensions``: of each tendon at its drive [N]."""
-        (x, u, _), n = self._symbols, self.hinges
+        (x, u, _), n = self._symbols, self.chain.hinges
         drums = ca.vertsplit(self.drums(x[self.first_other : self.nx][: self._others.numel()], u))
         found = []
         for j, (tendon, drum) in enumerate(zip(self.tendons, drums, strict=True)):
@@ -438,12 +272,12 @@ class ChainSystem:
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
         """Which way friction acts on a tendon between two positions [m]: its loss there per the greatest one."""
-        own, n = self.tendons[tendon], self.hinges
+        own, n = self.tendons[tendon], self.chain.hinges
         first = int(own.conduit > 0.0)
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)
         along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
-        inside = [k for k in range(own.guides - first) if start <= self._hinge_at[k] <= end]
+        inside = [k for k in range(own.guides - first) if start <= self.chain.hinge_at[k] <= end]
         if not inside or own.friction == 0.0:
             return ca.SX(0.0)
         loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])
@@ -500,3 +334,32 @@ class ChainSystem:
             at = 2 * self.n + j * (self.n + 1)
             x[at : at + tendon.guides] = tension * shares[1:]
         return x
+
+
+def _check(scene: Scene, axial_stiffness: float | None, parameters: Sequence[str]) -> None:
+    """Refuse what a chain does not have."""
+    finger = scene.finger
+    if not finger.tendon_list:
+        raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
+    if finger.stops is not None:
+        raise InputError("a chain of guides has no stops: leave finger.stops out", key="plant.guides")
+    if finger.damping.dry_friction:
+        raise InputError(
+            "a chain of guides bends without dry friction: leave finger.damping.dry_friction out",
+            key="plant.guides",
+        )
+    if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
+        raise InputError(
+            "a chain of guides carries a body at the tip only on its axis: "
+            f"finger.tip_body.center_of_mass[0] = {finger.tip_body.center_of_mass[0]:g} m, expected 0",
+            key="plant.guides",
+        )
+    if axial_stiffness is None and any(tendon.axial_stiffness is None for tendon in finger.tendon_list):
+        raise InputError(
+            "needed for plant.guides where the tension is commanded: a tendon that sticks at two guides must be "
+            "elastic between them",
+            key="plant.axial_stiffness",
+        )
+    odd = [name for name in parameters if name not in OF_FINGER]
+    if odd:
+        raise InputError(f"a chain of guides has no run-time argument {odd[0]}", key="plant.guides")

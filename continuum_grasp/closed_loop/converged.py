@@ -20,7 +20,8 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.command import Estimate, Plan
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages, stages_of
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Health, Status
 from continuum_grasp.core.cache import library_for
@@ -57,6 +58,7 @@ class _Command:
     health_text: str = ""
     mismatch: float = 0.0
     activity: float = 0.0
+    contact_forces: None = None
 
 
 class Converged(Remade):
@@ -116,7 +118,7 @@ class Converged(Remade):
             u=self._held,
             status=Status.SOLVED if found.converged else Status.ITERATION_LIMIT,
             plan=Plan(*self._last),
-            estimate=Estimate(state, parameters, None),
+            estimate=Estimate(state, parameters),
             time=_Times(self.times[-1]),
             iterations=found.iterations,
             violation=violation,

@@ -389,6 +389,8 @@ class PlantModel(Remade):
         around = self.system.surroundings
         if around is None or around.object is None or around.contact_law is None or around.table is None:
             return None
+        if around.table.wall is not None:  # in the plane the pose itself is where it stands
+            return None
         # Where the table's spring carries the weight, so that the run begins at rest.
         sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness
         return [*around.object.pose, -sunk]

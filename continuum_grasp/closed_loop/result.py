@@ -52,6 +52,8 @@ class ControlRun(MotionResult):
         Stored("parameters", "(period, parameter)", "", "estimated parameters of the controller's model"),
         Stored("given_parameters", "(period, parameter)", "", "parameters as they were given to it"),
         Stored("std", "(period, estimated)", "", "standard deviations of what ``estimated_names`` says"),
+        Stored("contact_force_estimate", "(period, touch)", "N", "estimated normal forces of the finger on the object"),
+        Stored("contact_force_std", "(period, touch)", "N", "their standard deviations, by all that is estimated"),
         Stored("r", "(time, setpoint)", "", "setpoints"),
         Stored("tracked", "(time, setpoint)", "", "what follows them, on the plant"),
         Stored("tip", "(time, xy)", "m", "tip of the plant, world"),
@@ -77,6 +79,7 @@ class ControlRun(MotionResult):
         Dimension("model_state", "states of the controller's model, the first of what is estimated", "estimated_names"),
         Dimension("parameter", "parameters of the controller's model", "p_names"),
         Dimension("estimated", "what is estimated: states, then disturbances", "estimated_names"),
+        Dimension("touch", "places where the controller's model touches the object", "touch_names"),
         Dimension("setpoint", "what follows setpoints, and inputs that cost no effort", "r_names"),
         Dimension("stage", "nodes of the horizon"),
         Dimension("phase", "phases of a step", "phase_names"),
@@ -108,6 +111,8 @@ class ControlRun(MotionResult):
     parameters: Array
     given_parameters: Array
     std: Array
+    contact_force_estimate: Array | None
+    contact_force_std: Array | None
     r: Array
     tracked: Array
     tip: Array
@@ -226,6 +231,11 @@ class ControlRun(MotionResult):
         columns = {name.split(" [")[0]: k for k, name in enumerate(self.p_names)}
         added_to = [_parameter(name) for name in self.estimated_names]
         return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
+
+    @property
+    def touch_names(self) -> tuple[str, ...]:
+        """Places where the controller's model touches the object: ``finger.1`` and so on, ``finger.tip``."""
+        return () if self.contact_force_std is None else self.scene.contact_names
 
     @property
     def disturbance_names(self) -> tuple[str, ...]:

@@ -186,6 +186,7 @@ def _result(
     w = plant.model.forces(t)
     readings = Readings(scene, plant.model, stages, model)
     health = tuple(c.health.name.lower() for c in commands)
+    touched = [c.contact_forces for c in commands] if model.contact_names and scene.estimator is not None else []
     return ControlRun(
         scene=scene,
         readings=readings,
@@ -198,6 +199,8 @@ def _result(
         parameters=_stack([c.estimate.p for c in commands]),
         given_parameters=_stack([step.p for step in steps]),
         std=_stack([() if c.estimate.std is None else c.estimate.std for c in commands]),
+        contact_force_estimate=_stack([of.force for of in touched]) if touched else None,
+        contact_force_std=_stack([of.std for of in touched]) if touched else None,
         r=np.array([*[step.r for step in steps], plan.rows(t[-1:])[0]]),
         tracked=readings.tracked(x, last, w, held),
         tip=readings.tip(x, last, w),

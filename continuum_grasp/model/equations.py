@@ -484,7 +484,7 @@ class Equations:
             drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
             compliances = [at_rest.compliances[tendon] for tendon in winch.tendons]
             position = winch.position_at_rest(self.u[k], drawn, tensions, compliances)
-            found += winch.at(position, tensions)
+            found += winch.at(position, tensions, self.u[k])
         return found
 
     @property

@@ -121,9 +121,10 @@ class FingerModel(Functions):
     the -X side slide towards the base. Then those of dry friction in bending, cell by cell with one per branch: +1
     where it slides towards positive curvature. Functions of q then take a ``history``, [friction states, h], by which
     friction acts as clip(state + h slid), of what `sliding` gives: all zero for no friction, h = 1 alone for a finger
-    that was pulled from straight. u = tensions, or the tip moment, then
-    the moments of loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if
-    any), then the loads.
+    that was pulled from straight. Those of a motion are [S(z), 0] of its states, with S = z (3 - z^2) / 2 for tendons
+    and z in bending; drives then are where they rest under u. u = tensions, or the tip moment, then the moments of
+    loads on the tip and of those with ``input``. w = world forces at the contacts, then at the tip (if any), then the
+    loads.
     Positions s beyond the finger are taken as its ends; a compiled core refuses them.
     Axial and shear strains of the rod are not modeled.
 

@@ -17,7 +17,12 @@ from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Vec, column
-from continuum_grasp.model.system_equations import OBJECT_PARAMETERS, SystemEquations
+from continuum_grasp.model.system_equations import (
+    CONTACT_FRICTION,
+    OBJECT_PARAMETERS,
+    SystemEquations,
+    friction_parameter,
+)
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -40,7 +45,8 @@ class System(Functions):
     object_parameters : sequence of str, optional
         What of the object stays a run-time argument, after the finger's in ``p``: ``object_mass`` [kg] of one that
         moves, ``friction_factor`` [1] of all its friction coefficients, ``object_x`` and ``object_y`` [m] of one that
-        is fixed.
+        is fixed; ``contact_friction_1`` and so on, ``contact_friction_tip``: friction at a station as a share of its
+        limit [1], as of ``touch``, which then follows no law.
 
     Attributes
     ----------
@@ -130,25 +136,29 @@ class System(Functions):
         self.x_names = [*model.x_names, *(body.x_names if body else []), *(z for pair in pairs for z in pair.z_names)]
         self.w_names = [*model.w_names, *(body.w_names if body else [])]
         self.u_names = model.u_names
-        self.p_names = [*model.p_names, *(f"{name} [{OBJECT_PARAMETERS[name]}]" for name in self.object_parameters)]
+        units = [OBJECT_PARAMETERS.get(name, "1") for name in self.object_parameters]
+        own_names = (f"{name} [{unit}]" for name, unit in zip(self.object_parameters, units, strict=True))
+        self.p_names = [*model.p_names, *own_names]
         own = {"friction_factor": 1.0}
         if body:
             x, y = body.object.position
             own |= {"object_mass": body.object.mass, "object_x": x, "object_y": y}
-        self.p_nominal = [*model.p_nominal, *(own[name] for name in self.object_parameters)]
+        self.p_nominal = [*model.p_nominal, *(own.get(name, 0.0) for name in self.object_parameters)]
         self.nx, self.nw, self.np = len(self.x_names), len(self.w_names), len(self.p_names)
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings
         moves = around is not None and around.object_moves
+        stations = [f"{k + 1}" for k in range(len(self.finger_model.contacts))]
+        known = [*OBJECT_PARAMETERS, *map(friction_parameter, (*stations, "tip"))]
         for k, name in enumerate(names):
             key = f"object_parameters[{k}]"
-            if name not in OBJECT_PARAMETERS or name in names[:k]:
-                raise InputError(
-                    f"expected each of {', '.join(OBJECT_PARAMETERS)} once at most, got {name!r:.60}", key=key
-                )
+            if name not in known or name in names[:k]:
+                raise InputError(f"expected each of {', '.join(known)} once at most, got {name!r:.60}", key=key)
             if around is None:
                 raise InputError("needs an object", key=key)
+            if name.startswith(CONTACT_FRICTION) and (around.contact_law is None or not around.contact_law.friction):
+                raise InputError("needs contact_law.friction, of whose limit it is a share", key=key)
             if name in ("object_x", "object_y") and moves:
                 raise InputError("the position of an object that moves is in x", key=key)
             if name == "object_mass" and not moves:

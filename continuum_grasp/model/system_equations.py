@@ -13,12 +13,20 @@ from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
 """What of an object can be a run-time argument, and its unit: mass, if it moves; a factor of all its friction
 coefficients; where it is, if it is fixed."""
+CONTACT_FRICTION = "contact_friction_"
+"""Before the name of a station, ``1`` and so on or ``tip``, a run-time argument too: friction there as a share of its
+limit [1], along the object's normal turned by +90 degrees on the finger, in place of the law of its states."""
+
+
+def friction_parameter(station: str) -> str:
+    """Name of the run-time argument that has the friction at a station, ``finger.1`` and so on or ``finger.tip``."""
+    return CONTACT_FRICTION + station.removeprefix("finger.")
 
 
 class SystemEquations(Equations):
@@ -38,12 +46,14 @@ class SystemEquations(Equations):
     ) -> None:
         super().__init__(structure)
         self._around, self._pressed = surroundings, pressed
+        self._shares: dict[str, ca.SX] = {}
         self.press = ca.SX(0, 1)
         self.body: Body | None = None
         if surroundings is None or surroundings.object is None:
             return
         symbols = {name: ca.SX.sym(name) for name in runtime}
         self.p = ca.vertcat(self.p, *symbols.values())
+        self._shares = {name: value for name, value in symbols.items() if name.startswith(CONTACT_FRICTION)}
         mass, grip = symbols.get("object_mass"), symbols.get("friction_factor", 1.0)
         x, y = surroundings.object.position
         place = symbols.get("object_x", x), symbols.get("object_y", y)
@@ -77,10 +87,14 @@ class SystemEquations(Equations):
         if around is None or body is None or around.contact_law is None:
             return []
         law = around.contact_law
-        stations = [disc_pair(body, law, station) for _, station in self._stations]
+        shares = [self._shares.get(friction_parameter(station.name)) for _, station in self._stations]
+        stations = [
+            disc_pair(body, law, station, share=share)
+            for (_, station), share in zip(self._stations, shares, strict=True)
+        ]
         pairs: list[Pair] = [*stations, *support_pairs(body, law, around.walls, around.pegs)]
         if around.table is not None:
-            pairs.append(table_pair(body, law, around.table.friction))
+            pairs += table_pairs(body, law, around.table)
         return [pair.pressed() for pair in pairs] if self._pressed else pairs
 
     @cached_property

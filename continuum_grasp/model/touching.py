@@ -13,7 +13,7 @@ from continuum_grasp.model.contact_law import friction_rate, friction_share, nor
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
-from continuum_grasp.scene.surroundings import ContactLaw
+from continuum_grasp.scene.surroundings import ContactLaw, Table
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class Pair:
     law: ContactLaw
     is_table: bool = False
     press: ca.SX = field(default_factory=ca.SX)  # what the gap is made smaller by [m]; empty where it is what it is
+    share: Scalar | None = None  # of the limit that friction takes in the plane [1]; None: by the law
 
     def pressed(self) -> Pair:
         """The same with a gap that is smaller by a run-time number ``press``."""
@@ -56,7 +57,7 @@ class Pair:
     @cached_property
     def z(self) -> ca.SX:
         """Friction states, one per direction where the law has them."""
-        has_states = self.friction > 0.0 and self.law.displacement is not None
+        has_states = self.friction > 0.0 and self.law.displacement is not None and self.share is None
         return ca.SX.sym(self.name, len(self.slip) if has_states else 0)
 
     @property
@@ -85,6 +86,8 @@ class Pair:
         if self.friction == 0.0:
             return [0.0 for _ in self.slip]
         limit = self.grip * self.friction * self.normal_force
+        if self.share is not None:
+            return [limit * self.share, *[0.0] * (len(self.slip) - 1)]
         return [limit * share for share in friction_share(self.law, ca.vertsplit(self.z), self.slip)]
 
     @property
@@ -127,15 +130,25 @@ def table_pair(body: Body, law: ContactLaw, friction: float) -> Pair:
     )
 
 
-def disc_pair(body: Body, law: ContactLaw, disc: Station, friction: float | None = None) -> Pair:
-    """A disc against the nearest part of the object."""
+def table_pairs(body: Body, law: ContactLaw, table: Table) -> list[Pair]:
+    """The table under an object, out of the plane or in it; its height is a run-time number."""
+    if table.wall is None:
+        return [table_pair(body, law, table.friction)]
+    return [replace(pair, gap=pair.gap - body.wrench[3]) for pair in support_pairs(body, law, [table.wall], [])]
+
+
+def disc_pair(
+    body: Body, law: ContactLaw, disc: Station, friction: float | None = None, share: Scalar | None = None
+) -> Pair:
+    """A disc against the nearest part of the object; of its friction the ``share`` that is used may be given."""
     found = nearest(body.object.parts, body.local(disc.center))
     normal = body.turn.apply(found.normal)
     # The force acts on the disc's surface, where the turning of the disc moves it too.
     lever = normal.scaled(-disc.radius)
     point = disc.center + lever
     other = disc.velocity + lever.perp().scaled(disc.spin)
-    return _pair(disc.name, body, law, friction, found.distance - disc.radius, normal, point, other)
+    pair = _pair(disc.name, body, law, friction, found.distance - disc.radius, normal, point, other)
+    return replace(pair, share=share)
 
 
 def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:

@@ -12,6 +12,7 @@ second tendon on a pulley ``start`` less that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,9 @@ SLOW = 0.05
 """Angular velocity below which dry friction without a memory is rounded off [rad/s]: 0.4 mm/s on a drum of 8 mm."""
 SOFT = 20e-6
 """Half the length in which a tendon goes from slack to taut [m]: 0.4 N of a cable of 20 N/mm."""
+
+_ROUNDING = 1e-9
+"""Relative error of a torque at rest that is none [1]: above that of an equilibrium's residual."""
 
 
 @dataclass(frozen=True)
@@ -101,22 +105,51 @@ class Winch:
         """Position of what winds up under a command, of tendons whose paths and elongation [m] draw cable in."""
         if self.follows:
             return command
-        found = self.position(drawn, tensions)
-        gain = self.drive.position_gain if isinstance(self.drive, MotorDrive) else None
-        if gain is None or not isinstance(self.drive, MotorDrive):
+        found, drive = self.position(drawn, tensions), self.drive
+        if not isinstance(drive, MotorDrive) or drive.position_gain is None:
             return found
         paths = [y - c * tension for y, c, tension in zip(drawn, compliances, tensions, strict=True)]
-        angle = self._angle_at_rest(command, compliances, paths)
-        return ca.if_else(ca.fabs(gain * (command - angle)) < self.drive.torque_max, angle, found)
+        angle = self._servo_at_rest(command, compliances, paths)
+        return ca.if_else(ca.fabs(self._servo_torque(command, angle)) < drive.torque_max, angle, found)
 
-    def at(self, position: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
-        """States at rest where what winds up is, under tensions [N]."""
+    def at(self, position: Scalar, tensions: Sequence[Scalar], command: Scalar) -> list[Scalar]:
+        """States at rest where what winds up is, under tensions [N] and a command."""
         found: list[Scalar] = [position, *[0.0] * (self.states - 1)]
         if self.has_backlash and isinstance(self.drive, MotorDrive):
-            torque = self._pull(tensions)
+            torque, half = self._pull(tensions), 0.5 * self.drive.backlash
             found[-1] = position
-            found[0] += torque / (self.drive.gear_stiffness or 1.0) + 0.5 * self.drive.backlash * ca.sign(torque)
+            ahead = torque / (self.drive.gear_stiffness or 1.0)
+            if self.drive.position_gain is None:
+                found[0] += ahead + half * ca.sign(torque)
+            else:
+                # Between the flanks a servo is where it is commanded; otherwise it is on the flank that bears.
+                found[0] += ahead + ca.fmin(ca.fmax(command - position, -half), half)
         return found
+
+    def holding(
+        self, states: Sequence[float], tensions: Sequence[float], friction: float | None = None
+    ) -> tuple[float, float]:
+        """Least and greatest command under which a motor at rest stays where it is by its dry friction [N m].
+
+        ``friction`` is that of the drive where not given.
+        """
+        drive = self.drive
+        if not isinstance(drive, MotorDrive):
+            raise TypeError("a winch that follows a length is where it is commanded")
+        pull, most = float(self._pull(tensions)), drive.torque_max
+        dry = drive.coulomb_friction if friction is None else friction
+        least, greatest = pull - dry, pull + dry
+        # Without friction a motor that gives all its torque balances all of it: rounding must not be too much.
+        if least > most * (1.0 + _ROUNDING) or greatest < -most * (1.0 + _ROUNDING):
+            return math.nan, math.nan
+        if drive.position_gain is None:
+            scale = drive.torque_constant or 1.0
+            return max(least, -most) / scale, min(greatest, most) / scale
+        angle = float(states[0])
+        return (
+            angle + least / drive.position_gain if least > -most else -math.inf,
+            angle + greatest / drive.position_gain if greatest < most else math.inf,
+        )
 
     def wound_rates(self, speed: Scalar) -> list[Scalar]:
         """Rate of it [m/s]."""
@@ -199,21 +232,52 @@ class Winch:
         On a pulley they are (y_0 + a) / C1 and (y_0 - a) / C2, with a such that their difference balances the torque;
         where that leaves the one slack, the other bears the torque alone.
         """
-        pull = self.torque(command, self._angle_at_rest(command, compliances, paths)) / self.radius
+        pull = self._torque_at_rest(command, compliances, paths) / self.radius
         if len(self.tendons) == 1:
             return [ca.fmax(pull, 0.0)]
         first, second = compliances
         released = ca.fmax(ca.fmax((2.0 * self.start - first * pull) / (first + second), -pull), 0.0)
         return [released + pull, released]
 
-    def _angle_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Angle of a motor under a position servo of boundless torque [rad].
+    def _torque_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Torque of a motor at rest [N m]."""
+        drive = self.drive
+        if not isinstance(drive, MotorDrive) or drive.position_gain is None:
+            return self.torque(command)
+        wanted = self._servo_torque(command, self._servo_at_rest(command, compliances, paths))
+        return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
 
-        The torque of the tensions grows with the angle by straight pieces, with one tendon taut, both or none.
+    def _servo_torque(self, command: Scalar, angle: Scalar) -> Scalar:
+        """Torque of a servo without bounds [N m] at rest where its drum is: servo and gear, one behind the other."""
+        gain, half = self._servo
+        away = command - angle
+        return gain * (away - (ca.fmin(ca.fmax(away, -half), half) if half else 0.0))
+
+    @property
+    def _servo(self) -> tuple[float, float]:
+        """Torque of a servo at rest per angle of the drum [N m/rad], and half its play [rad]."""
+        drive = self.drive
+        if not isinstance(drive, MotorDrive) or drive.position_gain is None:
+            raise TypeError("a drive without a servo has no gain")
+        yields = 1.0 / drive.position_gain + (1.0 / drive.gear_stiffness if drive.gear_stiffness else 0.0)
+        return 1.0 / yields, 0.5 * drive.backlash
+
+    def _servo_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Angle of the drum of a motor under a position servo of boundless torque [rad].
+
+        In a play the drum is where the tensions balance, as far as the flanks let it.
         """
-        gain = self.drive.position_gain if isinstance(self.drive, MotorDrive) else None
-        if gain is None:
-            return 0.0
+        gain, half = self._servo
+        if not half:
+            return self._balanced(gain, command, compliances, paths)
+        low, high = (self._balanced(gain, command + side * half, compliances, paths) for side in (-1.0, 1.0))
+        return ca.fmin(ca.fmax(self._balanced(0.0, command, compliances, paths), low), high)
+
+    def _balanced(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Angle [rad] at which the tensions balance a torque of a gain [N m/rad] towards a command.
+
+        Their torque grows with the angle by straight pieces, with one tendon taut, both or none.
+        """
         radius, slopes = self.radius, [self.radius**2 / c for c in compliances]
         turns = [(path - self.start) / radius for path in paths]  # at which each is just taut
         first = (gain * command + slopes[0] * turns[0]) / (gain + slopes[0])
@@ -223,7 +287,9 @@ class Winch:
         second = (gain * command - slopes[1] * turns[1]) / (gain + slopes[1])
         pulled = gain * command + slopes[0] * turns[0] - slopes[1] * turns[1]
         taut = pulled / (gain + slopes[0] + slopes[1])
-        between = ca.if_else(ca.SX(turns[0]) < -turns[1], taut, command)
+        # None taut: all of the torque is that towards the command; without any, the command as far as none is.
+        none = command if gain else ca.fmin(ca.fmax(command, low), high)
+        between = ca.if_else(ca.SX(turns[0]) < -turns[1], taut, none)
         return ca.if_else(between < low, second, ca.if_else(between > high, first, between))
 
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:

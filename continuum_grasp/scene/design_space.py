@@ -125,18 +125,24 @@ class DesignSpace:
                 found = GraspScene.model_validate(data)
             except ValidationError as error:
                 raise input_error(error, GraspScene, Document(data, document.places)) from error
-        if found.state_columns:
-            raise InputError(
-                "must be pulled in a design: its derivatives are those of one posture, not of the tightest grasp for "
-                "all friction states of the tendons; try the result with friction_states: any",
-                key="friction_states",
-            )
+        _check_payload(self.design, found)
         return found
 
     @property
     def start(self) -> list[float]:
         """Values where the search starts."""
         return [one.start for one in self.coordinates]
+
+
+def _check_payload(design: Design, scene: GraspScene) -> None:
+    """Refuse to seek the greatest mass of grasps that must hold for many errors or friction states."""
+    key = "robust" if scene.robust is not None else "friction_states" if scene.state_columns else ""
+    if key and "payload" in design.used:
+        raise InputError(
+            "payload is that of one posture, not of a grasp that must hold for many; expected another cost and other "
+            "limits, or friction_states: pulled without robust",
+            key=key,
+        )
 
 
 def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:
@@ -152,6 +158,7 @@ class _Resolver(SceneKeys):
     def space(self) -> DesignSpace:
         design, keys = self.design, list(self.design.variables)
         scene = validated(self.base, GraspScene)
+        _check_payload(design, scene)
         coordinates = [self._coordinate(key, variable, scene) for key, variable in design.variables.items()]
         following = []
         for key, follow in design.follow.items():

@@ -108,8 +108,6 @@ class MotorDrive(_Winch):
             raise ValueError("backlash and gear_stiffness need each other")
         if self.backlash > 0.0 and self.arrangement == "per_tendon":
             raise ValueError("backlash has no effect per_tendon: a tendon loads one flank alone; see slack")
-        if self.backlash > 0.0 and self.position_gain is not None:
-            raise ValueError("backlash under position_gain is not modeled: command torques, or leave it out")
 
     @property
     def key(self) -> str:

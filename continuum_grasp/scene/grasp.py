@@ -35,6 +35,9 @@ from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
+_RELEASED = 1.4
+"""How much further an element may bend by default whose tendons may slide back: at tensions that stay it bent by 1.8,
+2.7 and 3.6 rad with friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 
@@ -298,6 +301,11 @@ class GraspScene(Value):
             if contacts["stations"] is None
             else tuple(low + (high - low) * k / (len(middles) - 1) for k in range(len(middles)))
         )
+        # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
+        # greatest curvature counts, by 180.
+        bends = max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi)
+        if self.friction_states == "any" and finger.has_tendon_friction:
+            bends = max(bends, min(_RELEASED * bends, ONE_TURN))
         return FingerSetup(
             name=name,
             finger=finger,
@@ -306,10 +314,7 @@ class GraspScene(Value):
             before=(after,) if isinstance(after, int) else after,
             elements=count,
             family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
-            # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
-            # greatest curvature counts, by 180.
-            bending_range=fidelity.bending_range
-            or max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi),
+            bending_range=fidelity.bending_range or bends,
             accuracy=fidelity.accuracy,
             middle_bounds=(low, high),
             stations=stations,

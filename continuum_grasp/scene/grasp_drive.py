@@ -50,9 +50,11 @@ class DriveLaw:
 
     @property
     def servo(self) -> float:
-        """Cable that a position servo yields per tension [m/N]."""
-        gain = self.drive.position_gain if isinstance(self.drive, MotorDrive) else None
-        return 0.0 if gain is None else self.radius**2 / gain
+        """Cable that a position servo yields per tension [m/N], with the twist of a gear whose flank bears."""
+        if not isinstance(self.drive, MotorDrive) or self.drive.position_gain is None:
+            return 0.0
+        gear = 0.0 if self.drive.gear_stiffness is None else 1.0 / self.drive.gear_stiffness
+        return self.radius**2 * (1.0 / self.drive.position_gain + gear)
 
     @property
     def friction(self) -> float:

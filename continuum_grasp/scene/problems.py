@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, plain
+from continuum_grasp.scene.document import Document, KeyPath, Place, dotted, plain
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
 
@@ -187,7 +187,8 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             return Problem(path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}{hint}")
         case "value_error":
             message = str(context.get("error", error["msg"]))
-            return Problem(_mentioned(message, path, data), message)
+            mentioned = _mentioned(message, path, data)
+            return Problem(mentioned, message.removeprefix(f"{dotted(mentioned[len(path) :])}: "))
     return Problem(path, f"{error['msg']}; got {_show(got)}")
 
 

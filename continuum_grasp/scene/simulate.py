@@ -73,8 +73,9 @@ class Initial(Value):
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "state"] | None = None
     """How the finger came to be where it is, where tendons or bending have friction. pulling: from straight, tendons
-    slid and the finger was bent all the way; releasing: it was bent further, and all that slid back; state: by
-    ``friction_states``. None: nothing slid, and friction is zero; an equilibrium needs one of the others."""
+    slid and the finger was bent all the way; releasing: it was bent so much further, to the same side, that all has
+    slid back since, by twice its presliding or more; state: by ``friction_states``. None: nothing slid, and friction
+    is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
     """Which way friction acts in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
 

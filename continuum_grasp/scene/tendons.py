@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
@@ -51,6 +52,16 @@ class _Tensions(Value):
     """Stiffness of what is between the drive and the finger, free cable, springs, gear, in series [N/m]."""
     drive: WinchDrive | None = None
     """A winch or a motor, which need both stiffnesses; None: the tension is commanded."""
+
+    @field_validator("drive", mode="before")
+    @classmethod
+    def _no_tension_drive(cls, given: object) -> object:
+        if isinstance(given, Mapping) and given.get("kind") == "tension":
+            raise ValueError(
+                "tensions are commanded where drive is left out: leave it out here too; the lag of what commands them "
+                "is time_constant of the tendons, beside max_tension"
+            )
+        return given
 
     def _check(self) -> None:
         if self.drive is None:

@@ -14,7 +14,7 @@ from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under, friction_of
+from continuum_grasp.simulation.statics import equilibrium_under, friction_of, released_states
 
 Array = NDArray[np.float64]
 
@@ -82,8 +82,8 @@ def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -
     model.structure.check_reached_by(initial)
     if initial.friction_states is not None:
         return np.array(initial.friction_states)
-    slid = np.clip(np.array(model.sliding()(q, u, model.p_nominal)).ravel(), -1.0, 1.0)
-    return np.asarray(slid if initial.reached_by == "pulling" else -slid)
+    slid = np.array(model.sliding()(q, u, model.p_nominal)).ravel()
+    return np.clip(slid, -1.0, 1.0) if initial.reached_by == "pulling" else released_states(slid)
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

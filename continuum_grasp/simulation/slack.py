@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,6 +61,42 @@ def slack_times(t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
         after = [*instants.tolist(), np.inf]
         found += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
     return found
+
+
+@dataclass(frozen=True)
+class TensionLimit:
+    """A tendon that an equilibrium leaves slack, or pulls harder than it may be pulled.
+
+    Attributes
+    ----------
+    kind : {"slack", "max_tension"}
+    tendon : int
+        Which one, from 1.
+    tension, limit : float
+        At the drive, and what it may be [N]: at least, of one that is slack.
+    """
+
+    kind: Literal["slack", "max_tension"]
+    tendon: int
+    tension: float
+    limit: float
+
+    def __str__(self) -> str:
+        if self.kind == "slack":
+            return f"tendon {self.tendon} is slack: nothing pulls there"
+        return f"tendon {self.tendon} exceeds max_tension = {self.limit:g} N ({self.tension:.3g} N)"
+
+
+def tension_limits(finger: Finger, tensions: NDArray[np.float64] | None) -> tuple[TensionLimit, ...]:
+    """Limits that tensions (tendons,) [N] at rest do not satisfy; slack is one where winches and motors pull."""
+    found: list[TensionLimit] = []
+    for k, tendon in enumerate(finger.tendon_list if tensions is not None else ()):
+        own = float(tensions[k]) if tensions is not None else 0.0
+        if own > tendon.max_tension:
+            found.append(TensionLimit("max_tension", k + 1, own, tendon.max_tension))
+        elif finger.winches and own < _SLACK:
+            found.append(TensionLimit("slack", k + 1, own, _SLACK))
+    return tuple(found)
 
 
 def tension_warnings(finger: Finger, t: NDArray[np.float64], tensions: NDArray[np.float64] | None) -> tuple[str, ...]:

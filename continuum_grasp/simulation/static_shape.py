@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.trajectory import acting_forces
 
 Array = NDArray[np.float64]
@@ -37,7 +39,9 @@ class Equilibrium(Result):
     history : (states + 1,) ndarray
         Friction that it has, as functions of the model take it; empty without friction.
     warnings : tuple of str
-        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near.
+        Elements that are bent beyond their declared range or the strain limit; a buckling load that is near; `limits`.
+    limits : tuple of TensionLimit
+        Tendons that are pulled harder than their ``max_tension``, and those that winches and motors leave slack.
     """
 
     kind: ClassVar[str] = "equilibrium"
@@ -47,6 +51,8 @@ class Equilibrium(Result):
         Stored("w", "(force_component,)", "", "forces and moments that it is an equilibrium of"),
         Stored("p", "(parameter,)", "", "parameters of the model"),
         Stored("friction_states", "(friction_cell,)", "1", "which way friction acts, per friction state"),
+        Stored("tensions", "(tendon,)", "N", "tensions at the drives"),
+        Stored("commands", "(drive, end)", "", "least and greatest command under which motors stay where they are"),
         Stored("tip", "(xy,)", "m", "world position of the tip"),
         Stored("places", "(place,)", "m", "positions along the finger, from base to tip"),
         Stored("shape", "(place, xy)", "m", "world positions of the backbone there"),
@@ -57,6 +63,9 @@ class Equilibrium(Result):
         Dimension("force_component", "forces and moments that act, in the world's axes", "model.w_names"),
         Dimension("parameter", "run-time parameters", "model.p_names"),
         Dimension("friction_cell", "states of friction of the tendons and in bending", "model.friction_names"),
+        Dimension("tendon", "tendons, that on the -X side first", "tendon_numbers"),
+        Dimension("drive", "motors", "drive_numbers"),
+        Dimension("end", "least and greatest"),
         Dimension("place", "places along the finger", "places", "m"),
         XY,
     )
@@ -83,6 +92,51 @@ class Equilibrium(Result):
         *states, moved = self.history
         slid = np.array(self.model.sliding()(self.q, self.u, self.p)).ravel()
         return np.asarray(np.clip(states + moved * slid, -1.0, 1.0))
+
+    @cached_property
+    def tensions(self) -> Array | None:
+        """Tensions (tendons,) at the drives [N]; None of a finger without tendons."""
+        count = len(self.model.finger.tendon_list)
+        if not self.model.structure.own_tendons:
+            return self.u[:count] if count else None
+        history = (self.history,) if self.history.size else ()
+        return np.array(self.model.tensions_at_rest()(self.q, self.u, self.p, *history)).ravel()
+
+    @property
+    def tendon_numbers(self) -> NDArray[np.int64]:
+        """Numbers of the tendons, from one."""
+        return np.arange(1, len(self.model.finger.tendon_list) + 1)
+
+    @property
+    def drive_numbers(self) -> NDArray[np.int64]:
+        """Numbers of the motors, from one."""
+        return np.arange(1, len(self.model.finger.winches) + 1)
+
+    @property
+    def limits(self) -> tuple[TensionLimit, ...]:
+        """Limits that tensions exceed, and tendons that are slack."""
+        return tension_limits(self.model.finger, self.tensions)
+
+    @cached_property
+    def commands(self) -> Array | None:
+        """Least and greatest command (motors, 2) under which motors stay here; None without motors.
+
+        Dry friction of a motor holds it under every command between: torque [N m], current [A] or angle [rad]. Pulled
+        up to here it needs the one, let out to here the other: of a motor that winds up, the greatest and the least.
+        Where a motor cannot hold (``torque_max``), both are nan; where a servo gives all its torque and holds, the
+        angle has no bound on that side.
+        """
+        winches = self.model.structure.winches
+        if self.tensions is None or not winches or any(winch.follows for winch in winches):
+            return None
+        drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
+        own = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
+        found, at = [], len(drives) - sum(winch.states for winch in winches)
+        for winch in winches:
+            tensions = [float(self.tensions[k]) for k in winch.tendons]
+            found.append(winch.holding(drives[at : at + winch.states], tensions, own))
+            at += winch.states
+        return np.array(found)
 
     @property
     def status(self) -> str:

@@ -38,7 +38,7 @@ number."""
 _MOST_TURNS = 8
 """Searches in which the directions of friction settle [1]."""
 _SAME_STATE = 1e-6
-"""Change of a friction state that is none [1]."""
+"""Sliding per its range that is none [1]: far above rounding."""
 
 
 class Search:
@@ -82,7 +82,7 @@ class Search:
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
         residual = float(np.abs(missing).max() / self._scale(q))
-        return Equilibrium(
+        found = Equilibrium(
             q,
             self._u,
             self._w,
@@ -92,9 +92,9 @@ class Search:
             residual,
             iterations,
             self._model,
-            warnings,
             history=self._history,
         )
+        return replace(found, warnings=(*warnings, *map(str, found.limits)))
 
     def _checked(self, q: Array) -> tuple[str, ...]:
         """Warnings of a shape that the model is good for."""
@@ -299,12 +299,12 @@ def equilibrium_under(
     # Pulled from straight: states are what was slid and bent, most at an end of their range.
     search = Search(model, given, forces, p, np.append(history, 1.0))
     found = search.find(search.rest() if start is None else start, stable, side)
+    states = released_states(_slid(model, found.q, given, p))
     for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
-        states = -found.friction_states if not np.any(history) else history
         found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = -np.clip(_slid(model, found.q, given, p), -1.0, 1.0)
-        if np.abs(history - states).max() <= _SAME_STATE:
+        before, states = states, released_states(_slid(model, found.q, given, p))
+        if np.array_equal(before, states):
             break
     return found
 
@@ -355,6 +355,15 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         path.append(Search(*given, history).find(q, True, side))
         states = path[-1].friction_states
     return path
+
+
+def released_states(slid: Array) -> Array:
+    """Friction states at a shape that was reached from far beyond it, by what ``slid`` since the finger was straight.
+
+    A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it slid.
+    Where nothing slid at all, nothing says from which side.
+    """
+    return np.asarray(np.where(np.abs(slid) > _SAME_STATE, -np.sign(slid), 0.0))
 
 
 def _slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:

@@ -85,6 +85,17 @@ def test_the_reference_knows_its_error(release):
     assert 0.0 < reference.error < 1e-5
 
 
+@pytest.mark.slow
+def test_the_reference_is_found_for_stiff_drives_too():
+    """The hand's finger on winches, with friction, against steps of variable length and order."""
+    scene = cg.load("configs/simulate/winch_loop.yaml", ["time.duration=0.1"])
+    reference = reference_motion(scene, find_truth(scene))
+    fidelity = {"family": "clothoid", "elements": 12}
+    timing = {"duration": 0.1, "step": 0.1 / (len(reference.t) - 1), "method": "reference"}
+    fine = cg.simulate(scene.replaced(fidelity=fidelity, time=timing))
+    assert np.abs(fine.tip - reference.tip).max() < 1e-5 * scene.finger.rod.length
+
+
 def test_it_is_saved_whole(report, tmp_path):
     report.save(tmp_path)
     report.save_pictures(tmp_path)

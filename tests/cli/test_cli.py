@@ -177,6 +177,20 @@ def test_validate_names_the_line_of_what_a_model_cannot_be(tmp_path):
     assert run("validate", str(ROOT / "configs/grasp/mug.yaml"), "--set", "fidelity.bending_range=7").exit_code == 2
 
 
+def test_what_is_found_late_is_placed_too(tmp_path):
+    scene = ROOT / "configs/simulate/winch_loop.yaml"
+    file = tmp_path / "scene.yaml"
+    file.write_text(scene.read_text().replace("../fingers", str(ROOT / "configs/fingers")))
+    (line,) = [k for k, words in enumerate(file.read_text().splitlines(), 1) if words.startswith("initial")]
+    missing = "initial.reached_by: tendons with friction hold a finger anywhere between two shapes"
+    for command in ("validate", "simulate", "modes"):
+        result = run(command, str(file), "--set", "initial.pose=equilibrium")
+        assert result.exit_code == 2
+        assert f"{file}:{line}:1: {missing}" in result.stderr
+    result = run("mpc", str(ROOT / "configs/mission/mug.yaml"), "--compare", "--out", str(tmp_path))
+    assert result.stderr == "error: --compare: is not for missions\n"
+
+
 def test_schema_prints_and_writes(tmp_path):
     printed = json.loads(run("schema", "simulate").stdout)
     assert run("schema", "--out", str(tmp_path / "new")).exit_code == 0

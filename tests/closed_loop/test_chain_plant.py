@@ -6,9 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.chain_integration import ChainIntegration
+from continuum_grasp.closed_loop.hinge_chain import HingeChain
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.scene.control import ControlScene
@@ -125,6 +127,60 @@ def test_mirrored_fingers_move_alike():
         u = 6.0 + 5.0 * np.sin(0.15 * k), 4.0 + 3.0 * np.cos(0.2 * k)
         angles = found[0].go(u, 2e-3, 2), found[1].go(u[::-1], 2e-3, 2)
         assert angles[0] == pytest.approx(-angles[1], abs=1e-9)
+
+
+def test_it_sags_under_its_weight_as_a_beam_does():
+    """Gravity across, so little that bends stay small: w L3/(6 EI) + m g L2/(2 EI) at the tip."""
+    chain = Chain({**MOVING, "tendons": single(0.0)}, 40, gravity=[0.1, 0.0])
+    angle = chain.go([0.0], 4.0, 800)
+    weight, tip = 0.1 * 0.034, 0.1 * 0.002
+    wanted = weight * LENGTH**3 / (6.0 * STIFFNESS) + tip * LENGTH**2 / (2.0 * STIFFNESS)
+    assert angle == pytest.approx(-wanted, rel=2e-3)
+
+
+def test_a_tapered_chain_has_the_integrals_of_its_rod():
+    """A cone: its compliance in closed form, mass moments about the first hinge as integrals of polynomials."""
+    length, wide, narrow, young, density, n = 0.2, 3e-3, 1.5e-3, 60e9, 6500.0, 10
+    section = {"to": length, "diameter": [wide, narrow]}
+    rod = {"length": length, "youngs_modulus": young, "density": density, "sections": [section]}
+    finger = cg.Finger(rod=rod, half_thickness=6e-3, tendons={"offset": 5e-3, "max_tension": 60.0})
+    chain = HingeChain(finger, n, axial_stiffness=1e4)
+    stiffness, _, _ = chain.elasticity
+    slope = (wide - narrow) / length
+    compliance = 64.0 / (np.pi * young) * (narrow**-3 - wide**-3) / (3.0 * slope)
+    assert np.sum(1.0 / stiffness) == pytest.approx(compliance, rel=1e-10)
+    diameter, lever = Polynomial([wide, -slope]), Polynomial([-0.5 * length / n, 1.0])
+    per_length, rotary = density * np.pi / 4.0 * diameter**2, density * np.pi / 64.0 * diameter**4
+    integrals = ((per_length * lever**2 + rotary).integ(), (per_length * lever).integ())
+    turning, weight = (one(length) - one(0.5 * length / n) for one in integrals)
+    products, moments = chain.inertia
+    assert np.sum(products) == pytest.approx(turning, rel=1e-10)
+    assert np.sum(moments) == pytest.approx(weight, rel=1e-10)
+
+
+def test_a_slack_chain_rests_in_its_own_curvature():
+    chain = Chain({**MOVING, "rest_curvature": 3.0, "tendons": single(0.1)}, 12)
+    assert chain.go([0.0], 4.0, 800) == pytest.approx(3.0 * LENGTH, rel=1e-4)  # it still swings a little
+
+
+@pytest.mark.parametrize("arrangement", ["one_pulley", "per_tendon"])
+def test_a_motor_at_rest_holds_what_its_tendons_pull(arrangement):
+    """The torque of its servo is radius times tension, on a pulley times the difference."""
+    drive = {"kind": "motor", "arrangement": arrangement, "winch_radius": 0.008, "inertia": 2e-6, "pretension": 2.0}
+    drive |= {"torque_max": 0.4, "position_gain": 0.8, "rate_gain": 2.5e-3}
+    tendons = PAIR | {"friction": 0.1, "axial_stiffness": 1e4, "series_stiffness": 3e4, "drive": drive}
+    control = {"horizon": {"stages": 5}, "cost": {"tip": {"running": 1.0}, "effort": 1e-3}}
+    control["input"] = {"angles": [-1.5, 1.5]}
+    chain = Chain({**MOVING, "tendons": tendons}, 12, controller=control)
+    u = np.array([0.7, -0.2])[: 1 if arrangement == "one_pulley" else 2]
+    chain.go(u, 4.0, 1600)
+    system = chain.model.system
+    pulls = np.array(system.tensions(chain.x, u, [])).ravel()
+    at = [k for k, name in enumerate(system.x_names) if name.startswith("motor_angle") and "rate" not in name]
+    turned = chain.x[at]
+    wanted = [pulls[0] - pulls[1]] if arrangement == "one_pulley" else pulls
+    assert 0.8 * (u - turned) == pytest.approx(0.008 * np.asarray(wanted), rel=1e-4)
+    assert abs(wanted[0]) > 3.0
 
 
 def test_a_conduit_takes_its_share_before_the_finger():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
-from continuum_grasp.control.ocp.stages import stages_of
+from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.load import load
 

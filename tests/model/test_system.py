@@ -384,3 +384,49 @@ def test_weights_and_wrenches_move_a_free_body_as_they_should():
     arm = np.array([[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]]) @ [0.01, -0.005]
     expected = [0.6 + turning * arm[1], -2.0 - turning * arm[0], turning, -9.81]
     assert rate(model, x, w=w)[pose.stop : pose.stop + 4] == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("family", few(("arc", "clothoid"), 1))
+def test_a_share_of_the_friction_pushes_where_the_disc_touches(family):
+    item = pressed_on("disc", family, 1)
+    around = Surroundings(object=item, contact_law=LAW.model_copy(update={"dissipation": 0.0}))
+    model = System(
+        finger(),
+        surroundings=around,
+        contacts=AT,
+        family=family,
+        elements=3,
+        object_parameters=("contact_friction_2",),
+    )
+    assert model.p_names == ["contact_friction_2 [1]"]
+    share, u, w = -0.4, [0.0], np.zeros(model.nw)
+    n, x = model.n, np.array(model.state(shape_of(family, 1)[: model.n]))
+    _, normal, friction, _, force, _, out = (numbers(value) for value in model.touch(x, u, w, [share]))
+    assert friction[1] == pytest.approx(share * LAW.friction * normal[1])
+    away = out[:, 1]
+    tangent = np.array([-away[1], away[0]])
+    assert -force[:, 1] == pytest.approx(normal[1] * away + friction[1] * tangent)
+    # Virtual work: the point of the disc that touches moves with its center and turns with its section.
+    sections = model.sections([AT[1]])
+
+    def touching(q):
+        center, angle = (numbers(value) for value in sections(np.concatenate([q, x[n:]]), u, [share]))
+        turn = float(angle) - float(numbers(sections(x, u, [share])[1]))
+        lever = -float(finger().half_thickness) * away
+        c, s = math.cos(turn), math.sin(turn)
+        return center + np.array([[c, -s], [s, c]]) @ lever
+
+    moved = np.array([approx_fprime(x[:n], lambda q, k=k: touching(q)[k], 1e-7) for k in range(2)])
+    mass = numbers(model.internal(x, u, [share])[0])
+    rates = [numbers(model.forward_dynamics(x, u, w, [given]))[n : 2 * n] for given in (share, 0.0)]
+    assert mass @ (rates[0] - rates[1]) == pytest.approx(moved.T @ (friction[1] * tangent), rel=1e-5)
+
+
+def test_a_share_of_no_friction_is_refused():
+    law = LAW.model_copy(update={"friction": 0.0})
+    around = Surroundings(object=SHAPES["disc"], contact_law=law)
+    with pytest.raises(InputError, match=r"contact_law\.friction"):
+        System(finger(), surroundings=around, contacts=AT, object_parameters=("contact_friction_tip",))
+    around = Surroundings(object=SHAPES["disc"], contact_law=LAW)
+    with pytest.raises(InputError, match="contact_friction_2"):
+        System(finger(), surroundings=around, contacts=AT, object_parameters=("contact_friction_3",))

@@ -153,13 +153,23 @@ def test_saved_results_have_the_declared_shapes(tmp_path: Path) -> None:
         cg.optimize_grasp(CONFIGS / "grasp" / "mug_arcs.yaml"),
     ]
     # tensions, and further modes, are those of winches and of friction, of which this finger has none
-    lacking = {"simulate": {"tensions"}, "modes": {"stuck_frequencies_hz", "free_frequencies_hz"}}
+    lacking = {
+        "simulate": {"tensions"},
+        "modes": {"stuck_frequencies_hz", "free_frequencies_hz"},
+        "equilibrium": {"tensions", "commands"},
+    }
     for result in results:
         arrays = type(result).read(result.save(tmp_path / type(result).__name__)).arrays
         assert set(arrays) == {one.name for one in result.declared()} - lacking.get(result.kind, set())
         assert_declared(result, arrays)
     pulley = cg.load(CONFIGS / "simulate" / "motor_pulley.yaml", ["time.duration=0.02", "initial.reached_by=pulling"])
-    for wound, name in ((cg.simulate(pulley), "tensions"), (cg.modes(pulley), "free_frequencies_hz")):
+    named = (
+        (cg.simulate(pulley), "tensions"),
+        (cg.modes(pulley), "free_frequencies_hz"),
+        (cg.equilibrium(pulley), "tensions"),
+        (cg.equilibrium(pulley), "commands"),
+    )
+    for wound, name in named:
         arrays = wound.read(wound.save(tmp_path / wound.kind)).arrays
         assert name in arrays
         assert_declared(wound, arrays)

@@ -151,7 +151,7 @@ WRONG = {
     ),
     "a material of nothing": (
         "youngs_modulus: 1e6\n    sections: [{to: 0.25, PLAIN}]",
-        "6:21: finger.rod.youngs_modulus: youngs_modulus: no section needs it",
+        "6:21: finger.rod.youngs_modulus: no section needs it",
     ),
     "an end before the tip": (
         "sections: [{to: 0.2, diameter: 0.01}]",
@@ -159,7 +159,7 @@ WRONG = {
     ),
     "jumps on each other": (
         "SOFT sections: [{to: 0.1, diameter: 0.01}, {to: 0.1000001, diameter: 0.02}, {to: 0.25, diameter: 0.01}]",
-        "finger.rod.sections[1]: sections[1]: 0.1 m and 0.1000001 m are closer than 1e-06 of the length",
+        "finger.rod.sections[1]: 0.1 m and 0.1000001 m are closer than 1e-06 of the length",
     ),
     "sections backwards": (
         "SOFT sections: [{to: 0.1, diameter: 0.01}, {to: 0.05, diameter: 0.02}, {to: 0.25, diameter: 0.01}]",
@@ -167,7 +167,7 @@ WRONG = {
     ),
     "a point": (
         "SOFT sections: [{to: 0.25, diameter: [0.02, 1e-6]}]",
-        "finger.rod.sections[0]: sections[0]: a thickness of 1e-06 m is less than 0.001 of that of the base",
+        "finger.rod.sections[0]: a thickness of 1e-06 m is less than 0.001 of that of the base",
     ),
     "stiffness of a point": (
         "sections: [{to: 0.25, bending_stiffness: [1, 1e-13], linear_density: 1}]",
@@ -199,7 +199,7 @@ WRONG = {
     ),
     "samples that end early": (
         "samples: {at: [0, 0.2], bending_stiffness: [1, 1], linear_density: [1, 1]}",
-        "finger.rod.samples.at: samples.at: the last, 0.2 m, must be the length",
+        "finger.rod.samples.at: the last, 0.2 m, must be the length",
     ),
     "samples that miss": (
         "samples: {at: [0, 0.25], bending_stiffness: [1], linear_density: [1, 1]}",

@@ -142,10 +142,10 @@ GRASPS = {
         "fidelity.bending_range=7",
         "fidelity.bending_range: fidelity.bending_range = 7.0 rad is more",
     ),
-    "friction at a matched tip": ("finger.tendons.friction=0.1", "fidelity.family: fidelity.family: matched_clothoid"),
+    "friction at a matched tip": ("finger.tendons.friction=0.1", "fidelity.family: matched_clothoid"),
     "one tendon": (
         "finger.tendons=[{offset: 0.005, max_tension: 60}]",
-        "finger.tendons: finger.tendons: a grasp needs a pair",
+        "finger.tendons: a grasp needs a pair",
     ),
     "an object without size": ("object.diameter=1e-300", "object.diameter: out of range"),
 }

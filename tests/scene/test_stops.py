@@ -78,7 +78,7 @@ def test_what_cannot_be_is_refused(name):
 def test_a_matched_tip_carries_neither_stops_nor_friction(keys, what):
     with pytest.raises(InputError) as caught:
         cg.Scene(finger=cg.Finger(rod=ROD, **keys), gravity=(0.0, 0.0), fidelity={"family": "matched_clothoid"})
-    words = f"Scene: fidelity.family: fidelity.family: matched_clothoid cannot carry {what}; use clothoid or arc"
+    words = f"Scene: fidelity.family: matched_clothoid cannot carry {what}; use clothoid or arc"
     assert str(caught.value) == words
 
 

@@ -105,7 +105,7 @@ REFUSED = {
     ),
     "outside of a cone": (
         lambda: finger({"offset": 0.004}, rod=CONE),
-        "Finger: tendons[0].offset: tendons[0].offset: 0.004 m at 0.25 m along the finger is more than half its",
+        "Finger: tendons[0].offset: 0.004 m at 0.25 m along the finger is more than half its",
     ),
     "a sheath without friction": (
         lambda: finger({"offset": 0.01, "conduit_bend": 1.0}),

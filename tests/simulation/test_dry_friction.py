@@ -13,7 +13,7 @@ import continuum_grasp as cg
 from continuum_grasp.accuracy import accuracy_report
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene import Damping, Finger, Rod, Scene
-from continuum_grasp.simulation import equilibrium_path, equilibrium_under
+from continuum_grasp.simulation import equilibrium_path, equilibrium_under, initial_state
 from tests.truth.bending_friction_chain import Chain, stop
 
 LENGTH, STIFFNESS = 0.3, 0.15
@@ -261,6 +261,17 @@ def test_poses_name_how_they_were_reached():
     states = pulled.friction_states
     same = equilibrium_under(model, pulled.u, pulled.w, reached_by="state", friction_states=states)
     assert same.q == pytest.approx(pulled.q, rel=1e-6)
+
+
+@pytest.mark.parametrize("moment", [0.01, 0.1, 1.0])
+def test_released_shapes_are_where_the_loop_comes_back(moment):
+    """Far out every stop is at its end; when it returns all turn, also those that end near the straight shape."""
+    bent = curvatures(way(0.0, 12.0, moment, step=0.01))[-1]
+    load = {"kind": "moment", "at": LENGTH, "moment": moment}
+    released = cg.equilibrium(scene(loads=[load], initial={"pose": "equilibrium", "reached_by": "releasing"}))
+    assert released.q[0] / LENGTH == pytest.approx(bent, rel=1e-9)
+    posed = scene(initial={"q": [0.01], "reached_by": "releasing"})
+    assert initial_state(posed, cg.FingerModel(posed))[-2:].tolist() == [-1.0, -1.0]
 
 
 def test_what_cannot_be_is_refused():

@@ -9,6 +9,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.tendon_friction import shares
 from continuum_grasp.simulation import equilibrium_path, equilibrium_under
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, STIFFNESS, Loaded, bend, finger, model, way
 from tests.truth.tendon import HingedFinger
@@ -291,3 +292,13 @@ def test_an_equilibrium_names_its_history():
         angle(reached_by="state")
     with pytest.raises(InputError, match=r"initial.reached_by has no effect: neither tendons nor bending"):
         cg.Scene(finger=finger(0.0), initial={"pose": "straight", "reached_by": "pulling"}, gravity=(0, 0))
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.4])
+def test_a_cell_pulls_as_hard_as_its_tension_does_on_average(loss):
+    """The mean of exp(-t) over the cell, and of a second one behind it; on the other side tension rises."""
+    found = shares([0.5 * loss, 0.5 * loss], None, (1.0, -1.0))
+    for side, means in zip((1.0, -1.0), found.mean, strict=True):
+        first = (1.0 - math.exp(-side * loss)) / (side * loss)
+        exact = [first, first * math.exp(-side * loss)]
+        assert [float(mean) for mean in means] == pytest.approx(exact, rel=2e-5)

@@ -235,6 +235,7 @@ REFUSED = {
     "no torque per current": ({"drive": {**MOTOR, "torque_constant": 0.0}}, "torque_constant"),
     "taut and slack": ({"drive": {**SERVO, "slack": 1e-3, "pretension": 1.0}}, "exclude each other"),
     "no drive": ({"drive": None}, "give a drive"),
+    "tensions by a drive": ({"drive": {"kind": "tension", "time_constant": 0.02}}, "time_constant of the tendons"),
 }
 
 
