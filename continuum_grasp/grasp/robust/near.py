@@ -18,6 +18,7 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from continuum_grasp.nlp import NLP, Attempt, Budget, Multipliers, Start, Status
 
@@ -143,15 +144,12 @@ class NearSolver:
         """Step of the unknowns, with multipliers of constraints and of bounds; None where the QP has no solution."""
         free, equal = start.low < start.high, start.lower == start.upper
         slope, jacobian, bend = slope[free], jacobian[:, free], bend[np.ix_(free, free)]
-        rows, n = jacobian[equal], slope.size
-        if n < len(rows):
-            return None
-        basis, right = np.linalg.qr(rows.T, mode="complete")
-        right = right[: len(rows)]
-        if np.abs(np.diag(right)).min(initial=np.inf) < _DEPENDENT:
-            return None
-        across, along = basis[:, : len(rows)], basis[:, len(rows) :]
-        shift = across @ np.linalg.solve(right.T, start.lower[equal] - g[equal])
+        basis, right, order = qr(jacobian[equal].T, pivoting=True)
+        # Equations that follow from others, as the balance of tilting on two contacts, hold with these or not at all.
+        rank = int((np.abs(np.diag(right)) > _DEPENDENT).sum())
+        rows, right, n = np.flatnonzero(equal)[order[:rank]], right[:rank, :rank], slope.size
+        across, along = basis[:, :rank], basis[:, rank:]
+        shift = across @ np.linalg.solve(right.T, start.lower[rows] - g[rows])
         limits = np.concatenate([jacobian[~equal], np.eye(n)])
         slopes = limits @ along
         size = np.linalg.norm(slopes, axis=1)
@@ -163,7 +161,7 @@ class NearSolver:
         high = (np.concatenate([start.upper[~equal], start.high[free]])[acts] - here) / size
         values, vectors = np.linalg.eigh(along.T @ bend @ along)
         values = np.maximum(values, _FLAT * max(float(np.abs(values).max(initial=0.0)), 1.0))
-        found = self._qp(n - len(rows), len(size))(
+        found = self._qp(n - rank, len(size))(
             h=(vectors * values) @ vectors.T,
             g=along.T @ (slope + bend @ shift),
             a=slopes / size[:, None],
@@ -181,7 +179,7 @@ class NearSolver:
         count = int((~equal).sum())
         step, forces, bounds = np.zeros(x.size), np.zeros(g.size), np.zeros(x.size)
         step[free], bounds[free], forces[~equal] = within, every[count:], every[:count]
-        forces[equal] = -np.linalg.solve(right, across.T @ (slope + bend @ within + limits.T @ pressed))
+        forces[rows] = -np.linalg.solve(right, across.T @ (slope + bend @ within + limits.T @ pressed))
         return step, forces, bounds
 
     def _qp(self, free: int, rows: int) -> ca.Function:
