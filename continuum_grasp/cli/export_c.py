@@ -27,8 +27,8 @@ def export_c(
         typer.Option(
             "--what",
             metavar="PART,...",
-            help="Some of dynamics, step, implicit_step, kinematics, statics; of a closed loop also estimator and mpc "
-            "(default: of a closed loop those two, else the others but implicit_step).",
+            help="Some of dynamics, step, implicit_step, kinematics, statics, linearization; of a closed loop also "
+            "estimator and mpc (default: of a closed loop those two, else dynamics, step, kinematics and statics).",
         ),
     ] = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
