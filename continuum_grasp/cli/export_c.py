@@ -94,7 +94,7 @@ def export_c(
             what=None if what is None else [name.strip() for name in what.split(",")],
             prefix=prefix,
             target=target,
-            ranges=_ranges(ranges or ()),
+            ranges=ranges_of(ranges or ()),
             step=step,
             substeps=substeps,
             error=error,
@@ -131,7 +131,7 @@ def _limits(made: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+def ranges_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Ranges as NAME=LEAST:MOST."""
     found = {}
     for word in words:

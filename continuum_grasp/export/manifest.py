@@ -130,6 +130,7 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
         "command_before": named(loop.command, loop.before),
         "first_setpoints": named(loop.reference, loop.wanted),
         "nominal_settings": named(loop.settings, loop.nominal_settings),
+        "nominal_known": {} if loop.known is None else named(loop.known, loop.stages.p_nominal),
     }
 
 

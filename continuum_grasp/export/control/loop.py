@@ -219,7 +219,9 @@ class Loop:
             # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
             outputs = np.array(e.outputs(self.first, self.before, s.p_nominal)[0]).ravel()
             found = np.linalg.pinv(e.mixing) @ outputs
-        return np.clip(found, *np.transpose(self.measurement.bounded))
+        low, high = np.transpose(self.measurement.bounded)
+        within: Array = np.clip(found, low, high)
+        return within
 
     @cached_property
     def known(self) -> Struct | None:

@@ -39,7 +39,7 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
     measured = variables_of(
         "measurement", "input", structs["measurement"], list(loop["measurement_at_start"].values()), may_be_missing=True
     )
-    nominal = [manifest["nominal_parameters"][entry["name"]] for entry in known]
+    nominal = list(loop["nominal_known"].values())
     groups = [
         Group("FMU_MEASUREMENT", measured),
         Group("FMU_REFERENCE", _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"])),

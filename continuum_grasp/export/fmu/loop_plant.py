@@ -6,6 +6,7 @@ rounding, not to the last bit.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 
@@ -13,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant import Method, Sensors, choose_method
+from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.errors import InputError
@@ -31,23 +33,23 @@ _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RESULT)
 
 def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
     """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
-    prediction = Prediction(scene)
-    plant = Plant(scene, prediction)
-    model, method, sensors = plant.model, plant.method, plant.sensors
+    model, period = PlantModel(scene), scene.controller.step
     if isinstance(model.system, ChainSystem):
         raise InputError("a plant with guides decides its contacts in Python: leave them out", key="plant.guides")
-    step = plant.period / method.substeps
+    method = choose_method(model, period)
+    sensors = Sensors(scene, model, Prediction(scene), None)
+    step = period / method.substeps
     late = sensors.delay / step
     whole = round(late) if abs(late - round(late)) < 1e-6 else math.floor(late)
-    functions = _functions(plant, identifier, step)
+    functions = _functions(model, method, sensors, identifier, step)
     source, header = generated_c(f"{identifier}_plant", functions)
     names = dict(zip("xuyw", (model.x_names, model.u_names, sensors.names, model.w_names), strict=True))
-    noisy = bool(np.any(sensors.std))
+    noisy = scene.estimator is not None
     rest = model.rest_input
     groups = (
         Group("FMU_COMMAND", _variables("command", "input", names["u"], rest)),
         Group("FMU_FORCES", _variables("forces", "input", names["w"], model.forces(0.0)[0])),
-        Group("FMU_NOISE", _variables("noise", "input", names["y"] if noisy else (), np.zeros(len(names["y"])))),
+        Group("FMU_NOISE", _variables("noise", "input", names["y"] if noisy else (), None)),
         Group("FMU_STATE", _variables("state", "state", names["x"], model.start)),
         Group("FMU_MEASUREMENT", _variables("measurement", "output", names["y"], None)),
         Group("FMU_TIP", tip_variables()),
@@ -89,14 +91,17 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
             f"{identifier}_plant.c": source,
         },
         flags=("-std=c99",),
-        manifest={"configuration": scene.model_dump(mode="json")},
+        manifest={
+            "configuration_hash": hashlib.sha256(source.encode()).hexdigest()[:16],
+            "integrator": method.name,
+            "configuration": scene.model_dump(mode="json"),
+        },
     )
 
 
-def _functions(plant: Plant, identifier: str, step: float) -> list[ca.Function]:
+def _functions(model: PlantModel, method: Method, sensors: Sensors, identifier: str, step: float) -> list[ca.Function]:
     """(x, u, w) -> the state after a step; -> what is measured; -> x, y and angle of the tip."""
-    model = plant.model
-    advance = step_function(model, plant.method.name)
+    advance = step_function(model, method.name)
     x, u, w = ca.MX.sym("x", model.nx), ca.MX.sym("u", model.nu), ca.MX.sym("w", model.nw)
     ahead = advance(x, u, u, u, w, w, w, ca.DM(model.p), step)
     length = model.scene.finger.rod.length
@@ -105,7 +110,7 @@ def _functions(plant: Plant, identifier: str, step: float) -> list[ca.Function]:
     given = ["x", "u", "w"]
     return [
         ca.Function(f"{identifier}_plant_step", [x, u, w], [ahead], given, ["next"]),
-        ca.Function(f"{identifier}_measured", [x, u, w], [plant.sensors.value(x, u, w)], given, ["y"]),
+        ca.Function(f"{identifier}_measured", [x, u, w], [sensors.value(x, u, w)], given, ["y"]),
         ca.Function(f"{identifier}_seen_tip", [x, u, w], [seen(x, u, w)], given, ["tip"]),
     ]
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from numpy.typing import NDArray
+
 Kind = Literal["input", "tunable", "state", "output", "rate"]
 _C_KINDS = {
     "input": "FMU_INPUT",
@@ -135,7 +137,11 @@ class Unit:
 
 
 def variables_of(
-    group: str, kind: Kind, entries: Iterable[Mapping[str, Any]], starts: Sequence[float] | None = None, **more: Any
+    group: str,
+    kind: Kind,
+    entries: Iterable[Mapping[str, Any]],
+    starts: Sequence[float] | NDArray[Any] | None = None,
+    **more: Any,
 ) -> tuple[Variable, ...]:
     """Variables ``group.name`` of the entries that a manifest has of a struct, with their values to begin with."""
     found = []

@@ -136,8 +136,8 @@ def export_fmu(
     >>> unit.file.name, unit.outputs[-4:]
     ('standing_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
     """
-    scene: Any = load(given) if isinstance(given, (str, os.PathLike)) else given
-    own = prefix_of(name) if name is not None else _identifier(given, scene)
+    scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
+    own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
     units = _units(scene, own, what, step, count_of(substeps), ranges, preview)
     return tuple(
@@ -147,7 +147,7 @@ def export_fmu(
     )
 
 
-def _identifier(given: Any, scene: Any) -> str:
+def identifier_of(given: Any, scene: Any) -> str:
     """A C identifier of the name of a file, or of a scene."""
     title = Path(given).stem if isinstance(given, (str, os.PathLike)) else names_of(scene)[0]
     text = re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
