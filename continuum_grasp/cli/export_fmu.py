@@ -21,7 +21,7 @@ def export_fmu(
             "--out",
             metavar="DIR",
             parser=named_path,
-            help="Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones of the names are replaced.",
+            help="Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones are replaced.",
         ),
     ] = None,
     what: Annotated[
@@ -74,11 +74,12 @@ def export_fmu(
             binary=binary,
         )
     for unit in units:
+        sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
         output.pairs(
             {
                 "written": unit.file,
                 "internal step": f"{unit.step:g} s",
-                "variables": f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters",
+                "variables": sizes,
                 "binary": unit.binary or "none, sources alone",
             }
         )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import re
+import sys
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from functools import lru_cache
@@ -32,6 +34,7 @@ from tests.marks import few
 from tests.rods import ROOT
 
 fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.fmi2 import FMU2Slave  # noqa: E402
 from fmpy.fmi3 import FMU3Slave  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
@@ -44,6 +47,8 @@ LOADED = {
     "loads": [{"kind": "force", "at": "180 mm", "force": {"times": [0.0, 1.0], "values": [[0.01, 0.0], [0.01, 0.0]]}}],
 }
 """Two arcs with a run-time parameter and a force at the tip."""
+_LOGGERS = []
+"""All of FMI 2.0: the proxy of fmpy calls the last one, whatever instance logs."""
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 
@@ -94,6 +99,7 @@ class Instance:
                 lambda e, name, status, category, text: self.said.append(text.decode())
             )
             addLoggerProxy(ctypes.byref(calls))
+            _LOGGERS.append(calls)
             self.fmu.instantiate(callbacks=calls, loggingOn=log)
             self.fmu.setupExperiment(startTime=0.0)
         else:
@@ -356,13 +362,13 @@ def test_states_are_saved_restored_and_sent(what, fmi, opened):
     received = other.unpacked(data)
     other.restore(received)  # the other one was at its start
     assert walk(other, 6) == after
-    for of, kept in ((one, state), (other, received)):
-        of.fmu.freeFMUstate(kept) if fmi == "2" else of.fmu.freeFMUState(kept)
-    with pytest.raises(Exception, match="Error|ERROR|error|3"):
+    for of, held in ((one, state), (other, received)):
+        of.fmu.freeFMUstate(held) if fmi == "2" else of.fmu.freeFMUState(held)
+    with pytest.raises(FMICallException):
         other.unpacked(b"\x00" * len(data))
     assert "this is no serialized state of this FMU" in other.said
     one.fmu.terminate()
-    with pytest.raises(Exception, match=r".*"):
+    with pytest.raises(FMICallException):
         one.step(12 * h, h)
     one.fmu.reset()
     if fmi == "2":
@@ -419,9 +425,9 @@ def test_what_is_wrong_is_refused_in_words_and_changes_nothing(fmi, opened):
 
     def refused(call, words, status):
         one.said.clear()
-        with pytest.raises(Exception) as error:
+        with pytest.raises(FMICallException) as error:
             call()
-        assert getattr(error.value, "status", status) == status
+        assert error.value.status == status
         assert any(words in text for text in one.said), one.said
         assert one.get("state.").tolist() == before
 
@@ -507,19 +513,17 @@ def test_sources_compile_strictly_and_are_of_the_types_of_the_standard(what, fmi
 @pytest.mark.slow
 @needs("gcc", "nm")
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_an_importer_builds_the_sources_to_the_same_bits(fmi, units, tmp_path, opened):
+def test_an_importer_builds_the_sources_to_the_same_bits(fmi, units, tmp_path, monkeypatch):
     """By the build of fmpy, from the sources alone; every function of the standard is there, and no writable data."""
-    from fmpy.util import compile_platform_binary
+    from fmpy.build import build_platform_binary
 
     (plain,) = export_fmu(plant_scene(), tmp_path / "plain", name="arcs", fmi=[fmi], binary=False)
     assert plain.binary is None
-    compile_platform_binary(str(plain.file), str(tmp_path / "built.fmu"))
-    results = [
-        fmpy.simulate_fmu(
-            str(file), stop_time=0.1, start_values={"input.tension_1": 9.0}, output=["tip.x", "tip.angle"]
-        )
-        for file in (units["finger", fmi].file, tmp_path / "built.fmu")
-    ]
+    fmpy.extract(str(plain.file), str(tmp_path / "built"))
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    build_platform_binary(tmp_path / "built")
+    given = {"stop_time": 0.1, "start_values": {"input.tension_1": 9.0}, "output": ["tip.x", "tip.angle"]}
+    results = [fmpy.simulate_fmu(str(f), **given) for f in (units["finger", fmi].file, tmp_path / "built")]
     assert results[0].tobytes() == results[1].tobytes()
     with zipfile.ZipFile(units["finger", fmi].file) as archive:
         archive.extractall(tmp_path / "files")

@@ -24,13 +24,8 @@ _TOKEN = re.compile(r"\s*(\(|\)(\d*)|/|([A-Za-z]+|1)(\d*))")
 def base_unit(unit: str) -> dict[str, int] | None:
     """Exponents by base unit of a unit as labels write it, like ``N m2`` or ``1/(rad/s)2``; None where it is none.
 
-    Factors stand side by side; a stroke divides by the one factor, or parenthesis, behind it.
-
-    Examples
-    --------
-    >>> from continuum_grasp.export.fmu.units import base_unit
-    >>> base_unit("N m2")
-    {'kg': 1, 'm': 3, 's': -2}
+    Factors stand side by side; a stroke divides by the one factor, or parenthesis, behind it: ``N m2`` is
+    ``{"kg": 1, "m": 3, "s": -2}``.
     """
     found, at = _product(unit, 0)
     return None if found is None or at != len(unit) else {name: power for name, power in found.items() if power}

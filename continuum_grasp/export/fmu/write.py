@@ -132,9 +132,9 @@ def export_fmu(
     --------
     >>> import tempfile
     >>> import continuum_grasp as cg
-    >>> unit, = cg.export_fmu("configs/simulate/standing.yaml", tempfile.mkdtemp(), fmi=["3"], binary=False)
+    >>> unit, = cg.export_fmu("configs/simulate/tendon_step.yaml", tempfile.mkdtemp(), fmi=["3"], binary=False)
     >>> unit.file.name, unit.outputs[-4:]
-    ('standing_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
+    ('tendon_step_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
     """
     scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
