@@ -36,7 +36,10 @@ def export_fmu(
         float | None,
         typer.Option("--step", metavar="SECONDS", help="Internal step of a simulated scene (default: the scene's)."),
     ] = None,
-    substeps: Annotated[int, typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one.")] = 1,
+    substeps: Annotated[
+        int | None,
+        typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
+    ] = None,
     ranges: Annotated[
         list[str] | None,
         typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),

@@ -474,7 +474,8 @@ def test_scenes_and_options_that_do_not_fit(tmp_path):
         (scene, {"preview": True}, "is for a controller"),
         (scene, {"fmi": ["1"]}, "expected some of 2, 3"),
         (scene, {"name": "Not C"}, "C identifier"),
-        (scene, {"step": 0.5}, "too long"),
+        (scene, {"step": 0.5, "substeps": 1}, "too long"),
+        (scene, {"step": -1.0}, "above zero"),
         (scene, {"ranges": {"mass": (1.0, 2.0)}}, "no run-time parameter"),
         (loop, {"step": 0.001}, "is for a simulated scene"),
         (loop, {"what": ["object"]}, "expected some of plant, controller"),
@@ -482,11 +483,28 @@ def test_scenes_and_options_that_do_not_fit(tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             export_fmu(given, tmp_path, binary=False, **options)
-    constant = {"fidelity.family": "matched_clothoid", "finger.tendons.time_constant": None}
-    held = {**constant, "actuation.tensions": [2.0, 2.0]}
-    with pytest.raises(InputError, match="takes the tip moment to be constant"):
-        export_fmu(load(TENDONS, held), tmp_path, binary=False)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_constant_moment_is_given_once(tmp_path):
+    """Of a model that leaves out how the tip moment changes; the finger swings as in Python."""
+    scene = load(ROOT / "configs/simulate/standing.yaml")
+    (unit,) = export_fmu(scene, tmp_path, fmi=["3"], name="standing")
+    assert validate_fmu(str(unit.file)) == []
+    assert all(name.startswith("input.") for name in unit.parameters)
+    assert not any(name.startswith("input.") for name in unit.inputs)
+    found = fmpy.simulate_fmu(str(unit.file), stop_time=0.2, output=["tip.x", "tip.y"])
+    expected = cg.simulate(scene.replaced(time=scene.time.replaced(duration=0.2))).tip[-1]
+    assert [found["tip.x"][-1], found["tip.y"][-1]] == pytest.approx(expected, abs=1e-6)
+
+
+def test_stiff_fingers_take_sub_steps(tmp_path):
+    scene = load(ROOT / "configs/simulate/winch_loop.yaml")
+    (unit,) = export_fmu(scene, tmp_path, fmi=["2"], binary=False)
+    with zipfile.ZipFile(unit.file) as archive:
+        steps = json.loads(archive.read("resources/MANIFEST.json"))["steps"]["step"]
+    assert (unit.step, steps["substeps"]) == (0.002, 12)
 
 
 # The sources.
@@ -568,7 +586,7 @@ def test_the_command(tmp_path):
         (["--fmi", "1"], "expected 2, 3 or both"),
         (["--what", "controller"], "a simulated scene has a plant alone"),
         (["--range", "x"], "expected NAME=LEAST:MOST"),
-        (["--step", "0.2"], "too long"),
+        (["--step", "0.2", "--substeps", "1"], "too long"),
     ):
         refused = CliRunner().invoke(app, [*line, *more])
         assert refused.exit_code == 2

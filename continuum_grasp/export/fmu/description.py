@@ -78,7 +78,7 @@ def _units_and_log(root: ElementTree.Element, unit: Unit) -> None:
 def _real(unit: Unit, variable: Variable) -> dict[str, str]:
     """Attributes that both versions have of a real variable."""
     found = {"unit": variable.unit}
-    if variable.kind in ("input", "tunable"):  # what is computed may leave the range in which it is taken
+    if variable.kind in ("input", "tunable", "fixed"):  # what is computed may leave the range in which it is taken
         if math.isfinite(variable.low):
             found["min"] = _number(variable.low)
         if math.isfinite(variable.high):
@@ -95,6 +95,7 @@ def _roles(unit: Unit, variable: Variable) -> dict[str, str]:
     return {
         "input": {"causality": "input", "variability": changes},
         "tunable": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
+        "fixed": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
         "state": {"causality": "output", "variability": changes, "initial": "exact"},
         "output": {"causality": "output", "variability": changes, "initial": "calculated"},
         "rate": {"causality": "local", "variability": changes, "initial": "calculated"},

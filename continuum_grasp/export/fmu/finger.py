@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.library import STRICT, library_of
-from continuum_grasp.export.fmu.variable import Count, Group, Unit, Variable, variables_of
+from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
 from continuum_grasp.export.source import positive, source_of
+from continuum_grasp.export.subject import substeps_for
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -33,31 +33,29 @@ def finger_unit(
     identifier: str,
     *,
     step: float | None,
-    substeps: int,
+    substeps: int | None,
     ranges: Mapping[str, Sequence[float]] | None,
 ) -> Unit:
     """The finger of a scene; its object is no part of it, what it presses with is given as forces."""
     scene = _resolved(scene)
     source = source_of(scene, REALS["double"])
     model = source.finger
-    if model.structure.moment_is_constant:
-        raise InputError(
-            "this model (matched_clothoid without input rates) takes the tip moment to be constant, which an input of "
-            "an FMU is not: set fidelity.family to clothoid, or tendons.time_constant",
-            key="fidelity.family",
-        )
     linear = not model.sweeps
     what = ["dynamics", "step", "kinematics", *(["linearization"] if linear else [])]
-    wanted = positive(step, "step")
+    internal = positive(step, "step") or source.step
+    if substeps is None and internal is not None:
+        substeps = substeps_for(model, ranges or {}, internal)
     sources, manifest = library_of(
-        scene, what=what, prefix=identifier, ranges=ranges, step=wanted or source.step, substeps=substeps
+        scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps or 1
     )
     structs: dict[str, Any] = manifest["structs"]
-    internal = wanted or source.step or manifest["steps"]["step"]["accurate_s"]
+    internal = internal or manifest["steps"]["step"]["accurate_s"]
+    # Of a model that takes the tip moment to be constant, the input is a number that is given once.
+    acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
     signals, state = Signals(scene, model), np.asarray(initial_state(scene, model), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
     groups = [
-        Group("FMU_INPUTS", variables_of("input", "input", structs["input"], signals.u(0.0)[0][: model.nu])),
+        Group("FMU_INPUTS", variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu])),
         Group("FMU_FORCES", variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0])),
         Group("FMU_PARAMETERS", variables_of("parameters", "tunable", structs.get("parameters", []), parameters)),
         Group("FMU_STATE", variables_of("state", "state", structs["state"], state)),

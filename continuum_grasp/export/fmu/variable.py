@@ -9,10 +9,11 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
-Kind = Literal["input", "tunable", "state", "output", "rate"]
+Kind = Literal["input", "tunable", "fixed", "state", "output", "rate"]
 _C_KINDS = {
     "input": "FMU_INPUT",
     "tunable": "FMU_TUNABLE",
+    "fixed": "FMU_START",
     "state": "FMU_START",
     "output": "FMU_RESULT",
     "rate": "FMU_RESULT",
@@ -26,9 +27,9 @@ class Variable:
 
     Attributes
     ----------
-    kind : {"input", "tunable", "state", "output", "rate"}
-        A state is an output whose start may be set before the simulation; a rate is the derivative of the state as
-        many places behind the first rate.
+    kind : {"input", "tunable", "fixed", "state", "output", "rate"}
+        What is fixed is a parameter that is set before the simulation alone; a state an output whose start may be set
+        until then; a rate the derivative of the state as many places behind the first rate.
     start, low, high : float
         Ranges are infinite where any number will do; results have no start.
     nominal : float, optional

@@ -86,7 +86,7 @@ def export_fmu(
     fmi: Sequence[str] = VERSIONS,
     name: str | None = None,
     step: float | None = None,
-    substeps: int = 1,
+    substeps: int | None = None,
     ranges: Mapping[str, Sequence[float]] | None = None,
     preview: bool = False,
     binary: bool = True,
@@ -108,8 +108,8 @@ def export_fmu(
         Of files and symbols, a C identifier; that of the file, or of the scene, by default.
     step : float, optional
         Internal step of a simulated scene [s]; that of the scene by default.
-    substeps : int
-        Runge-Kutta steps within one, of a simulated scene.
+    substeps : int, optional
+        Runge-Kutta steps within one, of a simulated scene; as many as stable steps need by default.
     ranges : mapping, optional
         Least and greatest values of run-time parameters of a simulated scene, by name.
     preview : bool
@@ -139,7 +139,7 @@ def export_fmu(
     scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    units = _units(scene, own, what, step, count_of(substeps), ranges, preview)
+    units = _units(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
     return tuple(
         _written(unit, kind, version, Path(folder) / f"{unit.identifier}_fmi{version}.fmu", binary)
         for kind, unit in units.items()
@@ -159,7 +159,7 @@ def _units(
     name: str,
     what: Sequence[str] | None,
     step: float | None,
-    substeps: int,
+    substeps: int | None,
     ranges: Mapping[str, Sequence[float]] | None,
     preview: bool,
 ) -> dict[str, Unit]:
@@ -172,7 +172,7 @@ def _units(
         return {"plant": finger_unit(scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
     if not isinstance(scene, ControlScene):
         raise InputError(f"expected a simulated scene or a closed loop, got {type(scene).__name__}", key="given")
-    for key, value in (("step", step), ("ranges", ranges), ("substeps", None if substeps == 1 else substeps)):
+    for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
         if value:
             raise InputError("is for a simulated scene: a closed loop has its own", key=key)
     names = chosen(WHAT if what is None else [what] if isinstance(what, str) else what, WHAT, "part", "what")
@@ -198,16 +198,15 @@ def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool) -> Funct
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, content[name])
-    names = {kind: tuple(v.name for v in unit.variables if v.kind == kind) for kind in ("input", "tunable")}
     outputs = tuple(v.name for v in unit.variables if v.kind in ("state", "output"))
     return FunctionalMockupUnit(
         file=file,
         fmi=fmi,
         what=kind,
         step=unit.step,
-        inputs=names["input"],
+        inputs=tuple(v.name for v in unit.variables if v.kind == "input"),
         outputs=(*outputs, *(count.name for count in unit.counts)),
-        parameters=names["tunable"],
+        parameters=tuple(v.name for v in unit.variables if v.kind in ("tunable", "fixed")),
         binary=platform_name,
     )
 
@@ -301,7 +300,13 @@ def _page(unit: Unit) -> str:
     rows = []
     for v in unit.variables:
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]
-        cells = (v.name, v.kind, v.unit, " to ".join(span) if v.kind in ("input", "tunable", "state") else "", v.text)
+        cells = (
+            v.name,
+            v.kind,
+            v.unit,
+            " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else "",
+            v.text,
+        )
         rows.append(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
     rows += [
         f"<tr><td>{c.name}</td><td>output</td><td></td><td></td><td>{html.escape(c.text)}</td></tr>"
