@@ -60,6 +60,7 @@ def export_fmu(
     from continuum_grasp.export import export_fmu as write
     from continuum_grasp.export.fmu.write import identifier_of
     from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.simulate import Scene
 
     output = Output(as_json, quiet)
     scene = load(config, changes or ())
@@ -76,6 +77,8 @@ def export_fmu(
             preview=preview,
             binary=binary,
         )
+    if isinstance(scene, Scene) and scene.object is not None:
+        output.say("the object of the scene is no part of the finger: what it presses with is given as forces")
     for unit in units:
         sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
         output.pairs(
