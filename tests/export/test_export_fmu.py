@@ -579,7 +579,7 @@ def test_the_command(tmp_path):
     assert found.exit_code == 0, found.output
     assert "two_arcs_plant_fmi3.fmu" in found.output
     assert "4 inputs" in found.output
-    said = json.loads(CliRunner().invoke(app, [*line, "--json", "--step", "0.002"]).output)
+    said = json.loads(CliRunner().invoke(app, [*line, "--json", "--step", "0.002"]).stdout)
     assert said["units"][0]["step_s"] == 0.002
     assert validate_fmu(said["units"][0]["file"]) == []
     for more, words in (
