@@ -16,6 +16,7 @@ from continuum_grasp.cli.accuracy import accuracy
 from continuum_grasp.cli.design import design
 from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.export_c import export_c
+from continuum_grasp.cli.export_fmu import export_fmu
 from continuum_grasp.cli.export_mjcf import export_mjcf
 from continuum_grasp.cli.grasp import grasp
 from continuum_grasp.cli.identify import identify
@@ -111,6 +112,7 @@ for _verb in (
     accuracy,
     identify,
     export_c,
+    export_fmu,
     export_mjcf,
     schema,
     validate,

@@ -27,8 +27,8 @@ def export_c(
         typer.Option(
             "--what",
             metavar="PART,...",
-            help="Some of dynamics, step, implicit_step, kinematics, statics; of a closed loop also estimator and mpc "
-            "(default: of a closed loop those two, else the others but implicit_step).",
+            help="Some of dynamics, step, implicit_step, kinematics, statics, linearization; of a closed loop also "
+            "estimator and mpc (default: of a closed loop those two, else dynamics, step, kinematics and statics).",
         ),
     ] = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
@@ -94,7 +94,7 @@ def export_c(
             what=None if what is None else [name.strip() for name in what.split(",")],
             prefix=prefix,
             target=target,
-            ranges=_ranges(ranges or ()),
+            ranges=ranges_of(ranges or ()),
             step=step,
             substeps=substeps,
             error=error,
@@ -131,7 +131,7 @@ def _limits(made: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+def ranges_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Ranges as NAME=LEAST:MOST."""
     found = {}
     for word in words:

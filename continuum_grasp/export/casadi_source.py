@@ -80,7 +80,7 @@ def export_casadi(
     prefix = prefix_of(prefix)
     asked = {name: step_function(model, "rk4") if name == STEP else getattr(model, name) for name in names}
     renamed = {name: _renamed(function, f"{prefix}_{name}") for name, function in asked.items()}
-    source, header = _generated(prefix, renamed.values())
+    source, header = generated_c(prefix, renamed.values())
     files = {f"{prefix}.c": source, f"{prefix}.h": header}
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     manifest = {
@@ -111,7 +111,7 @@ def _interface(function: ca.Function) -> dict[str, Any]:
     }
 
 
-def _generated(prefix: str, functions: Any) -> tuple[str, str]:
+def generated_c(prefix: str, functions: Any) -> tuple[str, str]:
     """Source and header; OSError where the disk is full."""
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)

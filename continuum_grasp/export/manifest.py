@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,10 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.fields import Field
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.part import Code
 from continuum_grasp.model import FingerModel
 
 FLAGS = {
@@ -83,6 +85,18 @@ def manifest(
             "longest_step_s": subject.longest_step,
             "accurate_step_s": subject.accurate_step,
         },
+        "steps": {
+            call.name: {
+                "shortest_s": a.fields[0].low,
+                "longest_s": a.fields[0].high,
+                **({"accurate_s": subject.accurate_step} if call.name == "step" else {}),
+                "substeps": subject.substeps,
+            }
+            for call in contents.calls
+            for a in call.inputs
+            if a.code is Code.ERR_STEP
+        },
+        "loop": None if subject.loop is None else _loop_description(subject.loop, subject.real),
         "measured": measured,
         "configuration": configuration,
         "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
@@ -96,6 +110,27 @@ def model_description(model: FingerModel) -> dict[str, Any]:
         "element_lengths_m": [float(h) for h in model.lengths],
         "bending_ranges_rad": [float(r) for r in model.ranges],
         "contacts_m": [float(c) for c in model.contacts],
+    }
+
+
+def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
+    """Times of a closed loop, and the values of its structs to begin with."""
+
+    def named(struct: Struct, values: Iterable[float]) -> dict[str, float]:
+        # JSON has no infinity: a bound that is none is the greatest number, as in the C.
+        pairs = zip(struct.fields, values, strict=True)
+        return {field.name: min(max(float(value), -real.greatest), real.greatest) for field, value in pairs}
+
+    return {
+        "period_s": loop.period,
+        "stage_s": loop.stages.stage,
+        "nodes": loop.stages.stages + 1,
+        "delay_periods": loop.periods,
+        "measurement_at_start": named(loop.measurement, loop.measured_at_start),
+        "command_before": named(loop.command, loop.before),
+        "first_setpoints": named(loop.reference, loop.wanted),
+        "nominal_settings": named(loop.settings, loop.nominal_settings),
+        "nominal_known": {} if loop.known is None else named(loop.known, loop.stages.p_nominal),
     }
 
 
@@ -124,6 +159,8 @@ def _entry(field: Field) -> dict[str, Any]:
         found["low"] = float(field.low)
     if field.high < math.inf:
         found["high"] = float(field.high)
+    if field.scale != 1.0 and 0.0 < field.scale < math.inf:
+        found["nominal"] = float(f"{field.scale:.6g}")
     return found
 
 

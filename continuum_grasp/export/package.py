@@ -79,8 +79,9 @@ def export_c(
     real : {"float", "double"}, optional
         What to compute in; that of the target by default.
     what : sequence of str
-        Parts: dynamics, step, implicit_step, kinematics, statics, and of a closed loop estimator and mpc; by
-        default those two of a closed loop, else the others but implicit_step. They may be mixed: the model is that of
+        Parts: dynamics, step, implicit_step, kinematics, statics, linearization, and of a closed loop estimator and
+        mpc; by default those two of a closed loop, else dynamics, step, kinematics and statics. They may be mixed: the
+        model is that of
         the controller's prediction.
     prefix : str
         Of all names, a C identifier.

@@ -266,6 +266,13 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
 
 
+def substeps_for(model: FingerModel, ranges: Mapping[str, Sequence[float]], step: float) -> int:
+    """Least number of sub-steps with which steps [s] are stable, up to ``MOST_SUBSTEPS``."""
+    parameters = parameter_fields(model, ranges)
+    radius = _greatest_radius(model, state_fields(model, parameters), parameters)
+    return min(max(1, math.ceil(step * radius / STABLE)), MOST_SUBSTEPS)
+
+
 def _check_step(step: float, substeps: int, radius: float) -> None:
     """Refuse a step [s] of so many sub-steps that is not stable."""
     if step * radius <= STABLE * substeps:

@@ -210,6 +210,19 @@ class Loop:
         found: Array = self.setpoints.rows(0.0)[0]
         return found
 
+    @property
+    def measured_at_start(self) -> Array:
+        """What is measured of the first state under the command before (ny), without noise."""
+        e, s = self.estimation, self.stages
+        found: Array = self.first
+        if e is not None:
+            # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
+            outputs = np.array(e.outputs(self.first, self.before, s.p_nominal)[0]).ravel()
+            found = np.linalg.pinv(e.mixing) @ outputs
+        low, high = np.transpose(self.measurement.bounded)
+        within: Array = np.clip(found, low, high)
+        return within
+
     @cached_property
     def known(self) -> Struct | None:
         """Parameters of the prediction, None where it has none."""

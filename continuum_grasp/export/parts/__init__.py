@@ -7,7 +7,7 @@ from collections.abc import Callable
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
-from continuum_grasp.export.parts.model import dynamics, kinematics, statics, step
+from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["ASKED_FOR", "OF_LOOPS", "PARTS"]
@@ -18,11 +18,12 @@ PARTS: dict[str, Callable[[Subject], Part]] = {
     "implicit_step": implicit_step,
     "kinematics": kinematics,
     "statics": statics,
+    "linearization": linearization,
     "estimator": estimator,
     "mpc": mpc,
 }
 """What makes each part of a subject."""
-ASKED_FOR = ("implicit_step",)
+ASKED_FOR = ("implicit_step", "linearization")
 """Parts that no package has by default."""
 OF_LOOPS = ("estimator", "mpc")
 """Parts that need a closed loop."""

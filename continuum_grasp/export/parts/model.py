@@ -1,4 +1,4 @@
-"""Parts of the model: ``dynamics``, ``kinematics``, ``statics``, and ``step``.
+"""Parts of the model: ``dynamics``, ``kinematics``, ``statics``, ``step``, and ``linearization``.
 
 A step is one of the classical Runge-Kutta method of order 4, which calls the dynamics.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Reference, Rows
@@ -15,6 +16,7 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
+from continuum_grasp.model.planar import column
 from continuum_grasp.model.sweep import Builder
 from continuum_grasp.model.tendon_friction import direction
 
@@ -148,6 +150,46 @@ def kinematics(subject: Subject) -> Part:
     )
     kernels = (tip_kernel, section_kernel, *subject.kernels)
     return Part("kinematics", kernels, calls)
+
+
+def linearization(subject: Subject) -> Part:
+    """Derivatives of the rates and of the tip by state, input and forces."""
+    if subject.model.sweeps:
+        raise InputError(
+            f"linearization takes derivatives of {subject.model.nx} states, too large for code without loops: take "
+            "fewer elements",
+            key="what",
+        )
+    eq, n = subject.equations, subject.model
+    rate = ca.densify(column(eq.state_rate))
+    tip = ca.vertcat(eq.section_position.column(), eq.section_angle)
+    tip = ca.substitute(tip, eq.s, ca.SX(sum(eq.lengths)))
+    by = {
+        "rate_by_state": (rate, eq.x, "of each rate by each state", (n.nx, n.nx)),
+        "rate_by_input": (rate, eq.u, "of each rate by each input", (n.nx, n.nu)),
+        "rate_by_forces": (rate, eq.w, "of each rate by each force", (n.nx, n.nw)),
+        "tip_by_state": (tip, eq.x, "of x, y and angle of the tip by each state", (3, n.nx)),
+        "tip_by_input": (tip, eq.u, "of x, y and angle of the tip by each input", (3, n.nu)),
+    }
+    by = {name: entry for name, entry in by.items() if 0 not in entry[3]}
+    struct = Struct(
+        "linearization",
+        "Derivatives of the equation of motion and of the tip, each in its SI unit per that of what it is taken by.",
+        tuple(Field(name, "SI", text, shape=shape) for name, (_, _, text, shape) in by.items()),
+    )
+    # CasADi is column-major, arrays of C are row-major.
+    flat = ca.vertcat(*(ca.vec(ca.densify(ca.jacobian(of, at)).T) for of, at, _, _ in by.values()))
+    kernel = Kernel("linearization", subject.function("linearization", "x u w p", by=flat), "Linearization.")
+    call = Call(
+        "linearize",
+        "Derivatives of what dynamics and tip compute, by state, input and forces: xd = A x + B u around a point.",
+        subject.acting(),
+        Argument("linearization", struct, "result"),
+        f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', by='result')}\n",
+        _refusing(subject, kernel),
+        subject.guard_source,
+    )
+    return Part("linearization", (kernel, *subject.kernels), (call,))
 
 
 def _drawing(subject: Subject, kernel: Kernel) -> Reference:

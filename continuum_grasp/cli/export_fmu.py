@@ -1,0 +1,106 @@
+"""``continuum-grasp export-fmu``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from continuum_grasp.cli.export_c import ranges_of
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, named_path
+from continuum_grasp.cli.output import Output
+from continuum_grasp.errors import InputError
+
+
+def export_fmu(
+    config: Config,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            parser=named_path,
+            help="Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones are replaced.",
+        ),
+    ] = None,
+    what: Annotated[
+        str | None,
+        typer.Option("--what", metavar="PART,...", help="Of a closed loop plant, controller or both (default: both)."),
+    ] = None,
+    fmi: Annotated[str, typer.Option("--fmi", metavar="2|3|both", help="Version of the standard.")] = "both",
+    name: Annotated[
+        str | None, typer.Option("--name", metavar="NAME", help="Of files and symbols (default: that of CONFIG).")
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="SECONDS", help="Internal step of a simulated scene (default: the scene's)."),
+    ] = None,
+    substeps: Annotated[
+        int | None,
+        typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
+    ] = None,
+    ranges: Annotated[
+        list[str] | None,
+        typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
+    ] = None,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Give the controller setpoints of every stage of its horizon.")
+    ] = False,
+    binary: Annotated[
+        bool, typer.Option("--binary/--no-binary", help="Add the binary of this machine to the sources.")
+    ] = True,
+    changes: Set = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a plant, or a controller with its estimator, as FMUs for Simulink, Dymola, OpenModelica and others."""
+    if fmi not in ("2", "3", "both"):
+        raise InputError(f"--fmi: expected 2, 3 or both, got {fmi!r:.60}")
+    from continuum_grasp.export import export_fmu as write
+    from continuum_grasp.export.fmu.write import identifier_of
+    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.simulate import Scene
+
+    output = Output(as_json, quiet)
+    scene = load(config, changes or ())
+    with output.busy("writing the FMUs"):
+        units = write(
+            scene,  # type: ignore[arg-type]
+            Path("runs/export-fmu") / config.stem if out is None else out,
+            what=None if what is None else [word.strip() for word in what.split(",")],
+            fmi=("2", "3") if fmi == "both" else (fmi,),
+            name=identifier_of(config, scene) if name is None else name,
+            step=step,
+            substeps=substeps,
+            ranges=ranges_of(ranges or ()),
+            preview=preview,
+            binary=binary,
+        )
+    if isinstance(scene, Scene) and scene.object is not None:
+        output.say("the object of the scene is no part of the finger: what it presses with is given as forces")
+    for unit in units:
+        sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
+        output.pairs(
+            {
+                "written": unit.file,
+                "internal step": f"{unit.step:g} s",
+                "variables": sizes,
+                "binary": unit.binary or "none, sources alone",
+            }
+        )
+    output.result(
+        units=[
+            {
+                "file": unit.file,
+                "fmi": unit.fmi,
+                "what": unit.what,
+                "step_s": unit.step,
+                "inputs": unit.inputs,
+                "outputs": unit.outputs,
+                "parameters": unit.parameters,
+                "binary": unit.binary,
+            }
+            for unit in units
+        ]
+    )

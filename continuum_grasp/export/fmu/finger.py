@@ -1,0 +1,99 @@
+"""A finger of a simulated scene, as the steps of its C package move it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.fmu.library import STRICT, library_of
+from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
+from continuum_grasp.export.source import positive, source_of
+from continuum_grasp.export.subject import substeps_for
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
+
+_TIP = (
+    ("x", "m", "of the tip in the world"),
+    ("y", "m", "of the tip in the world"),
+    ("angle", "rad", "of the tip; its tangent is (-sin, cos) of it"),
+)
+
+
+def tip_variables() -> tuple[Variable, ...]:
+    """Position and angle of the tip."""
+    return tuple(Variable(f"tip.{name}", unit, text, "output") for name, unit, text in _TIP)
+
+
+def finger_unit(
+    scene: Scene,
+    identifier: str,
+    *,
+    step: float | None,
+    substeps: int | None,
+    ranges: Mapping[str, Sequence[float]] | None,
+) -> Unit:
+    """The finger of a scene; its object is no part of it, what it presses with is given as forces."""
+    scene = _resolved(scene)
+    source = source_of(scene, REALS["double"])
+    model = source.finger
+    linear = not model.sweeps
+    what = ["dynamics", "step", "kinematics", *(["linearization"] if linear else [])]
+    internal = positive(step, "step") or source.step
+    if substeps is None and internal is not None:
+        substeps = substeps_for(model, ranges or {}, internal)
+    sources, manifest = library_of(
+        scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps or 1
+    )
+    structs: dict[str, Any] = manifest["structs"]
+    internal = internal or manifest["steps"]["step"]["accurate_s"]
+    # Of a model that takes the tip moment to be constant, the input is a number that is given once.
+    acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
+    signals, state = Signals(scene, model), np.asarray(initial_state(scene, model), dtype=float)
+    parameters = list(manifest["nominal_parameters"].values())
+    groups = [
+        Group("FMU_INPUTS", variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu])),
+        Group("FMU_FORCES", variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0])),
+        Group("FMU_PARAMETERS", variables_of("parameters", "tunable", structs.get("parameters", []), parameters)),
+        Group("FMU_STATE", variables_of("state", "state", structs["state"], state)),
+        Group("FMU_TIP", tip_variables()),
+        Group("FMU_RATES", _rates(structs["rate"]) if linear else ()),
+    ]
+    words: dict[str, Any] = {"forces": bool(groups[1].variables), "parameters": bool(parameters)}
+    words["acting"] = ", &forces" if words["forces"] else ""
+    return Unit(
+        identifier=identifier,
+        title=source.title,
+        what="a planar continuum finger",
+        step=internal,
+        stop=scene.time.duration if scene.time is not None else 1.0,
+        groups=tuple(groups),
+        counts=(Count("code", "of the last step: 0 done, above a warning, below what was refused"),),
+        continuous=True,
+        linear=linear,
+        feedthrough=model.tip.jac_sparsity(0, model.tip.index_in("u")).nnz() > 0,
+        glue=("plant_types.c", "plant.c", *(["plant_linear.c"] if linear else [])),
+        words=words,
+        sources=sources,
+        flags=STRICT,
+        manifest=manifest,
+    )
+
+
+def _resolved(scene: Scene) -> Scene:
+    """The scene with a tolerance turned into a model."""
+    if scene.fidelity.tolerance is None:
+        return scene
+    from continuum_grasp.accuracy.choose import resolve_fidelity
+
+    return resolve_fidelity(scene)[0]
+
+
+def _rates(entries: Sequence[Mapping[str, Any]]) -> tuple[Variable, ...]:
+    """Rates of the states, which are the states' derivatives."""
+    return tuple(
+        Variable(f"rate.{entry['name']}", entry["unit"], f"rate of state.{entry['name']}", "rate") for entry in entries
+    )

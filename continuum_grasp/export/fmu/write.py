@@ -1,0 +1,321 @@
+"""Writing functional mock-up units."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from continuum_grasp import __version__, interrupt
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.core.compiler import find_compiler, why_no_compiler
+from continuum_grasp.core.source import filled
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.fmu.controller import controller_unit
+from continuum_grasp.export.fmu.description import build_description, model_description
+from continuum_grasp.export.fmu.finger import finger_unit
+from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
+from continuum_grasp.export.fmu.rest import rest_of_fmi3
+from continuum_grasp.export.fmu.variable import Unit
+from continuum_grasp.export.source import chosen, count_of, names_of, prefix_of
+from continuum_grasp.export.template import fill
+from continuum_grasp.results import replacing
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.simulate import Scene
+
+WHAT = ("plant", "controller")
+"""What may be exported of a closed loop; of a simulated scene, the first."""
+VERSIONS = ("2", "3")
+_TIMEOUT = 1800.0
+"""After which a compiler is taken to hang [s]."""
+_LONG = 20_000
+"""Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
+_FUNCTION = re.compile(r"^(FMI[23]\([^)]*\)\([^{;]*?\))\s*\{", re.MULTILINE)
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Time of every file in an archive, so that equal scenes give equal archives."""
+
+
+@dataclass(frozen=True)
+class FunctionalMockupUnit:
+    """A functional mock-up unit that was written.
+
+    Attributes
+    ----------
+    file : pathlib.Path
+    fmi : {"2", "3"}
+        Version of the standard.
+    what : {"plant", "controller"}
+    step : float
+        Internal step [s], of which communication steps are whole multiples.
+    inputs, outputs, parameters : tuple of str
+        Names of its variables.
+    binary : str or None
+        Platform of the binary in it.
+    """
+
+    file: Path
+    fmi: str
+    what: str
+    step: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    binary: str | None
+
+
+@interrupt.listening()
+@check_arguments
+def export_fmu(
+    given: Scene | ControlScene | str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    what: Sequence[str] | None = None,
+    fmi: Sequence[str] = VERSIONS,
+    name: str | None = None,
+    step: float | None = None,
+    substeps: int | None = None,
+    ranges: Mapping[str, Sequence[float]] | None = None,
+    preview: bool = False,
+    binary: bool = True,
+) -> tuple[FunctionalMockupUnit, ...]:
+    """Write a plant, or a controller with its estimator, as functional mock-up units for co-simulation.
+
+    Parameters
+    ----------
+    given : Scene, ControlScene or path of a configuration
+        Of a simulated scene the finger is exported, moved by the steps of its C package; of a closed loop the
+        controller, and the plant that ``run_closed_loop`` moves.
+    folder : path-like
+        Where to; ``NAME_plant_fmi2.fmu`` and the like there are replaced.
+    what : sequence of {"plant", "controller"}, optional
+        Of a closed loop; both by default.
+    fmi : sequence of {"2", "3"}
+        Versions of the standard: 2.0, 3.0.
+    name : str, optional
+        Of files and symbols, a C identifier; that of the file, or of the scene, by default.
+    step : float, optional
+        Internal step of a simulated scene [s]; that of the scene by default.
+    substeps : int, optional
+        Runge-Kutta steps within one, of a simulated scene; as many as stable steps need by default.
+    ranges : mapping, optional
+        Least and greatest values of run-time parameters of a simulated scene, by name.
+    preview : bool
+        Whether the controller is given setpoints of every stage of its horizon, instead of those that hold over it.
+    binary : bool
+        Whether to add the binary of this machine to the sources.
+
+    Returns
+    -------
+    tuple of FunctionalMockupUnit
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, the scene cannot be exported, or no compiler is found.
+    SolverError
+        If no model keeps the scene's tolerance.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import continuum_grasp as cg
+    >>> unit, = cg.export_fmu("configs/simulate/tendon_step.yaml", tempfile.mkdtemp(), fmi=["3"], binary=False)
+    >>> unit.file.name, unit.outputs[-4:]
+    ('tendon_step_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
+    """
+    scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
+    own = prefix_of(name) if name is not None else identifier_of(given, scene)
+    versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
+    units = _units(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
+    return tuple(
+        _written(unit, kind, version, Path(folder) / f"{unit.identifier}_fmi{version}.fmu", binary)
+        for kind, unit in units.items()
+        for version in versions
+    )
+
+
+def identifier_of(given: Any, scene: Any) -> str:
+    """A C identifier of the name of a file, or of a scene."""
+    title = Path(given).stem if isinstance(given, (str, os.PathLike)) else names_of(scene)[0]
+    text = re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
+    return text if re.match(r"[a-z]", text) else f"finger_{text}".strip("_")
+
+
+def _units(
+    scene: Any,
+    name: str,
+    what: Sequence[str] | None,
+    step: float | None,
+    substeps: int | None,
+    ranges: Mapping[str, Sequence[float]] | None,
+    preview: bool,
+) -> dict[str, Unit]:
+    """What is asked for, by its kind."""
+    if isinstance(scene, Scene):
+        if what is not None and chosen([what] if isinstance(what, str) else what, WHAT, "part", "what") != ["plant"]:
+            raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")
+        if preview:
+            raise InputError("is for a controller, of a closed loop", key="preview")
+        return {"plant": finger_unit(scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
+    if not isinstance(scene, ControlScene):
+        raise InputError(f"expected a simulated scene or a closed loop, got {type(scene).__name__}", key="given")
+    for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
+        if value:
+            raise InputError("is for a simulated scene: a closed loop has its own", key=key)
+    names = chosen(WHAT if what is None else [what] if isinstance(what, str) else what, WHAT, "part", "what")
+    if preview and "controller" not in names:
+        raise InputError("is for a controller", key="preview")
+    made = {
+        "plant": lambda: loop_plant_unit(scene, f"{name}_plant"),
+        "controller": lambda: controller_unit(scene, f"{name}_controller", preview=preview),
+    }
+    return {kind: made[kind]() for kind in WHAT if kind in names}
+
+
+def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool) -> FunctionalMockupUnit:
+    files = _files(unit, fmi)
+    platform_name = None
+    content: dict[str, bytes] = {name: text.encode() for name, text in files.items()}
+    if binary:
+        platform_name, suffix = _platform(fmi)
+        content[f"binaries/{platform_name}/{unit.identifier}{suffix}"] = _compiled(unit, files, suffix)
+    with replacing(file) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(content, key=lambda name: (name != "modelDescription.xml", name)):
+            entry = zipfile.ZipInfo(name, _EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, content[name])
+    outputs = tuple(v.name for v in unit.variables if v.kind in ("state", "output"))
+    return FunctionalMockupUnit(
+        file=file,
+        fmi=fmi,
+        what=kind,
+        step=unit.step,
+        inputs=tuple(v.name for v in unit.variables if v.kind == "input"),
+        outputs=(*outputs, *(count.name for count in unit.counts)),
+        parameters=tuple(v.name for v in unit.variables if v.kind in ("tunable", "fixed")),
+        binary=platform_name,
+    )
+
+
+def _files(unit: Unit, fmi: str) -> dict[str, str]:
+    """Everything but the binary, by its path in the archive."""
+    source = _source(unit, fmi)
+    digest = hashlib.sha256("".join([source, *unit.sources.values()]).encode()).hexdigest()
+    token = f"{{{uuid.UUID(digest[:32])}}}"
+    sources = {**unit.sources, f"fmi{fmi}.c": source.replace(_NO_TOKEN, token)}
+    found = {f"sources/{name}": text for name, text in sources.items()}
+    found["modelDescription.xml"] = model_description(unit, fmi, token)
+    found["documentation/index.html"] = _page(unit)
+    found["documentation/licenses/license.txt"] = fill("LICENSE", {"version": __version__})
+    found["resources/MANIFEST.json"] = json.dumps(unit.manifest, indent=2, allow_nan=False) + "\n"
+    if fmi == "3":
+        names = sorted(name for name in sources if name.endswith(".c"))
+        found["sources/buildDescription.xml"] = build_description(unit, names)
+    return found
+
+
+_NO_TOKEN = "{00000000-0000-0000-0000-000000000000}"
+
+
+def _source(unit: Unit, fmi: str) -> str:
+    """C between the library and the standard, one file."""
+    words: dict[str, object] = {
+        "p": unit.identifier,
+        "P": unit.identifier.upper(),
+        "title": unit.title,
+        "what": unit.what,
+        "fmi": f"{fmi}.0",
+        "version": __version__,
+        "step": repr(float(unit.step)),
+        "token": _NO_TOKEN,
+        "linear": unit.linear,
+        "plain": not unit.linear,
+        "places": "\n".join(f"  {name} = {at}," for name, at in unit.places.items()),
+        "counts": "\n".join(f"  FMU_{count.name.rpartition('.')[2].upper()}," for count in unit.counts),
+        "variables": ",\n".join(v.c_source for v in unit.variables),
+        **unit.words,
+    }
+    # Where the last group is empty, the count of all is not one more than where it begins.
+    words["places"] = f"{words['places']}\n  FMU_REALS = {len(unit.variables)}"
+    types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
+    standard = fill(f"fmu/fmi{fmi}.c", {**words, "prototypes": "<<prototypes>>", "others": rest_of_fmi3()})
+    declared = "\n".join(f"{head};" for head in _FUNCTION.findall(standard))
+    standard = filled(standard, {"prototypes": declared})
+    return fill("fmu/common.c", {**words, "types": types, "glue": "".join(glue)}) + "\n" + standard
+
+
+def _platform(fmi: str) -> tuple[str, str]:
+    """Name that a version of the standard gives this machine, and the suffix of its libraries."""
+    system = {"linux": "linux", "darwin": "darwin", "win32": "windows"}.get(sys.platform, sys.platform)
+    suffix = {"darwin": ".dylib", "windows": ".dll"}.get(system, ".so")
+    machine = {"AMD64": "x86_64", "amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
+    if fmi == "3":
+        return f"{machine}-{system}", suffix
+    bits = 64 if sys.maxsize > 2**32 else 32
+    # FMI 2.0 knows no other processors by name; its later editions take the names of 3.0.
+    known = machine in ("x86_64", "i686", "i386") or system == "darwin"
+    return f"{'win' if system == 'windows' else system}{bits}" if known else f"{machine}-{system}", suffix
+
+
+def _compiled(unit: Unit, files: Mapping[str, str], suffix: str) -> bytes:
+    """The shared library of this machine."""
+    compiler = find_compiler()
+    if compiler is None:
+        raise InputError(f"no C compiler for the binary: {why_no_compiler()}; or leave the binary out", key="binary")
+    flags = [flag for flag in unit.flags if flag.startswith(("-std", "-ff", "-fno-m")) or _is_gcc(compiler.version)]
+    sources = {name: text for name, text in files.items() if name.startswith("sources/")}
+    level = "-O1" if max(text.count("\n") for text in sources.values()) > _LONG else "-O2"
+    with tempfile.TemporaryDirectory() as work:
+        for name, text in sources.items():
+            path = Path(work) / Path(name).name
+            path.write_text(text, encoding="utf-8")
+        line = [*compiler.command, *flags, level, "-w", "-shared", "-fPIC", "-fvisibility=hidden"]
+        line += [*(Path(name).name for name in sorted(sources) if name.endswith(".c")), "-o", f"unit{suffix}", "-lm"]
+        done = subprocess.run(line, cwd=work, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+        if done.returncode != 0:
+            raise InputError(f"the C compiler refused the sources: {done.stderr[:2000]}", key="binary")
+        return (Path(work) / f"unit{suffix}").read_bytes()
+
+
+def _is_gcc(version: str) -> bool:
+    return "clang" not in version.lower()
+
+
+def _page(unit: Unit) -> str:
+    """A page of the variables."""
+    rows = []
+    for v in unit.variables:
+        span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]
+        cells = (
+            v.name,
+            v.kind,
+            v.unit,
+            " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else "",
+            v.text,
+        )
+        rows.append(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
+    rows += [
+        f"<tr><td>{c.name}</td><td>output</td><td></td><td></td><td>{html.escape(c.text)}</td></tr>"
+        for c in unit.counts
+    ]
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{html.escape(unit.title)}</title>\n'
+        f"<h1>{html.escape(unit.title)}</h1>\n<p>{html.escape(unit.what)}; internal step {unit.step:g} s; made by "
+        f"continuum_grasp {__version__}.</p>\n<table>\n"
+        "<tr><th>variable</th><th>kind</th><th>unit</th><th>range</th><th>meaning</th></tr>\n"
+        f"{chr(10).join(rows)}\n</table>\n</html>\n"
+    )

@@ -1,0 +1,262 @@
+/* ---- FMI 3.0: types and functions by the names that the standard gives them ---- */
+
+#if !defined(FMI3_Export)
+#if defined _WIN32 || defined __CYGWIN__
+#define FMI3_Export __declspec(dllexport)
+#elif defined __GNUC__
+#define FMI3_Export __attribute__((visibility("default")))
+#else
+#define FMI3_Export
+#endif
+#endif
+/* Where sources of several FMUs are linked together, each has its own names; a build may define it as nothing. */
+#ifndef FMI3_FUNCTION_PREFIX
+#define FMI3_FUNCTION_PREFIX
+#endif
+#define FMI3_JOINED(a, b) a##b
+#define FMI3_NAMED(a, b) FMI3_JOINED(a, b)
+#define FMI3_NAME(name) FMI3_NAMED(FMI3_FUNCTION_PREFIX, name)
+#define FMI3(type, name) FMI3_Export type FMI3_NAME(name)
+
+#ifndef fmi3FunctionTypes_h /* the headers of the standard declare the same */
+#include <stdbool.h>
+#include <stdint.h>
+typedef void *fmi3Instance, *fmi3InstanceEnvironment, *fmi3FMUState;
+typedef uint32_t fmi3ValueReference;
+typedef float fmi3Float32;
+typedef double fmi3Float64;
+typedef int8_t fmi3Int8;
+typedef uint8_t fmi3UInt8, fmi3Byte;
+typedef int16_t fmi3Int16;
+typedef uint16_t fmi3UInt16;
+typedef int32_t fmi3Int32;
+typedef uint32_t fmi3UInt32;
+typedef int64_t fmi3Int64;
+typedef uint64_t fmi3UInt64;
+typedef bool fmi3Boolean, fmi3Clock;
+typedef const char *fmi3String;
+typedef const fmi3Byte *fmi3Binary;
+typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
+typedef enum { fmi3Independent, fmi3Constant, fmi3Fixed, fmi3Tunable, fmi3Discrete, fmi3Dependent } fmi3DependencyKind;
+typedef enum { fmi3IntervalNotYetKnown, fmi3IntervalUnchanged, fmi3IntervalChanged } fmi3IntervalQualifier;
+typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
+typedef void (*fmi3ClockUpdateCallback)(fmi3InstanceEnvironment);
+typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment, fmi3Float64, fmi3Boolean, fmi3Boolean, fmi3Boolean,
+                                               fmi3Boolean, fmi3Boolean *, fmi3Float64 *);
+typedef void (*fmi3LockPreemptionCallback)(void);
+typedef void (*fmi3UnlockPreemptionCallback)(void);
+/* Prototypes, which compilers like to see. */
+<<prototypes>>
+#endif
+
+static void fmu_send(const fmu_instance *f, fmu_level level, const char *text)
+{
+  static const char *const categories[] = {"logAll", "logStatusWarning", "logStatusDiscard", "logStatusError"};
+  ((fmi3LogMessageCallback)f->log)(f->environment, (fmi3Status)level, categories[level], text);
+}
+
+static fmi3Status fmi3_refused(fmi3Instance instance, const char *what)
+{
+  return instance ? (fmi3Status)fmu_say((fmu_instance *)instance, FMU_ERROR, "%s", what) : fmi3Error;
+}
+
+FMI3(const char *, fmi3GetVersion)(void) { return "3.0"; }
+
+FMI3(fmi3Status, fmi3SetDebugLogging)(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[])
+{
+  (void)n;
+  (void)categories;
+  if (!instance) return fmi3Error;
+  ((fmu_instance *)instance)->logging = on;
+  return fmi3OK;
+}
+
+FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                                fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return,
+                                                const fmi3ValueReference required[], size_t n_required,
+                                                fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                                fmi3IntermediateUpdateCallback update)
+{
+  fmu_instance *f = event_mode || n_required ? NULL : fmu_made(name, token);
+  (void)resources;
+  (void)visible;
+  (void)early_return;
+  (void)required;
+  (void)update;
+  if (!f) {
+    if (log)
+      log(environment, fmi3Error, "logStatusError",
+          "InstantiateCoSimulation: expected a name, the token of modelDescription.xml, no event mode and no intermediate "
+          "variables");
+    return NULL;
+  }
+  f->logging = logging;
+  f->log = (void (*)(void))log;
+  f->environment = environment;
+  return f;
+}
+
+FMI3(fmi3Instance, fmi3InstantiateModelExchange)(fmi3String name, fmi3String token, fmi3String resources,
+                                                 fmi3Boolean visible, fmi3Boolean logging,
+                                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+{
+  (void)name;
+  (void)token;
+  (void)resources;
+  (void)visible;
+  (void)logging;
+  if (log) log(environment, fmi3Error, "logStatusError", "this FMU is for co-simulation");
+  return NULL;
+}
+
+FMI3(fmi3Instance, fmi3InstantiateScheduledExecution)(fmi3String name, fmi3String token, fmi3String resources,
+                                                      fmi3Boolean visible, fmi3Boolean logging,
+                                                      fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                                      fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
+                                                      fmi3UnlockPreemptionCallback unlock)
+{
+  (void)name;
+  (void)token;
+  (void)resources;
+  (void)visible;
+  (void)logging;
+  (void)update;
+  (void)lock;
+  (void)unlock;
+  if (log) log(environment, fmi3Error, "logStatusError", "this FMU is for co-simulation");
+  return NULL;
+}
+
+FMI3(void, fmi3FreeInstance)(fmi3Instance instance) { free(instance); }
+
+FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean has_tolerance, fmi3Float64 tolerance,
+                                              fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
+{
+  const fmu_level level = fmu_enter((fmu_instance *)instance);
+  (void)has_tolerance; /* the steps are as long as they are */
+  (void)tolerance;
+  (void)has_stop;
+  (void)stop;
+  if (level != FMU_OK) return (fmi3Status)level;
+  if (!(fabs(start) <= 1e12)) return fmi3_refused(instance, "EnterInitializationMode: the start time is no time");
+  ((fmu_instance *)instance)->data.begin = start;
+  return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3ExitInitializationMode)(fmi3Instance instance) { return (fmi3Status)fmu_exit((fmu_instance *)instance); }
+
+FMI3(fmi3Status, fmi3Terminate)(fmi3Instance instance)
+{
+  const fmu_level level = fmu_allowed((fmu_instance *)instance, FMU_STEPPING, "Terminate");
+  if (level == FMU_OK) ((fmu_instance *)instance)->data.mode = FMU_TERMINATED;
+  return (fmi3Status)level;
+}
+
+FMI3(fmi3Status, fmi3Reset)(fmi3Instance instance)
+{
+  if (!instance) return fmi3Error;
+  fmu_restart((fmu_instance *)instance);
+  return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3GetFloat64)(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[],
+                                 size_t m)
+{
+  if (n != m) return fmi3_refused(instance, "GetFloat64: expected as many values as variables");
+  return (fmi3Status)fmu_get((fmu_instance *)instance, vr, n, values);
+}
+
+FMI3(fmi3Status, fmi3SetFloat64)(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
+                                 const fmi3Float64 values[], size_t m)
+{
+  if (n != m) return fmi3_refused(instance, "SetFloat64: expected as many values as variables");
+  return (fmi3Status)fmu_set((fmu_instance *)instance, vr, n, values);
+}
+
+FMI3(fmi3Status, fmi3GetInt32)(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t m)
+{
+  if (n != m) return fmi3_refused(instance, "GetInt32: expected as many values as variables");
+  return (fmi3Status)fmu_get_counts((fmu_instance *)instance, vr, n, values);
+}
+
+FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 from, fmi3Float64 length, fmi3Boolean no_way_back,
+                             fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached)
+{
+  fmu_level level;
+  (void)no_way_back;
+  if (!instance) return fmi3Error;
+  if (!event || !terminate || !early || !reached) return fmi3_refused(instance, "DoStep: a pointer is null");
+  level = fmu_walk((fmu_instance *)instance, from, length);
+  *event = *terminate = *early = false;
+  *reached = fmu_time((fmu_instance *)instance);
+  return (fmi3Status)level;
+}
+
+FMI3(fmi3Status, fmi3GetFMUState)(fmi3Instance instance, fmi3FMUState *state)
+{
+  fmu_data *made;
+  if (!instance || !state) return fmi3Error;
+  made = fmu_copied(&((fmu_instance *)instance)->data);
+  if (!made) return fmi3_refused(instance, "no memory");
+  free(*state);
+  *state = made;
+  return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState state)
+{
+  if (!instance || !state) return fmi3Error;
+  memcpy(&((fmu_instance *)instance)->data, state, sizeof(fmu_data));
+  return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *state)
+{
+  (void)instance;
+  if (state) {
+    free(*state);
+    *state = NULL;
+  }
+  return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState state, size_t *size)
+{
+  if (!instance || !state || !size) return fmi3Error;
+  *size = FMU_BYTES;
+  return fmi3OK;
+}
+
+FMI3(fmi3Status, fmi3SerializeFMUState)(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
+{
+  return (fmi3Status)fmu_packed((fmu_instance *)instance, (const fmu_data *)state, (char *)bytes, size);
+}
+
+FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
+{
+  fmu_data *made = NULL;
+  const fmu_level level = state ? fmu_unpacked((fmu_instance *)instance, (const char *)bytes, size, &made) : FMU_ERROR;
+  if (level == FMU_OK) {
+    free(*state);
+    *state = made;
+  }
+  return (fmi3Status)level;
+}
+
+FMI3(fmi3Status, fmi3GetDirectionalDerivative)(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n,
+                                               const fmi3ValueReference knowns[], size_t m, const fmi3Float64 seed[],
+                                               size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
+{
+  if (n_seed != m || n_sensitivity != n)
+    return fmi3_refused(instance, "GetDirectionalDerivative: expected a seed per known and a place per unknown");<<if linear>>
+  return (fmi3Status)fmu_directional((fmu_instance *)instance, unknowns, n, knowns, m, seed, sensitivity);<<end>><<if plain>>
+  (void)unknowns;
+  (void)knowns;
+  (void)seed;
+  (void)sensitivity;
+  return fmi3_refused(instance, "GetDirectionalDerivative: not provided");<<end>>
+}
+
+/* ---- the rest of the standard, of which this FMU has nothing ---- */
+
+<<others>>

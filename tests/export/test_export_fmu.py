@@ -1,0 +1,593 @@
+"""Functional mock-up units: valid by the standard's schemas, equal to C package and closed loop, and hard to misuse."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import continuum_grasp as cg
+from continuum_grasp.cli import app
+from continuum_grasp.closed_loop.plant import Sensors
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.cost_terms import Outputs
+from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError
+from continuum_grasp.export import export_c, export_fmu
+from continuum_grasp.export.fmu.units import base_unit
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.load import load
+from continuum_grasp.simulation.initial import initial_state
+from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library
+from tests.marks import few
+from tests.rods import ROOT
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
+from fmpy.fmi2 import FMU2Slave  # noqa: E402
+from fmpy.fmi3 import FMU3Slave  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+VERSIONS = ["2", "3"]
+LOADED = {
+    "fidelity.family": "arc",
+    "fidelity.elements": 2,
+    "parameters": ["bending_stiffness"],
+    "loads": [{"kind": "force", "at": "180 mm", "force": {"times": [0.0, 1.0], "values": [[0.01, 0.0], [0.01, 0.0]]}}],
+}
+"""Two arcs with a run-time parameter and a force at the tip."""
+_LOGGERS = []
+"""All of FMI 2.0: the proxy of fmpy calls the last one, whatever instance logs."""
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+
+
+@lru_cache
+def plant_scene():
+    return load(TENDONS, LOADED)
+
+
+@lru_cache
+def closed_loop():
+    plant = {"fidelity": {"family": "arc", "elements": 2}, "stiffness": 1.1, "noise": 1.0, "delay": 0.0137}
+    return loop_scene(8).replaced(plant=plant, duration=0.5)
+
+
+@pytest.fixture(scope="module")
+def units(tmp_path_factory):
+    """Units by what they are and version; of the controller with a preview."""
+    folder = tmp_path_factory.mktemp("units")
+    made = [("finger", unit) for unit in export_fmu(plant_scene(), folder, name="arcs")]
+    made += [(unit.what, unit) for unit in export_fmu(closed_loop(), folder, name="loop", preview=True)]
+    # Extracted once: a library that is loaded must not be written again.
+    for _, unit in made:
+        fmpy.extract(str(unit.file), str(unit.file.with_suffix("")))
+    return {(kind, unit.fmi): unit for kind, unit in made}
+
+
+class Instance:
+    """A unit that is instantiated, with its variables by name and what it logs."""
+
+    def __init__(self, unit, *, begin=True, log=False):
+        described = fmpy.read_model_description(str(unit.file))
+        self.number = {v.name: v.valueReference for v in described.modelVariables}
+        self.said = []
+        kind = FMU2Slave if unit.fmi == "2" else FMU3Slave
+        self.fmu = kind(
+            guid=described.guid,
+            unzipDirectory=str(unit.file.with_suffix("")),
+            modelIdentifier=described.coSimulation.modelIdentifier,
+            instanceName="one",
+        )
+        self.fmi = unit.fmi
+        if unit.fmi == "2":
+            from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+            from fmpy.logging import addLoggerProxy
+
+            calls = fmi2CallbackFunctions()
+            calls.logger = fmi2CallbackLoggerTYPE(
+                lambda e, name, status, category, text: self.said.append(text.decode())
+            )
+            addLoggerProxy(ctypes.byref(calls))
+            _LOGGERS.append(calls)
+            self.fmu.instantiate(callbacks=calls, loggingOn=log)
+            self.fmu.setupExperiment(startTime=0.0)
+        else:
+            self.fmu.instantiate(
+                loggingOn=log, logMessage=lambda e, status, category, text: self.said.append(text.decode())
+            )
+        if begin:
+            self.begin()
+
+    def begin(self):
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def names(self, start):
+        return [name for name in self.number if name.startswith(start)]
+
+    def get(self, *starts):
+        numbers = [self.number[name] for start in starts for name in self.names(start)]
+        return np.array(self.fmu.getReal(numbers) if self.fmi == "2" else self.fmu.getFloat64(numbers))
+
+    def count(self, name):
+        numbers = [self.number[name]]
+        return (self.fmu.getInteger(numbers) if self.fmi == "2" else self.fmu.getInt32(numbers))[0]
+
+    def set(self, start, values):
+        numbers = [self.number[name] for name in self.names(start)]
+        values = [float(v) for v in np.ravel(values)]
+        assert len(numbers) == len(values)
+        self.fmu.setReal(numbers, values) if self.fmi == "2" else self.fmu.setFloat64(numbers, values)
+
+    def step(self, t, h):
+        self.fmu.doStep(currentCommunicationPoint=t, communicationStepSize=h)
+
+    def saved(self):
+        return self.fmu.getFMUstate() if self.fmi == "2" else self.fmu.getFMUState()
+
+    def restore(self, state):
+        self.fmu.setFMUstate(state) if self.fmi == "2" else self.fmu.setFMUState(state)
+
+    def packed(self, state):
+        return self.fmu.serializeFMUstate(state) if self.fmi == "2" else self.fmu.serializeFMUState(state)
+
+    def unpacked(self, data):
+        return self.fmu.deSerializeFMUstate(data) if self.fmi == "2" else self.fmu.deserializeFMUState(data)
+
+
+@pytest.fixture
+def opened(units):
+    """Instances, freed at the end."""
+    made = []
+
+    def instance(what, fmi, **more):
+        made.append(Instance(units[what, fmi], **more))
+        return made[-1]
+
+    yield instance
+    for one in made:
+        one.fmu.freeInstance()
+
+
+# The archive.
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("what", ["finger", "plant", "controller"])
+def test_validation_finds_nothing(what, fmi, units):
+    unit = units[what, fmi]
+    assert validate_fmu(str(unit.file)) == []
+    with zipfile.ZipFile(unit.file) as archive:
+        names = archive.namelist()
+        assert names[0] == "modelDescription.xml"
+        binaries = [name for name in names if name.startswith("binaries/")]
+        assert [name.split("/")[1] for name in binaries] == [unit.binary]
+        assert unit.binary == (fmpy.platform if fmi == "2" else fmpy.platform_tuple)
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        sources = {
+            name.removeprefix("sources/") for name in names if name.startswith("sources/") and name.endswith(".c")
+        }
+        if fmi == "2":
+            assert {file.get("name") for file in root.iter("File")} == sources
+        else:
+            from lxml import etree
+
+            schema = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema/fmi3/fmi3BuildDescription.xsd"))
+            build = etree.fromstring(archive.read("sources/buildDescription.xml"))
+            schema.assertValid(build)
+            assert {file.get("name") for file in build.iter("SourceFile")} == sources
+    simulates = root.find("CoSimulation")
+    assert simulates.get("canBeInstantiatedOnlyOncePerProcess") == "false"
+    linear = simulates.get("providesDirectionalDerivative" + ("s" if fmi == "3" else ""))
+    assert linear == ("true" if what == "finger" else "false")
+
+
+def test_variables_have_units_ranges_and_nominal_values(units):
+    described = fmpy.read_model_description(str(units["finger", "3"].file))
+    found = {v.name: v for v in described.modelVariables}
+    stiffness, tension = found["parameters.bending_stiffness"], found["input.tension_1"]
+    nominal = plant_scene().finger.rod.stiffness
+    assert (stiffness.causality, stiffness.variability, stiffness.unit) == ("parameter", "tunable", "N m2")
+    assert float(stiffness.start) == nominal
+    assert (float(stiffness.min), float(stiffness.max)) == pytest.approx((0.5 * nominal, 2.0 * nominal))
+    assert (tension.min, tension.max, tension.start, tension.unit) == ("0.0", "60.0", "2.0", "N")
+    assert float(tension.nominal) > 1.0
+    units_of = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
+    assert (units_of["N m2"].kg, units_of["N m2"].m, units_of["N m2"].s) == (1, 3, -2)
+    assert [u.variable.name for u in described.derivatives] == [n for n in found if n.startswith("rate.")]
+
+
+@pytest.mark.parametrize(
+    ("unit", "powers"),
+    [
+        ("N m2", {"kg": 1, "m": 3, "s": -2}),
+        ("1/m/s2", {"m": -1, "s": -2}),
+        ("1/(rad/s)2", {"rad": -2, "s": 2}),
+        ("1/N2", {"kg": -2, "m": -2, "s": 4}),
+        ("1", {}),
+        ("N m s/rad", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+        ("furlong", None),
+        ("N/", None),
+        ("1/(m", None),
+        ("m per unit of the coordinate", None),
+        ("", None),
+    ],
+)
+def test_units_as_exponents(unit, powers):
+    if unit == "N/":
+        assert base_unit(unit) in (None, {"kg": 1, "m": 1, "s": -2})
+    else:
+        assert base_unit(unit) == powers
+
+
+def test_the_same_scene_gives_the_same_archive(units, tmp_path):
+    (again,) = export_fmu(plant_scene(), tmp_path, name="arcs", fmi=["2"])
+    assert again.file.read_bytes() == units["finger", "2"].file.read_bytes()
+
+
+# Numbers.
+
+
+@needs("cc")
+@pytest.mark.parametrize(("fmi", "stride"), [("2", 1), ("3", 5)])
+def test_a_thousand_steps_are_those_of_the_c_package_to_the_bit(fmi, stride, opened, tmp_path):
+    export_c(plant_scene(), tmp_path / "package", real="double")
+    finger, library = shared_library(tmp_path / "package", tmp_path, "-O1")
+    one, h = opened("finger", fmi), plant_scene().time.step
+    stiffness = 0.9 * plant_scene().finger.rod.stiffness
+    library.model.parameters.bending_stiffness = stiffness
+    one.set("parameters.", [stiffness])
+    x, rng = finger.State(*one.get("state.")), np.random.default_rng(0)
+    for k in range(0, 1000, stride):
+        u, w = rng.uniform(0.0, 20.0, 2), rng.uniform(-0.05, 0.05, 2)
+        one.set("input.", u)
+        one.set("forces.", w)
+        one.step(k * h, stride * h)
+        for _ in range(stride):
+            x = library.step(x, finger.Input(*u), finger.Forces(*w), h)
+        assert one.get("state.").tolist() == [getattr(x, name) for name, _ in x._fields_]
+        tip = library.tip(x, finger.Input(*u))
+        assert one.get("tip.").tolist() == [tip.x, tip.y, tip.angle]
+    assert np.abs(one.get("tip.")).max() > 0.05
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_held_input_moves_it_as_simulate_does(fmi, opened):
+    """Against the adaptive integrator of Python: another implementation."""
+    scene = load(TENDONS, {**LOADED, "actuation.tensions": [6.0, 2.0], "initial": {"pose": "straight"}})
+    one = opened("finger", fmi, begin=False)
+    one.set("input.", [6.0, 2.0])
+    x = initial_state(scene, FingerModel(scene))
+    one.set("state.", x)
+    one.begin()
+    for k in range(200):
+        one.step(0.001 * k, 0.001)
+    found = cg.simulate(scene.replaced(time={"duration": 0.2, "step": 0.001}))
+    assert one.get("tip.")[:2] == pytest.approx(found.tip[-1], abs=2e-6)
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_directional_derivatives_are_differences(fmi, opened):
+    one = opened("finger", fmi, begin=False)
+    x = np.array([0.4, -0.3, 2.0, 1.0, 0.02, 0.1])
+    one.set("state.", x)
+    one.set("input.", [5.0, 3.0])
+    one.fmu.enterInitializationMode()
+    unknowns = [*one.names("state."), *one.names("rate."), *one.names("tip.")]
+    knowns = [*one.names("input."), *one.names("forces."), *one.names("state.")]
+    seed = np.random.default_rng(1).standard_normal(len(knowns))
+    numbers = [[one.number[name] for name in names] for names in (unknowns, knowns)]
+    found = np.array(one.fmu.getDirectionalDerivative(*numbers, seed.tolist()))
+    at, step = one.get("input.", "forces.", "state."), 1e-6
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = at + sign * step * seed
+        for start, values in zip(("input.", "forces.", "state."), np.split(moved, [2, 4]), strict=True):
+            one.set(start, values)
+        ends.append(one.get("state.", "rate.", "tip."))
+    expected = (ends[0] - ends[1]) / (2.0 * step)
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_controller_and_plant_together_are_the_closed_loop(fmi, noise, opened):
+    scene = closed_loop()
+    scene = scene.replaced(plant=scene.plant.replaced(noise=noise))
+    loop = cg.run_closed_loop(scene)
+    control, plant, prediction = opened("controller", fmi), opened("plant", fmi), Prediction(scene)
+    rows = setpoints(Outputs.of(scene.controller.cost, prediction), scene.reference).rows
+    rng, std = np.random.default_rng(scene.plant.seed), Sensors(scene, PlantModel(scene), prediction, None).std
+    period = scene.controller.step
+    ahead = scene.controller.horizon.stage * np.arange(scene.controller.horizon.stages + 1)
+    for k in range(len(loop.u)):
+        t = k * period
+        plant.set("noise.", std * rng.standard_normal(len(std)))
+        y = plant.get("measurement.")
+        assert y == pytest.approx(loop.y[k], rel=1e-9, abs=1e-9)
+        control.set("measurement.", y)
+        control.set("reference.", rows(t + ahead).T)
+        control.step(t, period)
+        u = control.get("command.")
+        assert u == pytest.approx(loop.u[k], rel=1e-8, abs=1e-8)
+        plant.set("command.", u)
+        plant.step(t, period)
+        assert plant.get("state.") == pytest.approx(loop.x[k + 1], rel=1e-7, abs=1e-7)
+    assert np.ptp(loop.u) > 2.0
+    assert control.count("code") >= 0
+    estimate = control.get("estimate.")[: loop.estimate.shape[1]]
+    assert estimate == pytest.approx(loop.estimate[-1], rel=1e-6, abs=1e-6)
+
+
+# States, instances, order of calls.
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("what", ["finger", "plant", "controller"])
+def test_states_are_saved_restored_and_sent(what, fmi, opened):
+    one, other = opened(what, fmi), opened(what, fmi)
+    h = {"finger": 0.001, "plant": 0.01, "controller": 0.01}[what]
+    inputs = {"finger": "input.", "plant": "command.", "controller": "measurement."}[what]
+    results = {"finger": "state.", "plant": "measurement.", "controller": "command."}[what]
+    rng = np.random.default_rng(2)
+    given = 3.0 + rng.uniform(0.0, 3.0, (12, len(one.names(inputs))))
+    if what == "controller":
+        given = one.get(inputs) + 1e-3 * given
+
+    def walk(of, begin):
+        seen = []
+        for k in range(begin, begin + 6):
+            of.set(inputs, given[k])
+            of.step(k * h, h)
+            seen.append(of.get(results).tolist())
+        return seen
+
+    walk(one, 0)
+    state = one.saved()
+    after = walk(one, 6)
+    one.restore(state)
+    assert walk(one, 6) == after
+    data = one.packed(state)
+    received = other.unpacked(data)
+    other.restore(received)  # the other one was at its start
+    assert walk(other, 6) == after
+    for of, held in ((one, state), (other, received)):
+        of.fmu.freeFMUstate(held) if fmi == "2" else of.fmu.freeFMUState(held)
+    with pytest.raises(FMICallException):
+        other.unpacked(b"\x00" * len(data))
+    assert "this is no serialized state of this FMU" in other.said
+    one.fmu.terminate()
+    with pytest.raises(FMICallException):
+        one.step(12 * h, h)
+    one.fmu.reset()
+    if fmi == "2":
+        one.fmu.setupExperiment(startTime=0.0)
+    one.begin()
+    first = walk(one, 0)
+    fresh = opened(what, fmi)
+    assert walk(fresh, 0) == first
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_reading_outputs_of_new_inputs_changes_nothing(fmi, opened):
+    """The command of the inputs of now is read before the step, as a master does where it knows of feedthrough."""
+    asked, plain = opened("controller", fmi), opened("controller", fmi)
+    y = asked.get("measurement.")
+    for k in range(8):
+        for one in (asked, plain):
+            one.set("measurement.", y + 1e-3 * k)
+        before = asked.get("command.").tolist()
+        asked.set("measurement.", y - 1e-3)
+        assert asked.get("command.").tolist() != before
+        asked.set("measurement.", y + 1e-3 * k)
+        assert asked.get("command.").tolist() == before
+        for one in (asked, plain):
+            one.step(0.01 * k, 0.01)
+        assert asked.get("command.").tolist() == plain.get("command.").tolist() == before
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_settings_and_missing_measurements(fmi, opened):
+    one, other = opened("controller", fmi), opened("controller", fmi)
+    y = one.get("measurement.")
+    y[1] = np.nan
+    for k in range(3):
+        for of in (one, other):
+            of.set("measurement.", y)
+        other.set("settings.most_tension_1", [1.5])
+        other.set("reference.bending_1[", np.full(len(other.names("reference.bending_1[")), 0.9))
+        for of in (one, other):
+            of.step(0.01 * k, 0.01)
+    assert one.count("diagnosis.anomalies") & 1
+    assert other.get("command.tension_1")[0] <= 1.5
+    assert one.get("command.tension_1").tolist() != other.get("command.tension_1").tolist()
+
+
+# Errors.
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_what_is_wrong_is_refused_in_words_and_changes_nothing(fmi, opened):
+    one = opened("finger", fmi)
+    one.step(0.0, 0.002)
+    before = one.get("state.").tolist()
+
+    def refused(call, words, status):
+        one.said.clear()
+        with pytest.raises(FMICallException) as error:
+            call()
+        assert error.value.status == status
+        assert any(words in text for text in one.said), one.said
+        assert one.get("state.").tolist() == before
+
+    refused(lambda: one.step(0.002, 0.0015), "0.0015 s is no whole multiple of the internal step of 0.001 s", 2)
+    refused(lambda: one.step(0.002, -0.001), "expected a communication step size above zero", 2)
+    refused(lambda: one.step(0.002, float("nan")), "expected a communication step size above zero", 2)
+    refused(lambda: one.step(0.5, 0.001), "from 0.5 s, but this FMU is at 0.002 s", 3)
+    one.set("input.", [70.0, 2.0])
+    refused(lambda: one.step(0.002, 0.001), "step: an input or a parameter is out of its range", 2)
+    assert "input.tension_1 is 70, expected 0 to 60 [N]" in one.said
+    one.set("input.", [float("nan"), 2.0])
+    refused(lambda: one.step(0.002, 0.001), "step: an input or a parameter is NaN or infinite", 2)
+    one.set("input.", [5.0, 2.0])
+    one.set("parameters.", [1e-9])
+    refused(lambda: one.step(0.002, 0.001), "out of its range", 2)
+    one.set("parameters.", [plant_scene().finger.rod.stiffness])
+    refused(lambda: one.set("tip.", [0.0, 0.0, 0.0]), "set: tip.x is computed", 3)
+    refused(lambda: one.set("state.", before), "is given before the simulation alone", 3)
+    one.number["none"] = 12345
+    refused(lambda: one.get("none"), "no real variable has the value reference 12345", 3)
+    one.step(0.002, 0.001)
+    assert one.count("code") == 0
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_wrong_token_is_refused(fmi, units):
+    unit = units["finger", fmi]
+    kind = FMU2Slave if fmi == "2" else FMU3Slave
+    described = fmpy.read_model_description(str(unit.file))
+    one = kind(
+        guid="{other}",
+        unzipDirectory=str(unit.file.with_suffix("")),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+        instanceName="one",
+    )
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        one.instantiate()
+
+
+def test_scenes_and_options_that_do_not_fit(tmp_path):
+    scene, loop = plant_scene(), closed_loop()
+    for given, options, words in (
+        (scene, {"what": ["controller"]}, "a simulated scene has a plant alone"),
+        (scene, {"preview": True}, "is for a controller"),
+        (scene, {"fmi": ["1"]}, "expected some of 2, 3"),
+        (scene, {"name": "Not C"}, "C identifier"),
+        (scene, {"step": 0.5, "substeps": 1}, "too long"),
+        (scene, {"step": -1.0}, "above zero"),
+        (scene, {"ranges": {"mass": (1.0, 2.0)}}, "no run-time parameter"),
+        (loop, {"step": 0.001}, "is for a simulated scene"),
+        (loop, {"what": ["object"]}, "expected some of plant, controller"),
+        (ROOT / "configs/grasp/mug.yaml", {}, "expected a simulated scene or a closed loop"),
+    ):
+        with pytest.raises(InputError, match=words):
+            export_fmu(given, tmp_path, binary=False, **options)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_constant_moment_is_given_once(tmp_path):
+    """Of a model that leaves out how the tip moment changes; the finger swings as in Python."""
+    scene = load(ROOT / "configs/simulate/standing.yaml")
+    (unit,) = export_fmu(scene, tmp_path, fmi=["3"], name="standing")
+    assert validate_fmu(str(unit.file)) == []
+    assert all(name.startswith("input.") for name in unit.parameters)
+    assert not any(name.startswith("input.") for name in unit.inputs)
+    found = fmpy.simulate_fmu(str(unit.file), stop_time=0.2, output=["tip.x", "tip.y"])
+    expected = cg.simulate(scene.replaced(time=scene.time.replaced(duration=0.2))).tip[-1]
+    assert [found["tip.x"][-1], found["tip.y"][-1]] == pytest.approx(expected, abs=1e-6)
+
+
+def test_stiff_fingers_take_sub_steps(tmp_path):
+    scene = load(ROOT / "configs/simulate/winch_loop.yaml")
+    (unit,) = export_fmu(scene, tmp_path, fmi=["2"], binary=False)
+    with zipfile.ZipFile(unit.file) as archive:
+        steps = json.loads(archive.read("resources/MANIFEST.json"))["steps"]["step"]
+    assert (unit.step, steps["substeps"]) == (0.002, 12)
+
+
+# The sources.
+
+
+@needs("gcc")
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("what", few(["finger", "controller", "plant"], 2))
+def test_sources_compile_strictly_and_are_of_the_types_of_the_standard(what, fmi, units, tmp_path):
+    with zipfile.ZipFile(units[what, fmi].file) as archive:
+        archive.extractall(tmp_path)
+    flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Wmissing-prototypes", "-Werror", "-O0", "-fsyntax-only"]
+    sources = sorted((tmp_path / "sources").glob("*.c"))
+    if what == "plant":  # CasADi's part has warnings of its own
+        sources = [path for path in sources if path.name.startswith("fmi")]
+    run("gcc", *flags, *sources)
+    # The same functions once more behind the standard's own declarations: conflicting types would be errors.
+    header = ["-include", HEADERS / f"fmi{fmi}Functions.h", f"-I{HEADERS}"]
+    run("gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *header, tmp_path / f"sources/fmi{fmi}.c")
+    prefixed = f"-DFMI{fmi}_FUNCTION_PREFIX=one_"
+    run("gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", prefixed, tmp_path / f"sources/fmi{fmi}.c")
+
+
+@pytest.mark.slow
+@needs("gcc", "nm")
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_an_importer_builds_the_sources_to_the_same_bits(fmi, units, tmp_path, monkeypatch):
+    """By the build of fmpy, from the sources alone; every function of the standard is there, and no writable data."""
+    from fmpy.build import build_platform_binary
+
+    (plain,) = export_fmu(plant_scene(), tmp_path / "plain", name="arcs", fmi=[fmi], binary=False)
+    assert plain.binary is None
+    fmpy.extract(str(plain.file), str(tmp_path / "built"))
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    build_platform_binary(tmp_path / "built")
+    given = {"stop_time": 0.1, "start_values": {"input.tension_1": 9.0}, "output": ["tip.x", "tip.angle"]}
+    results = [fmpy.simulate_fmu(str(f), **given) for f in (units["finger", fmi].file, tmp_path / "built")]
+    assert results[0].tobytes() == results[1].tobytes()
+    with zipfile.ZipFile(units["finger", fmi].file) as archive:
+        archive.extractall(tmp_path / "files")
+    (binary,) = (tmp_path / "files/binaries").glob("*/*")
+    exported = {line.split()[-1] for line in run("nm", "-D", "--defined-only", binary).splitlines()}
+    declared = (HEADERS / f"fmi{fmi}Functions.h").read_text()
+    if fmi == "3":
+        wanted = set(re.findall(r"FMI3_Export fmi3\w+TYPE +(fmi3\w+);", declared))
+        assert wanted - exported == set()
+    assert {name for name in exported if not name.startswith("fmi")} == set()
+
+
+@pytest.mark.slow
+@needs("gcc")
+def test_random_calls_under_sanitizers(units, tmp_path):
+    """Any order of calls with any numbers: no undefined behavior, no leak."""
+    with zipfile.ZipFile(units["finger", "2"].file) as archive:
+        archive.extractall(tmp_path)
+    token = fmpy.read_model_description(str(units["finger", "2"].file)).guid
+    program = Path(__file__).parent / "fmu_calls.c"
+    flags = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    sources = sorted((tmp_path / "sources").glob("*.c"))
+    run("gcc", *flags, f'-DTOKEN="{token}"', f"-I{HEADERS}", program, *sources, "-lm", "-o", tmp_path / "calls")
+    assert "done" in run(tmp_path / "calls")
+
+
+# The command.
+
+
+def test_the_command(tmp_path):
+    config = tmp_path / "two arcs.yaml"
+    config.write_text(json.dumps(plant_scene().model_dump(mode="json")))
+    line = ["export-fmu", str(config), "--out", str(tmp_path / "out"), "--no-binary", "--fmi", "3"]
+    found = CliRunner().invoke(app, line)
+    assert found.exit_code == 0, found.output
+    assert "two_arcs_plant_fmi3.fmu" in found.output
+    assert "4 inputs" in found.output
+    said = json.loads(CliRunner().invoke(app, [*line, "--json", "--step", "0.002"]).stdout)
+    assert said["units"][0]["step_s"] == 0.002
+    assert validate_fmu(said["units"][0]["file"]) == []
+    for more, words in (
+        (["--fmi", "1"], "expected 2, 3 or both"),
+        (["--what", "controller"], "a simulated scene has a plant alone"),
+        (["--range", "x"], "expected NAME=LEAST:MOST"),
+        (["--step", "0.2", "--substeps", "1"], "too long"),
+    ):
+        refused = CliRunner().invoke(app, [*line, *more])
+        assert refused.exit_code == 2
+        assert words in refused.stderr
