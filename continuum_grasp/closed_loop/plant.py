@@ -219,7 +219,8 @@ class Sensors:
 
     Without an estimator the controller is given its state, exactly: the one whose section angles and their rates are
     nearest to the plant's, four sections to an element. ``names`` has name and unit of each measured number, ``delay``
-    the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise.
+    the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise, ``value`` the
+    function (x, u, w) of what is measured without it.
     """
 
     def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction, seed: int | None) -> None:
@@ -227,17 +228,17 @@ class Sensors:
         if scene.estimator is None:
             self.names: tuple[str, ...] = prediction.x_names
             self.delay, self.std = 0.0, np.zeros(len(self.names))
-            self._value = plant.function("state", y=_nearest_state(plant, prediction))
+            self.value = plant.function("state", y=_nearest_state(plant, prediction))
             return
         measured = _measured(scene.estimator.measured, plant)
         self.names = tuple(measured)
         self.delay = scene.estimator.delay if scene.plant.delay is None else scene.plant.delay
         self.std = scene.plant.noise * np.array([measurement_std(scene, name) for name in self.names])
-        self._value = plant.function("measured", y=ca.vertcat(*measured.values()))
+        self.value = plant.function("measured", y=ca.vertcat(*measured.values()))
 
     def read(self, x: Array, u: Array, w: Array) -> Array:
         """Measure a state (ny), with noise."""
-        return np.array(self._value(x, u, w)).ravel() + self.std * self._rng.standard_normal(len(self.std))
+        return np.array(self.value(x, u, w)).ravel() + self.std * self._rng.standard_normal(len(self.std))
 
 
 def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:

@@ -1,7 +1,8 @@
-"""The functions of a finger as C for use where there is no Python and no CasADi, and the finger for MuJoCo."""
+"""The functions of a finger as C for use where there is no Python and no CasADi; fingers for MuJoCo and for browsers."""
 
 from continuum_grasp.export.casadi_source import export_casadi
 from continuum_grasp.export.mjcf import HingeChain, export_mjcf
 from continuum_grasp.export.package import Package, export_c
+from continuum_grasp.export.web import Page, export_web
 
-__all__ = ["HingeChain", "Package", "export_c", "export_casadi", "export_mjcf"]
+__all__ = ["HingeChain", "Package", "Page", "export_c", "export_casadi", "export_mjcf", "export_web"]
