@@ -1,4 +1,4 @@
-"""The functions of a finger as C for use where there is no Python and no CasADi; fingers for MuJoCo and for browsers."""
+"""The functions of a finger as C for use where there is no Python and no CasADi; fingers for MuJoCo and browsers."""
 
 from continuum_grasp.export.casadi_source import export_casadi
 from continuum_grasp.export.mjcf import HingeChain, export_mjcf

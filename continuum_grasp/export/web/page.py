@@ -59,6 +59,11 @@ class Page:
     size: int
     modules: dict[str, int]
 
+    def _repr_html_(self) -> str:
+        """The page in a notebook."""
+        text = html.escape(self.file.read_text(encoding="utf-8"))
+        return f'<iframe srcdoc="{text}" style="width:100%;height:820px;border:0"></iframe>'
+
 
 @interrupt.listening()
 @check_arguments
