@@ -18,6 +18,7 @@ from continuum_grasp.cli.doctor import doctor
 from continuum_grasp.cli.export_c import export_c
 from continuum_grasp.cli.export_fmu import export_fmu
 from continuum_grasp.cli.export_mjcf import export_mjcf
+from continuum_grasp.cli.export_web import export_web
 from continuum_grasp.cli.grasp import grasp
 from continuum_grasp.cli.identify import identify
 from continuum_grasp.cli.modes import modes
@@ -114,6 +115,7 @@ for _verb in (
     export_c,
     export_fmu,
     export_mjcf,
+    export_web,
     schema,
     validate,
     doctor,

@@ -219,7 +219,8 @@ class Sensors:
 
     Without an estimator the controller is given its state, exactly: the one whose section angles and their rates are
     nearest to the plant's, four sections to an element. ``names`` has name and unit of each measured number, ``delay``
-    the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise.
+    the age of measurements when they arrive [s], ``std`` (ny) the standard deviation of each one's noise, ``value`` the
+    function (x, u, w) of what is measured without it.
     """
 
     def __init__(self, scene: ControlScene, plant: PlantModel, prediction: Prediction, seed: int | None) -> None:

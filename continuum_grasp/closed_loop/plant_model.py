@@ -254,6 +254,11 @@ class PlantModel(Remade):
         return self._x[self.system.first_other :] if isinstance(self.system, ChainSystem) else ca.SX(0, 1)
 
     @property
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """What its expressions are of: x, u, w, p."""
+        return self._x, self._u, self._w, self._p
+
+    @property
     def command(self) -> ca.SX:
         """The input."""
         return self._u
@@ -282,10 +287,10 @@ class PlantModel(Remade):
     @cached_property
     def _rate(self) -> ca.SX:
         x, u, p = self._of_system
-        return ca.vertcat(self._elements.forward_dynamics(x, u, self._w, p), self._drive_rates)
+        return ca.vertcat(self.elements.forward_dynamics(x, u, self._w, p), self._drive_rates)
 
     @property
-    def _elements(self) -> System:
+    def elements(self) -> System:
         """The system of a plant that is no chain of guides, whose motion is decided step by step."""
         if isinstance(self.system, ChainSystem):
             raise TypeError("a chain of guides has no differential equation")
@@ -309,7 +314,7 @@ class PlantModel(Remade):
     @cached_property
     def internal(self) -> ca.Function:
         """(x, u, p) -> mass matrix of the finger, its stiffness and its damping."""
-        values = [ca.densify(e) for e in self._elements.internal(*self._of_system)]
+        values = [ca.densify(e) for e in self.elements.internal(*self._of_system)]
         return ca.Function("internal", [self._x, self._u, self._p], values, ["x", "u", "p"], ["M", "K", "D"])
 
     @cached_property

@@ -37,7 +37,7 @@ def run(place, *arguments):
 
 
 def test_the_page_has_two_blocks_of_commands():
-    assert [len(block) for block in COMMANDS] == [2, 12]
+    assert [len(block) for block in COMMANDS] == [2, 13]
 
 
 @pytest.mark.parametrize("block", [COMMANDS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in COMMANDS[1:])])

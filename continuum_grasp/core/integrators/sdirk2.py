@@ -9,7 +9,7 @@ import casadi as ca
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators.derivatives import derivative_pattern, identity, parts, solve
 
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
+GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 """Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
 Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
@@ -41,7 +41,7 @@ def _given(slope: ca.Function) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
     sizes = {"h": 1, "share": 1, "start": slope.size1_in(0), "rate": slope.size1_out(0)}
     given = {key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": slope.sparsity_out(1)}).items()}
     length = given["share"] * given["h"]
-    return given, _GAMMA * length, (1.0 - _GAMMA) * length
+    return given, GAMMA * length, (1.0 - GAMMA) * length
 
 
 def predict(name: str, slope: ca.Function) -> ca.Function:
@@ -64,7 +64,7 @@ def correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: boo
     by_state, by_input = parts(given["jacobian"])
     unmoved = identity(pattern)
     # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
-    base = unmoved if is_first else unmoved + (1.0 - _GAMMA) / _GAMMA * (reached - unmoved)
+    base = unmoved if is_first else unmoved + (1.0 - GAMMA) / GAMMA * (reached - unmoved)
     columns = ca.horzcat(given["rate"] - k, *[base + step * by_input] * with_derivatives)
     solved = solve(ca.SX.eye(n) - step * by_state, columns)
     rates = k + solved[:, 0]

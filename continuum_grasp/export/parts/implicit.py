@@ -26,7 +26,7 @@ _STEP = (
     "State after a step of h under constant input and forces, by two diagonally implicit stages (L-stable, of order "
     "2): for stiff fingers and cables."
 )
-_SETTLED = 1e-3
+SETTLED = 1e-3
 """Last correction of Newton's method, per range of a bending coordinate, above which a step is reported as coarse."""
 _UNSOLVED = 1e-1
 """The same above which a step is refused: its equations are not solved."""
@@ -49,7 +49,7 @@ def implicit_step(subject: Subject) -> Part:
         result, moved = steps(rows)
         codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(result))
         codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
-        coarse = (codes == Code.OK) & (moved[:, 0] > real.dtype(_SETTLED))
+        coarse = (codes == Code.OK) & (moved[:, 0] > real.dtype(SETTLED))
         codes = np.where(coarse, Code.WARN_COARSE_STEP, codes)
         left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
         return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
@@ -80,7 +80,7 @@ def implicit_step(subject: Subject) -> Part:
         "P": prefix.upper(),
         "nonzeros": slope.outputs["jacobian"],
         "substeps": real.literal(subject.substeps),
-        "settled": real.literal(_SETTLED),
+        "settled": real.literal(SETTLED),
         "unsolved": real.literal(_UNSOLVED),
         "slope_base": call_of(slope, x="base"),
         "guess": call_of(guess, start="base", at="ahead"),

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Compiles the library to WebAssembly with clang and lld alone: build.sh [FOLDER], then "node FOLDER/test.mjs".
+# Compiles the library to WebAssembly with clang and lld alone: build.sh [FOLDER], then "node FOLDER/test.mjs". With
+# "build.sh FOLDER library" the test's program is left out.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 root=$here/..
@@ -12,6 +13,7 @@ flags="--target=wasm32 -nostdlib -std=c99 -O2 -ffp-contract=off -fno-builtin -mb
   -Wl,--export=__heap_base"
 $clang $flags <<exports>> -I"$here" -I"$root/include" \
   $sources "$here/string.c" -o "$out/<<p>>.wasm"
+[ "${2:-}" = library ] && exit
 $clang $flags -Wl,--export=vectors_failures -Wl,--export=check_cases -I"$here" -I"$root/include" -I"$root/tests" \
   $sources "$root/tests/check.c" "$here/vectors.c" "$here/string.c" -o "$out/vectors.wasm"
 [ "$out" -ef "$here" ] || cp "$here"/*.mjs "$out"

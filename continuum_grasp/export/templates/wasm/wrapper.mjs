@@ -66,6 +66,17 @@ class Finger {
     return this.#read(place, fields);
   }
 
+  // Where each field of a struct begins in its array, and how many numbers it has.
+  layout(struct) {
+    const found = {};
+    let at = 0;
+    for (const [name, shape] of INTERFACE.structs[struct]) {
+      found[name] = { at, count: countOf(shape) };
+      at += countOf(shape);
+    }
+    return found;
+  }
+
   // The numbers that are given for a struct, completed.
   #complete(struct, given) {
     const names = INTERFACE.structs[struct].map(([name]) => name);
@@ -133,6 +144,24 @@ class Finger {
       return { code, [result]: this.#read(next, INTERFACE.structs[result]) };
     };
     found.step = (...given) => call(name, [place, work], inputs, output, given);
+    // A step for loops, without objects: arrays in the module's memory by struct, and call(), which returns the code. An
+    // array that is read anew with its name is there also after the memory has grown.
+    found.direct = () => {
+      const direct = {};
+      const at = [...inputs, output].map((struct) => {
+        const fields = INTERFACE.structs[struct];
+        const begun = this.begin(struct);
+        const own = this.#start;
+        this.#start += (8 * sizeOf(fields) + 15) & ~15;
+        this.#reserve(this.#start);
+        this.#write(own, fields, begun);
+        const array = () => new this.#real(this.#c.memory.buffer, own, sizeOf(fields));
+        Object.defineProperty(direct, struct, { enumerable: true, get: array });
+        return own;
+      });
+      direct.call = () => this.#c[`<<p>>_${name}`](place, work, ...at);
+      return direct;
+    };
     for (const [method, { inputs: taken, output: result, counts }] of Object.entries(methods)) {
       found[method] = (...given) => {
         const answer = call(`${owner}_${method}`, [place], taken, result, given);

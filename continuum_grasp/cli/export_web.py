@@ -1,0 +1,39 @@
+"""``continuum-grasp export-web``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, named_path
+from continuum_grasp.cli.output import Output
+
+
+def export_web(
+    config: Config,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            parser=named_path,
+            help="Page to write (default: runs/export-web/NAME-OF-CONFIG.html); an earlier one is replaced.",
+        ),
+    ] = None,
+    changes: Set = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a page in which a finger, and its controller, run as WebAssembly: one file that needs no network."""
+    from continuum_grasp.export import export_web as write
+    from continuum_grasp.scene.load import load
+
+    output = Output(as_json, quiet)
+    scene: Any = load(config, changes or ())  # scenes of other kinds are refused with what was expected
+    with output.busy("compiling for the browser"):
+        page = write(scene, out if out is not None else Path("runs/export-web") / f"{config.stem}.html")
+    modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())
+    output.pairs({"page": f"{page.file} ({page.size} bytes; open it in a browser)", "modules [bytes]": modules})
+    output.result(file=page.file, size=page.size, modules=page.modules)

@@ -1,0 +1,269 @@
+"""Writing a page: WebAssembly of plant and controller, what the page must know of them, and its script, in one file."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp import __version__, interrupt
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.export.package import export_c
+from continuum_grasp.export.ranges import input_fields, parameter_fields
+from continuum_grasp.export.template import fill
+from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.simulate import Scene
+
+Array = NDArray[np.float64]
+
+TOOLS = ("clang", "wasm-ld")
+"""Programs that make WebAssembly."""
+_FLAGS = "--target=wasm32 -nostdlib -std=c99 -O2 -ffp-contract=off -fno-builtin -mbulk-memory"
+_DIGITS = 6
+"""Of numbers that are only drawn."""
+_TABLE = 0.005
+"""Time between rows of a table of inputs and loads [s]."""
+_PULL = 0.25
+"""Greatest force of a hand, per that which bends the straight finger to a right angle."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page that was written.
+
+    Attributes
+    ----------
+    file : pathlib.Path
+    size : int
+        Of the file [bytes].
+    modules : dict of str to int
+        Size of each WebAssembly module, as it is before it is compressed [bytes].
+    """
+
+    file: Path
+    size: int
+    modules: dict[str, int]
+
+    def _repr_html_(self) -> str:
+        """The page in a notebook."""
+        text = html.escape(self.file.read_text(encoding="utf-8"))
+        return f'<iframe srcdoc="{text}" style="width:100%;height:820px;border:0"></iframe>'
+
+
+@interrupt.listening()
+@check_arguments
+def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str | os.PathLike[str]) -> Page:
+    """Write a scene as a page, one file that needs no network, in which its own C runs as WebAssembly.
+
+    A scene of ``simulate`` becomes a finger whose inputs and run-time parameters have sliders; until one is moved,
+    inputs follow the scene. A closed loop has its plant, its estimator and its controller, whose target is dragged.
+    Fingers and objects are pushed with the mouse or a finger.
+
+    Parameters
+    ----------
+    given : Scene, ControlScene or path of a configuration
+    file : path-like
+        Page to write; an earlier one is replaced.
+
+    Returns
+    -------
+    Page
+
+    Raises
+    ------
+    InputError
+        If the scene is of another kind, its plant is a chain of guides, or clang or wasm-ld is missing.
+    SolverError
+        If no start is found, or the compiler failed.
+
+    Examples
+    --------
+    >>> import shutil, tempfile
+    >>> import continuum_grasp as cg
+    >>> if shutil.which("clang") and shutil.which("wasm-ld"):
+    ...     page = cg.export_web("configs/simulate/hanging.yaml", tempfile.mkdtemp() + "/page.html")
+    ...     assert list(page.modules) == ["plant"]
+    """
+    scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
+    if not isinstance(scene, (Scene, ControlScene)):
+        raise InputError(f"a page shows a scene of simulate or of mpc, got one of another kind: {type(scene).__name__}")
+    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
+    if missing:
+        raise InputError(f"a page needs {' and '.join(missing)} to make WebAssembly (Debian: clang, lld)")
+    modules: dict[str, bytes] = {}
+    with tempfile.TemporaryDirectory() as work:
+        folder = Path(work)
+        if isinstance(scene, ControlScene):
+            plant, sensors = plant_of_loop(scene)
+            loop, wrapper = _controller(scene, folder)
+            modules["controller"] = (folder / "wasm" / "finger.wasm").read_bytes()
+            loop |= {"names": [name.split(" ")[0] for name in sensors.names], "std": sensors.std.tolist()}
+            loop["delay"] = sensors.delay
+        else:
+            plant, loop, wrapper = plant_of_scene(scene), None, ""
+        modules["plant"] = _compiled(plant, folder)
+    known = {"plant": _plant(plant, scene), "controller": loop, "view": _view(plant, scene)}
+    words = {
+        "title": html.escape(scene.name or "a continuum finger"),
+        "about": html.escape(_about(plant, scene)),
+        "version": __version__,
+        "known": _script(json.dumps(known)),
+        "modules": json.dumps({name: _packed(binary) for name, binary in modules.items()}),
+        "style": fill("web/page.css", {}),
+        "wrapper": wrapper,
+        "script": fill("web/page.js", {}),
+    }
+    target = Path(file)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(fill("web/page.html", words), encoding="utf-8")
+    return Page(target, target.stat().st_size, {name: len(binary) for name, binary in modules.items()})
+
+
+def _packed(binary: bytes) -> str:
+    """Compressed, as text; the same bytes every time."""
+    return base64.b64encode(gzip.compress(binary, 9, mtime=0)).decode()
+
+
+def _script(text: str) -> str:
+    """JSON within a script, which no text of the scene may end."""
+    return text.replace("</", "<\\/")
+
+
+def _run(*command: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
+
+
+def _compiled(plant: WebPlant, folder: Path) -> bytes:
+    """The plant as WebAssembly."""
+    source, found = folder / "plant.c", folder / "plant.wasm"
+    source.write_text(plant.source, encoding="utf-8")
+    exports = ["advance", "look", "restart", *(f"at_{name}" for name in plant.arrays)]
+    words = [*_FLAGS.split(), "-Wl,--no-entry", "-Wl,--strip-all", *(f"-Wl,--export={name}" for name in exports)]
+    (folder / "string.h").write_text(fill("wasm/string.h", {}), encoding="utf-8")
+    (folder / "string.c").write_text(fill("wasm/string.c", {}), encoding="utf-8")
+    _run("clang", *words, str(source), str(folder / "string.c"), "-o", str(found))
+    return found.read_bytes()
+
+
+def _controller(scene: ControlScene, folder: Path) -> tuple[dict[str, Any], str]:
+    """What the page must know of the controller, and its wrapper; its module is in the folder."""
+    export_c(scene, folder, what=["mpc"], target="wasm")
+    _run("sh", str(folder / "wasm" / "build.sh"), str(folder / "wasm"), "library")
+    wrapper = (folder / "wasm" / "finger.mjs").read_text(encoding="utf-8")
+    return {"period": scene.controller.step}, wrapper
+
+
+def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
+    """What the page must know of the plant."""
+    system, finger = plant.system, plant.system.finger_model.finger
+    own, body = system.finger_model, system.surroundings
+    length = finger.rod.length
+    timed = scene.duration if isinstance(scene, ControlScene) else scene.time and scene.time.duration
+    # The last row holds for good, as samples do.
+    instants = np.zeros(1) if plant.signals.constant else np.arange(0.0, (timed or 0.0) + _TABLE, _TABLE)
+    nu = len(plant.rest)
+    inputs = [] if isinstance(scene, ControlScene) else input_fields(own)[:nu]
+    forces = np.zeros((len(instants), plant.given["w"].numel()))
+    rows = plant.signals.w(instants)
+    forces[:, : rows.shape[1]] = rows
+    fields = parameter_fields(own, {})
+    found: dict[str, Any] = {
+        "arrays": plant.arrays,
+        "step": plant.step,
+        "start": {"x": plant.start.tolist(), "u": plant.rest.tolist(), "p": list(system.p_nominal)},
+        "table": {
+            "dt": _TABLE,
+            "u": plant.signals.u(instants)[:, :nu].tolist() if isinstance(scene, Scene) else [],
+            "w": forces.tolist(),
+        },
+        "inputs": [_slider(f, value) for f, value in zip(inputs, plant.rest, strict=False)],
+        "input_names": list(plant.u_names),
+        "parameters": [_slider(f, value) for f, value in zip(fields, own.p_nominal, strict=True)],
+        "half": [round(float(v), _DIGITS) for v in finger.profile.half_thickness(plant.at)],
+        "length": length,
+        "pushes": {"first": plant.pushes, "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2},
+        "masses": [[mass.at / length, mass.mass] for mass in finger.masses],
+        "touches": system.touch_names,
+    }
+    if body is not None and body.object is not None:
+        moves = system.object_states.stop > system.object_states.start
+        found["object"] = {
+            "parts": [np.round(np.array(part.outline(96)), _DIGITS).tolist() for part in body.object.parts],
+            "pose": [float(v) for v in body.object.pose],
+            "state": system.object_states.start if moves else None,
+            "wrench": own.nw if moves else None,
+            "parameter": own.np if system.np > own.np else None,
+            "most": 10.0 * max(body.object.mass, 0.02),
+        }
+        found["walls"] = [[*wall.point, *wall.normal, min(wall.half_length, 10.0 * length)] for wall in body.walls]
+        found["pegs"] = [[*peg.position, peg.radius] for peg in body.pegs]
+    if isinstance(scene, ControlScene):
+        zones = scene.controller.bounds.keep_out or {}
+        found["zones"] = [
+            {"center": list(z.center), "radius": z.radius}
+            if z.type == "disc"
+            else {"point": list(z.point), "normal": [math.cos(z.normal_angle), math.sin(z.normal_angle)]}
+            for z in zones.values()
+        ]
+    return found
+
+
+def _slider(field: Any, value: float) -> dict[str, Any]:
+    """A number that is changed by hand."""
+    low, high = max(field.low, -field.scale), min(field.high, field.scale if field.high == math.inf else field.high)
+    return {"name": field.name, "unit": field.unit, "low": low, "high": high, "value": float(value)}
+
+
+def _view(plant: WebPlant, scene: Scene | ControlScene) -> list[float]:
+    """What is seen of the world: left, bottom, right and top [m]."""
+    finger, body = plant.system.finger_model.finger, plant.system.surroundings
+    s = plant.at[:, None] / finger.rod.length
+    points = [np.array([finger.base.position])]
+    for bend in np.linspace(-2.2, 2.2, 23):
+        angle = finger.base.angle + bend * s
+        line = np.cumsum(np.hstack([-np.sin(angle), np.cos(angle)]) * finger.rod.length / (len(s) - 1), axis=0)
+        points.append(np.array(finger.base.position) + line)
+    if body is not None and body.object is not None:
+        x, y, _ = body.object.pose
+        points += [np.array([x, y]) + np.array(part.outline(24)) for part in body.object.parts]
+    every = np.concatenate(points)
+    low, high = every.min(axis=0), every.max(axis=0)
+    edge = 0.06 * float((high - low).max())
+    return [float(v) for v in (*(low - edge), *(high + edge))]
+
+
+def _about(plant: WebPlant, scene: Scene | ControlScene) -> str:
+    """What is computed, in a sentence or two."""
+    model = plant.system.finger_model
+    text = (
+        f"What moves is computed in this page: a finger of {len(model.lengths)} {model.family.replace('_', ' ')} "
+        f"elements, {plant.given['x'].numel()} states in all, in L-stable steps of {1e3 * plant.step:g} ms, by the C "
+        "that continuum_grasp writes, here as WebAssembly."
+    )
+    if plant.system.touch_names:
+        text += f" It can touch at {', '.join(plant.system.touch_names)}, by a contact law with friction."
+    if isinstance(scene, ControlScene):
+        c = scene.controller
+        observer = "a Kalman filter and " if scene.estimator is not None else ""
+        text += (
+            f" The tendons are driven by {observer}nonlinear model predictive control, every {1e3 * c.step:g} ms, over "
+            f"{c.horizon.stages} stages of {1e3 * c.horizon.stage:g} ms; they know only what is measured."
+        )
+    return text + f" A hand pushes at {', '.join(f'{share:g}' for share in PUSHED)} of the length."

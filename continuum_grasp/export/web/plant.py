@@ -1,0 +1,228 @@
+"""What moves in a page: the finger in its surroundings as strict C, which steps, draws itself and is measured.
+
+A page steps by ``implicit_step``'s method, L-stable, so that contacts and stiff cables need no shorter steps than the
+motion. Hands push the finger at ``PUSHED`` of its length, and an object that moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant import Sensors
+from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.core.calls import straight_function
+from continuum_grasp.core.integrators.sdirk2 import GAMMA
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.parts.implicit import SETTLED
+from continuum_grasp.export.strict_math import c_source
+from continuum_grasp.export.template import fill
+from continuum_grasp.model import System
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.families import FAMILIES, default_family
+from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
+
+Array = NDArray[np.float64]
+
+PUSHED = (0.25, 0.5, 0.75, 1.0)
+"""Where a finger can be pushed, as parts of its length."""
+SECTIONS = 25
+"""Sections that are drawn, evenly spaced from base to tip."""
+STEP, CONTACT_STEP = 1e-3, 2.5e-4
+"""Steps in time without an object and with one [s]."""
+
+
+_DIFFERENCE = 1e-7
+"""Step of difference quotients, per usual size: their slopes are for Newton's method alone."""
+_EXACT = 1e-9
+"""Last correction of Newton's method, per usual size, with which a stage is solved."""
+_CORRECTIONS = 8
+"""Most of them with one slope."""
+_FEW = 3
+"""With more of them the next step takes the slope anew."""
+_FAST = 10.0
+"""Usual rate of a coordinate, in its ranges per second."""
+_USUAL = {"1": 1.0, "N": 1.0, "N/s": 10.0, "N m": 0.01, "N m/s": 0.1, "m": 1e-3, "rad": 0.01, "rad/s": 0.1}
+"""Usual sizes of other states by their unit."""
+
+
+@dataclass(frozen=True)
+class WebPlant:
+    """Symbols of a plant, expressions of them, and where it starts.
+
+    Attributes
+    ----------
+    system : System
+        Finger and object; the state of the plant has drives behind that of the system.
+    symbols : tuple of casadi.SX
+        State, input, forces and parameters.
+    rate : casadi.SX
+        Of the state.
+    acting : casadi.SX
+        Input of the system.
+    sensed : casadi.SX
+        What is measured; empty without a controller.
+    start, rest : ndarray
+        State and input at time zero.
+    signals : Signals
+        Inputs and forces over time, as the scene has them.
+    x_names : tuple of str
+        Name and unit of each state.
+    """
+
+    system: System
+    symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
+    rate: ca.SX
+    acting: ca.SX
+    sensed: ca.SX
+    start: Array
+    rest: Array
+    signals: Signals
+    x_names: tuple[str, ...]
+
+    @property
+    def pushes(self) -> int:
+        """Index in ``w`` of the first component of the first push; the others follow."""
+        return int(self.system.finger_model.nw) - 2 * len(PUSHED)
+
+    @property
+    def at(self) -> Array:
+        """Positions of the sections that are drawn [m]."""
+        return np.linspace(0.0, self.system.finger_model.finger.rod.length, SECTIONS)
+
+    @cached_property
+    def _rates(self) -> Kernel:
+        """Rate of change of the state."""
+        value = ca.Function("rate", list(self.symbols), [ca.densify(self.rate)], list("xuwp"), ["rate"])
+        return Kernel("rate", value, "Rate of change of the state.")
+
+    @property
+    def scales(self) -> list[float]:
+        """Usual sizes of the states, by which differences are taken."""
+        finger = self.system.finger_model
+        limits = finger.structure.coordinate_limits()
+        found = [*limits, *(_FAST * limit for limit in limits)]
+        return found + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(found) :]]
+
+    @cached_property
+    def look(self) -> Kernel:
+        """Sections, velocities where the finger can be pushed, contacts, and what is measured."""
+        x, _, w, p = self.symbols
+        own, length = x[: self.system.nx], self.system.finger_model.finger.rod.length
+        r, angle = self.system.sections(self.at.tolist())(own, self.acting, p)
+        pushed, _ = self.system.sections([share * length for share in PUSHED])(own, self.acting, p)
+        found = {"position": r, "angle": angle, "pushed": pushed, "velocity": ca.jtimes(ca.vec(pushed), x, self.rate)}
+        found |= zip(self.system.touch.name_out(), self.system.touch(own, self.acting, w, p), strict=True)
+        found["sensed"] = self.sensed
+        seen = {name: ca.densify(ca.vec(ca.SX(value))) for name, value in found.items()}
+        return Kernel("look", straight_function("look", self.given, seen), "What is drawn, felt and measured.")
+
+    @property
+    def step(self) -> float:
+        """Step in time [s]."""
+        return STEP if self.system.surroundings is None else CONTACT_STEP
+
+    @cached_property
+    def source(self) -> str:
+        """All of its C: one file without a library."""
+        real = REALS["double"]
+        kernels = self._rates, self.look
+        strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, "plant")
+        words = {
+            "kernels": "\n".join([strict, *(kernel.c_source("plant", real) for kernel in kernels)]),
+            "exponent": real.bit_pattern(real.exponent_mask),
+            "nx": len(self.scales),
+            "n": self.system.n,
+            "scales": ", ".join(map(real.literal, self.scales)),
+            "difference": real.literal(_DIFFERENCE),
+            "exact": real.literal(_EXACT),
+            "corrections": _CORRECTIONS,
+            "few": _FEW,
+            "gamma": real.literal(GAMMA),
+            "settled": real.literal(SETTLED),
+            "memory": ", ".join(f"{name}[{max(size, 1)}]" for name, size in self.arrays.items()),
+            "rate": self._rates.call("plant", x="at", u="u", w="w", p="p", rate="rate"),
+            "look": self.look.call("plant", **{name: name for name in self.arrays}),
+            "addresses": "\n".join(f"plant_real *at_{name}(void) {{ return {name}; }}" for name in self.arrays),
+        }
+        return fill("web/plant.c", words)
+
+    @property
+    def u_names(self) -> list[str]:
+        """Name and unit of each input."""
+        return list(self.system.u_names[: len(self.rest)])
+
+    @property
+    def given(self) -> dict[str, ca.SX]:
+        """Symbols by their letters."""
+        return dict(zip("xuwp", self.symbols, strict=True))
+
+    @property
+    def arrays(self) -> dict[str, int]:
+        """Sizes of the arrays in its memory."""
+        return {name: value.numel() for name, value in self.given.items()} | self.look.outputs
+
+
+def _pushed(scene: Scene) -> Scene:
+    """The scene with forces of size zero where a hand may push."""
+    length = scene.finger.rod.length
+    more = tuple(ForceLoad(at=share * length, force=(0.0, 0.0)) for share in PUSHED)
+    return scene.replaced(loads=(*scene.loads, *more))
+
+
+def _object_parameters(scene: Scene) -> tuple[str, ...]:
+    """What of an object a hand moves: where it is, if nothing else moves it."""
+    return ("object_x", "object_y") if scene.object is not None and not scene.object_moves else ()
+
+
+def plant_of_scene(given: Scene) -> WebPlant:
+    """The plant of a scene whose inputs a hand gives."""
+    scene = _pushed(given)
+    finger, family = scene.finger, scene.fidelity.family
+    lagged = any(channel.time_constant is not None for channel in finger.channels)
+    # A hand changes inputs at once, with which a matched tip would jump.
+    if not lagged and (family is None or FAMILIES[family].matches_tip):
+        family = default_family(free_tip=True)
+    own = ("object_x", "object_y") if scene.object is not None and not scene.object_moves else ()
+    system = System(scene, family=family, object_parameters=own)
+    x, u, w, p = (ca.SX.sym(*one) for one in (("x", system.nx), ("u", system.nu), ("w", system.nw), ("p", system.np)))
+    symbols = x, u, w, p
+    signals = Signals(scene, system.finger_model, nw=system.nw)
+    rest = signals.u(0.0)[0]
+    start = initial_state(scene, system)
+    rate, names = system.forward_dynamics(*symbols), tuple(system.x_names)
+    return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, names)
+
+
+def plant_of_loop(scene: ControlScene) -> tuple[WebPlant, Sensors]:
+    """The plant of a closed loop, which its controller drives, and its sensors."""
+    if scene.plant.guides is not None:
+        raise InputError(
+            "a chain of guides is integrated by code that a page does not have: leave plant.guides out",
+            key="plant.guides",
+        )
+    prediction = Prediction(scene)
+    model = PlantModel(scene, _pushed(plant_scene(scene)))
+    sensors, system = Sensors(scene, model, prediction, None), model.elements
+    sensed = sensors.value(*model.symbols[:3])
+    signals = Signals(model.scene, system.finger_model, nw=system.nw)
+    rate = model.forward_dynamics(*model.symbols)
+    plant = WebPlant(
+        system, model.symbols, rate, model.acting, sensed, model.start, model.rest_input, signals, model.x_names
+    )
+    return plant, sensors
+
+
+def unit_of(name: str) -> str:
+    """The unit behind a name."""
+    return name.partition("[")[2].removesuffix("]")

@@ -1,0 +1,188 @@
+"""Pages: their plant against the models of the package and, to the bit, against another compiler; their texts."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import re
+import subprocess
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.web.page import _compiled
+from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
+from tests.export_cases import needs
+
+pytestmark = needs("clang", "wasm-ld", "node", "gcc")
+
+RELEASE = {"finger.masses": [{"at": 0.6, "mass": 0.02}], "parameters": ["tip_mass"]}
+
+
+def native(plant, folder):
+    """Its C as a library of this machine, and its arrays."""
+    source = folder / "native.c"
+    source.write_text(plant.source)
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-O1"]
+    subprocess.run(["gcc", *strict, "-shared", "-fPIC", source, "-o", folder / "native.so"], check=True)
+    library = ctypes.CDLL(str(folder / "native.so"))
+    library.advance.argtypes = [ctypes.c_double, ctypes.c_int]
+    arrays = {}
+    for name, size in plant.arrays.items():
+        at = getattr(library, f"at_{name}")
+        at.restype = ctypes.POINTER(ctypes.c_double)
+        arrays[name] = np.ctypeslib.as_array(at(), (max(size, 1),))[:size]
+    arrays["x"][:], arrays["u"][:], arrays["p"][:] = plant.start, plant.rest, plant.system.p_nominal
+    forces = plant.signals.w(0.0)[0]
+    arrays["w"][: len(forces)] = forces
+    return library, arrays
+
+
+@pytest.fixture(scope="module")
+def release():
+    return cg.load("configs/simulate/nitinol_release_020g.yaml")
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_a_release_is_that_of_simulate_to_the_order_of_the_method(release, factor, tmp_path):
+    plant = plant_of_scene(release.changed({"fidelity": {"family": "clothoid", "elements": 3}}))
+    library, arrays = native(plant, tmp_path)
+    assert library.advance(plant.step / factor, 300 * factor) == 0
+    library.look()
+    exact = cg.simulate(
+        release.changed({"fidelity": {"family": "clothoid", "elements": 3}, "time": {"duration": 0.3, "step": 1e-4}})
+    )
+    away = np.linalg.norm(arrays["position"][-2:] - exact.tip[-1])
+    # 2.4 mm would be a step of order 1; halved steps leave a quarter.
+    assert away < 2.0e-4 / factor**2 * 1.3
+
+
+def test_what_is_seen_is_what_the_model_says(release, tmp_path):
+    scene = cg.load("configs/simulate/close_on_mug.yaml")
+    plant = plant_of_scene(scene)
+    library, arrays = native(plant, tmp_path)
+    arrays["u"][0] = 40.0
+    assert library.advance(plant.step, 1600) == 0
+    library.look()
+    system, x, u, w = plant.system, arrays["x"], arrays["u"], arrays["w"]
+    length = scene.finger.rod.length
+    r, angle = (np.array(v) for v in system.sections(plant.at.tolist())(x, u, []))
+    np.testing.assert_allclose(arrays["position"].reshape(-1, 2).T, r, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(arrays["angle"], angle.ravel(), rtol=1e-12)
+    names = system.touch.name_out()
+    for name, value in zip(names, system.touch(x, u, w, []), strict=True):
+        np.testing.assert_allclose(arrays[name], np.array(value).ravel(order="F"), rtol=1e-9, atol=1e-9)
+    assert arrays["normal_force"].max() > 1.0
+    step = 1e-6
+    before, after = arrays["pushed"].copy(), None
+    speed = arrays["velocity"].copy()
+    assert library.advance(step, 1) == 0
+    library.look()
+    after = arrays["pushed"]
+    np.testing.assert_allclose((after - before) / step, speed, atol=1e-3 * max(1e-3, abs(speed).max()) + 1e-6)
+    pushed = system.sections([share * length for share in PUSHED])(x, u, [])[0]
+    np.testing.assert_allclose(after.reshape(-1, 2).T, np.array(pushed), rtol=1e-12, atol=1e-14)
+
+
+def test_a_hand_pushes_where_it_is(release, tmp_path):
+    plant = plant_of_scene(
+        release.changed({"finger.masses": [], "gravity": [0.0, 0.0], "initial": {"pose": "straight"}})
+    )
+    library, arrays = native(plant, tmp_path)
+    arrays["w"][plant.pushes + 2 * PUSHED.index(1.0) + 1] = 0.02
+    library.advance(plant.step, 20000)
+    library.look()
+    rod = release.finger.rod
+    # A cantilever with a small force at its tip bends by F L^3 / 3 E I.
+    assert arrays["position"][-1] == pytest.approx(0.02 * rod.length**3 / 3.0 / rod.stiffness, rel=2e-2)
+
+
+def test_the_same_bits_in_webassembly(tmp_path):
+    plant = plant_of_scene(cg.load("configs/simulate/close_on_mug.yaml"))
+    library, arrays = native(plant, tmp_path)
+    (tmp_path / "plant.wasm").write_bytes(_compiled(plant, tmp_path))
+    (tmp_path / "run.mjs").write_text(
+        """
+import { readFile } from "node:fs/promises";
+const { x, u, p, w, sizes, step } = JSON.parse(await readFile("start.json"));
+const c = (await WebAssembly.instantiate(await readFile("plant.wasm"))).instance.exports;
+const of = (name) => new Float64Array(c.memory.buffer, c[`at_${name}`](), sizes[name]);
+of("x").set(x); of("u").set(u); of("p").set(p); of("w").set(w);
+const codes = [];
+for (let k = 0; k < 300; ++k) {
+  of("u")[0] = 1 + 0.1 * k;
+  codes.push(c.advance(step, 4));
+}
+c.look();
+const bits = {};
+for (const name of Object.keys(sizes)) bits[name] = [...new BigUint64Array(of(name).slice().buffer)].map(String);
+console.log(JSON.stringify({ codes, bits }));
+"""
+    )
+    start = {name: arrays[name].tolist() for name in "xupw"}
+    (tmp_path / "start.json").write_text(json.dumps({**start, "sizes": plant.arrays, "step": plant.step}))
+    done = subprocess.run(["node", "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    codes = []
+    for k in range(300):
+        arrays["u"][0] = 1 + 0.1 * k
+        codes.append(library.advance(plant.step, 4))
+    library.look()
+    assert found["codes"] == codes
+    for name, array in arrays.items():
+        assert [int(v) for v in found["bits"][name]] == array.view(np.uint64).tolist(), name
+
+
+def test_the_plant_of_a_loop_is_that_of_closed_loops(tmp_path):
+    scene = cg.load("configs/mpc/steady_tip.yaml", ["plant.noise=0"])
+    plant, sensors = plant_of_loop(scene)
+    library, arrays = native(plant, tmp_path)
+    other = Plant(scene)
+    periods = 20
+    for k in range(periods):
+        arrays["u"][:] = [1.0 + 0.3 * k, 1.0]
+        assert library.advance(plant.step, round(scene.controller.step / plant.step)) == 0
+        other.advance(arrays["u"])
+    library.look()
+    read = sensors.value(other.x, arrays["u"], other.model.forces(0.0)[0])
+    np.testing.assert_allclose(arrays["sensed"], np.array(read).ravel(), atol=2e-4 * scene.finger.rod.length)
+
+
+def test_a_page_is_one_file_whose_texts_end_no_script(release, tmp_path):
+    name = "</script><b>&"
+    page = cg.export_web(release.changed({"name": name, **RELEASE}), tmp_path / "made" / "page.html")
+    text = page.file.read_text()
+    assert page.size == len(text.encode())
+    assert "<b>" not in text
+    assert not re.search(r"(src|href)=|https?://|import\s", text.partition("<script")[2].replace("import {", ""))
+    known = json.loads(re.search(r'id="known">(.*?)</script>', text)[1])
+    assert [slider["name"] for slider in known["plant"]["parameters"]] == ["tip_mass"]
+    # The same page every time.
+    again = cg.export_web(release.changed({"name": name, **RELEASE}), tmp_path / "again.html")
+    assert again.file.read_bytes() == page.file.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("config", "changes", "message"),
+    [
+        ("grasp/mug", [], "expected a Scene or a ControlScene"),
+        ("mpc/steady_tip", ["plant.guides=12"], "plant.guides"),
+    ],
+)
+def test_scenes_that_no_page_shows_are_refused(config, changes, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        cg.export_web(cg.load(f"configs/{config}.yaml", changes), tmp_path / "page.html")
+
+
+def test_files_of_scenes_that_no_page_shows_are_refused(tmp_path):
+    with pytest.raises(InputError, match="a scene of simulate or of mpc"):
+        cg.export_web("configs/grasp/mug.yaml", tmp_path / "page.html")
+
+
+def test_without_a_compiler_it_says_what_is_missing(release, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match="clang and wasm-ld"):
+        cg.export_web(release, tmp_path / "page.html")

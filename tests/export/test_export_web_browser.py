@@ -1,0 +1,155 @@
+"""Pages in Chromium: a target and a mug are dragged, a finger is pushed; keys, narrow windows, dark mode."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from tests.export_cases import needs
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+playwright = pytest.importorskip("playwright.sync_api")
+pytestmark = [needs("clang", "wasm-ld"), pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
+
+MOTION = "({ code: page.world.code, tip: [...page.memory.position].slice(-2), x: [...page.memory.x] })"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+    for name in ("mpc/steady_tip", "simulate/close_on_mug"):
+        cg.export_web(f"configs/{name}.yaml", folder / f"{name.partition('/')[2]}.html")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def opened(files, browser):
+    """Opens a page in which time stands still but for ``advance``; what it says of errors must stay empty."""
+    errors, pages = [], []
+
+    def of(name, **options):
+        page = browser.new_page(**{"viewport": {"width": 900, "height": 1000}, **options})
+        pages.append(page)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+        page.goto((files / f"{name}.html").as_uri())
+        page.wait_for_function("window.page !== undefined && page.world.origin !== undefined", timeout=60000)
+        return page
+
+    yield of
+    for page in pages:
+        page.close()
+    assert errors == []
+
+
+def stopped(page):
+    """The page with time stopped, so that its speed does not matter."""
+    page.click("#pause")
+    assert page.get_attribute("#pause", "aria-pressed") == "true"
+    return page
+
+
+def on_screen(page, point):
+    return page.evaluate("([x, y]) => page.toScreen(x, y)", list(point))
+
+
+def drag(page, start, end):
+    page.mouse.move(*on_screen(page, start))
+    page.mouse.down()
+    for share in np.linspace(0.2, 1.0, 5):
+        page.mouse.move(*on_screen(page, (1.0 - share) * np.array(start) + share * np.array(end)))
+
+
+def test_the_tip_follows_a_dragged_target(opened):
+    page = stopped(opened("steady_tip"))
+    page.evaluate("page.advance(1500)")
+    target = page.evaluate("page.world.target")
+    scene = cg.load("configs/mpc/steady_tip.yaml")
+    # Along the curve on which one pair of tendons moves the tip: nearly a circle of 0.8 of the length.
+    turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
+    center = np.array([0.0, 0.2 * scene.finger.rod.length])
+    goal = center + turn @ (np.array(target) - center)
+    drag(page, target, goal)
+    page.mouse.up()
+    page.evaluate("page.advance(1500)")
+    found = page.evaluate(MOTION)
+    assert page.evaluate("page.world.target") == pytest.approx(list(goal), abs=1e-3)
+    assert np.linalg.norm(np.array(found["tip"]) - goal) < 5e-3
+    assert found["code"] >= 0
+
+
+def test_a_pushed_finger_gives_way_and_comes_back(opened):
+    page = stopped(opened("steady_tip"))
+    page.evaluate("page.advance(1500)")
+    before = np.array(page.evaluate(MOTION)["tip"])
+    middle = page.evaluate("[...page.memory.pushed].slice(2, 4)")
+    drag(page, middle, np.array(middle) + np.array([0.05, 0.0]))
+    page.evaluate("page.advance(30)")
+    assert page.evaluate("page.world.push[2]") > 0.0
+    assert np.linalg.norm(np.array(page.evaluate(MOTION)["tip"]) - before) > 1e-3
+    page.mouse.up()
+    page.evaluate("page.advance(2000)")
+    assert np.linalg.norm(np.array(page.evaluate(MOTION)["tip"]) - before) < 3e-3
+
+
+def test_a_mug_is_held_and_a_hand_pulls_it_out(opened):
+    page = stopped(opened("close_on_mug"))
+    page.evaluate("page.advance(4800)")
+    at = page.evaluate("page.plant.object.state")
+    names = page.evaluate("page.plant.touches")
+    forces = dict(zip(names, page.evaluate("[...page.memory.normal_force]"), strict=True))
+    assert forces["finger.tip"] > 0.3
+    # The table bears what the finger does not.
+    assert sum(page.evaluate("[...page.memory.lift]")) == pytest.approx(0.3 * 9.81, rel=1e-3)
+    assert forces["table"] < 0.3 * 9.81
+    held = np.array(page.evaluate(MOTION)["x"][at : at + 2])
+    drag(page, held, held + np.array([0.0, -0.15]))
+    page.evaluate("page.advance(2000)")
+    pulled = np.array(page.evaluate(MOTION)["x"][at : at + 2])
+    assert page.evaluate("page.world.push[2]") > 1.0
+    assert np.linalg.norm(pulled - held) > 1e-4
+
+
+def test_keys_and_sliders(opened):
+    page = stopped(opened("close_on_mug"))
+    before = page.evaluate("page.memory.u[0]")
+    page.focus("#world")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("page.memory.u[0]") > before
+    page.keyboard.press("r")
+    page.wait_for_function("page.world.time === 0")
+    page.fill("input[name=tension_1]", "30")
+    assert page.evaluate("page.memory.u[0]") == pytest.approx(30.0, abs=0.1)
+    page.evaluate("page.advance(100)")
+    assert page.evaluate("page.memory.u[0]") == pytest.approx(30.0, abs=0.1)
+    page.keyboard.press("Escape")
+    page.focus("#world")
+    page.keyboard.press("s")
+    assert page.get_attribute("#slow", "aria-pressed") == "true"
+    page.keyboard.press(" ")
+    assert page.get_attribute("#pause", "aria-pressed") == "false"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nothing_is_outside_of_a_narrow_page(opened, scheme):
+    page = opened("close_on_mug", viewport={"width": 420, "height": 800}, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 420
+    least = page.evaluate(
+        "Math.min(...[...document.querySelectorAll('p,button,label span,output,figcaption')]"
+        ".map((e) => parseFloat(getComputedStyle(e).fontSize)))"
+    )
+    assert least >= 14.0
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (paper == "rgb(20, 23, 27)") is (scheme == "dark")
+    page.wait_for_function("page.world.time > 0.2", timeout=60000)
