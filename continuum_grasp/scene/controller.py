@@ -248,10 +248,7 @@ class Controller(Value):
     ends with an input within its limits and the status ITERATION_LIMIT."""
     scenarios: Annotated[tuple[Scenario, ...], Field(strict=False)] = ()
     """Plants for which the controller plans at once, 2 to 8: each has a plan of its own, all have the first command in
-    common, and the cost is the weighted mean. {} is the finger as it is. None: only that one."""
-    shared_stages: Annotated[int, Field(ge=1, le=500)] = 1
-    """How many of the first commands the plans of all scenarios have in common: after so many stages the controller
-    will know which plant it is."""
+    common, and the cost is the weighted mean. {} is the finger as it is. Empty: only that one."""
     supervisor: bool = True
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
     that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
@@ -265,10 +262,6 @@ class Controller(Value):
         count = len(self.scenarios)
         if count == 1 or count > MOST_SCENARIOS:
             raise ValueError(f"scenarios: expected 2 to {MOST_SCENARIOS} plants, or none, got {count}")
-        if not count and self.shared_stages > 1:
-            raise ValueError("shared_stages has no effect without scenarios")
-        if count and self.shared_stages > self.horizon.stages:
-            raise ValueError(f"shared_stages = {self.shared_stages} is more than the {self.horizon.stages} stages")
 
     @property
     def step(self) -> float:

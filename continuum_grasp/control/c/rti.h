@@ -12,13 +12,13 @@
  * The constraints c are soft, so that the QP is always feasible. Rows 0 to RTI_NS - 1 apply at the nodes 1 to RTI_N,
  * the others at 0 to RTI_N - 1. A bound of 1e30 or more is no bound.
  *
- * With scenarios (RTI_ROBUST) there is such a problem per plant, from the same state; its cost has the weight
- * of the plant, its constraints and penalties have not. The inputs of the first RTI_SHARED stages are common to all.
+ * With scenarios (RTI_ROBUST) there is such a problem per plant, from the same state and with its first inputs in common;
+ * its cost has the weight of the plant, its constraints and penalties have not.
  *
- * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR;
- * with RTI_ROBUST also RTI_SCENARIOS and RTI_SHARED; and the type `real`, with RTI_SINGLE defined if that is float. The functions of a stage stand before the other parts:
- * stage_step, stage_cost, terminal_cost. No function allocates or has static data, so that any number of controllers
- * run side by side.
+ * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR, with
+ * RTI_ROBUST also RTI_SCENARIOS; and the type `real`, with RTI_SINGLE defined if that is float. The functions of a stage
+ * stand before the other parts: stage_step, stage_cost, terminal_cost. No function allocates or has static data, so that
+ * any number of controllers run side by side.
  */
 #ifndef RTI_H
 #define RTI_H
@@ -34,13 +34,11 @@
 #define RTI_LANES 8                           /* doubles of the widest vector register (AVX-512): rows of the interior point
                                                  are padded to it, so that loops over nodes have no remainder */
 #endif
-#ifndef RTI_ROBUST                              /* defined with scenarios, and then these two */
-#define RTI_SCENARIOS 1                       /* plants with parameters of their own, each with RTI_N stages */
-#define RTI_SHARED 0                          /* first stages whose inputs are the same in all of them */
+#ifndef RTI_ROBUST                              /* else how many plants there are, each with RTI_N stages */
+#define RTI_SCENARIOS 1
 #endif
 #define RTI_STAGES (RTI_SCENARIOS * RTI_N)      /* stage k of scenario b is b RTI_N + k */
 #define RTI_NODES (RTI_SCENARIOS * (RTI_N + 1)) /* and node k of it b (RTI_N + 1) + k */
-#define RTI_ROOT (RTI_SHARED * RTI_NU)          /* shared inputs */
 #define RTI_LENGTH ((RTI_STAGES + RTI_LANES - 1) / RTI_LANES * RTI_LANES)
 
 enum {
@@ -92,12 +90,6 @@ typedef struct {
   real quadratic;
 } rti_side;
 
-#ifdef RTI_ROBUST
-typedef struct {              /* shared inputs as feedback of the first state and of those before them */
-  real K[RTI_ROOT][RTI_NX + RTI_ROOT], inverse[RTI_ROOT], constant[RTI_ROOT];
-} rti_root;
-#endif
-
 typedef struct {
   int ready;
   /* the QP: written by rti_prepare, read by rti_feedback */
@@ -108,9 +100,6 @@ typedef struct {
   real c[RTI_NODES][RTI_SIZE(RTI_NC)], C[RTI_NODES][RTI_SIZE(RTI_NC)][RTI_NZ];
   /* its solution without bounds as affine feedback; compliance: inverse Hessian of an input */
   real gain[RTI_STAGES][RTI_NU][RTI_W], offset[RTI_STAGES][RTI_NU], compliance[RTI_STAGES][RTI_NU];
-#ifdef RTI_ROBUST
-  rti_root free_root;
-#endif
   /* the solution: change of the plan, bounded quantities */
   real z[RTI_NODES][RTI_W], dz[RTI_NODES][RTI_W], saved[RTI_NODES][RTI_W];
   real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
@@ -120,9 +109,6 @@ typedef struct {
   real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
   real K[RTI_STAGES][RTI_NU][RTI_W], inverse[RTI_STAGES][RTI_NU], constant[RTI_STAGES][RTI_NU];
   real residual[RTI_STAGES][RTI_NU], gradient_size[RTI_NU];
-#ifdef RTI_ROBUST
-  rti_root root;
-#endif
   /* sides of bounds: slack t, its multiplier m, violation s, its multiplier n, and their changes */
   int sides;
   rti_side side[RTI_SIDES];

@@ -98,11 +98,11 @@ static real rti_scale(const rti_settings *s, int row)
   return scale > 0 ? scale : 1;
 }
 
-/* Node and scenario of a stage, and the end of its scenario; whether its inputs are the copy of another scenario's. */
+/* Node and scenario of a stage, and the end of its scenario; whether its inputs are those of the first scenario. */
 static inline int rti_node(int stage) { return RTI_SCENARIOS > 1 ? stage + stage / RTI_N : stage; }
 static inline int rti_scenario(int stage) { return RTI_SCENARIOS > 1 ? stage / RTI_N : 0; }
 static inline int rti_end(int stage) { return RTI_N + RTI_N * rti_scenario(stage); }
-static inline int rti_copied(int stage) { return RTI_SCENARIOS > 1 && stage >= RTI_N && stage % RTI_N < RTI_SHARED; }
+static inline int rti_copied(int stage) { return RTI_SCENARIOS > 1 && stage >= RTI_N && stage % RTI_N == 0; }
 
 #ifdef RTI_ROBUST
 /* Parameters of a scenario. */

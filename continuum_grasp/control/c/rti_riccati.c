@@ -89,14 +89,10 @@ static inline void rti_following(real next[RTI_W], real (*M)[RTI_W], const real 
 }
 
 #ifdef RTI_ROBUST
-/* Shared inputs v = [u_0 .. u_RTI_SHARED-1] are not eliminated stage by stage, since all scenarios have a say: on the way
- * to the first node their Hessian with respect to [x_k, v] is carried along, each row V of which becomes V [A 0; 0 I] +
- * V_x B in its own columns. The scenarios' sum at the first node is eliminated there once. */
-typedef struct {
-  real V[RTI_ROOT][RTI_W], U[RTI_ROOT][RTI_ROOT], q[RTI_ROOT];  /* with respect to x and v, the lower triangle; gradient */
-} rti_shared;
+/* Scenarios have their first node and its inputs in common: each leaves the Hessian and the gradient there that its later
+ * stages add up to, and the inputs of their sum are eliminated once. */
 
-/* The average of the scenarios' first nodes and shared inputs, which a shifted plan has no longer in common. */
+/* The average of the scenarios' first nodes and inputs, which a shifted plan has no longer in common. */
 static void rti_share(rti_work *o, const rti_settings *s)
 {
   for (int i = 0; i < RTI_NX; ++i) {
@@ -104,85 +100,35 @@ static void rti_share(rti_work *o, const rti_settings *s)
     for (int b = 0; b < RTI_SCENARIOS; ++b) sum += o->x[b * (RTI_N + 1)][i];
     for (int b = 0; b < RTI_SCENARIOS; ++b) o->x[b * (RTI_N + 1)][i] = sum / RTI_SCENARIOS;
   }
-  for (int k = 0; k < RTI_SHARED; ++k)
-    for (int j = 0; j < RTI_NU; ++j) {
-      real sum = 0;
-      for (int b = 0; b < RTI_SCENARIOS; ++b) sum += o->u[b * RTI_N + k][j];
-      sum = rti_max(s->u_min[j], rti_min(s->u_max[j], sum / RTI_SCENARIOS));
-      for (int b = 0; b < RTI_SCENARIOS; ++b) o->u[b * RTI_N + k][j] = sum;
-    }
-}
-
-/* Carry the Hessian over shared stage k with [A B] = M, to which G, of state and input there, is added. */
-static void rti_carry(rti_shared *of, int k, real (*M)[RTI_W], real (*G)[RTI_W])
-{
-  for (int v = (k + 1) * RTI_NU; v < RTI_ROOT; ++v) {
-    real row[RTI_W] = {0};
-    for (int i = 0; i < RTI_NX; ++i) rti_add_row(row, of->V[v][i], M[i], RTI_NZ);
-    for (int j = 0; j < RTI_NU; ++j) of->U[v][k * RTI_NU + j] = row[RTI_NX + j];
-    memcpy(of->V[v], row, sizeof row);
-  }
   for (int j = 0; j < RTI_NU; ++j) {
-    const int v = k * RTI_NU + j;
-    memcpy(of->V[v], G[RTI_NX + j], sizeof of->V[v]);
-    for (int i = 0; i <= j; ++i) of->U[v][k * RTI_NU + i] = G[RTI_NX + j][RTI_NX + i];
+    real sum = 0;
+    for (int b = 0; b < RTI_SCENARIOS; ++b) sum += o->u[b * RTI_N][j];
+    sum = rti_max(s->u_min[j], rti_min(s->u_max[j], sum / RTI_SCENARIOS));
+    for (int b = 0; b < RTI_SCENARIOS; ++b) o->u[b * RTI_N][j] = sum;
   }
 }
 
-static void rti_sum(rti_shared *sum, const rti_shared *one)
+/* Add what the scenarios before have left at the first node; whether that is the sum of all. */
+static inline int rti_add_scenario(int b, real (*G)[RTI_W], real q[RTI_W], real (*sum)[RTI_W], real rest[RTI_W])
 {
-  for (int v = 0; v < RTI_ROOT; ++v) {
-    for (int i = 0; i < RTI_NX; ++i) sum->V[v][i] += one->V[v][i];
-    for (int w = 0; w <= v; ++w) sum->U[v][w] += one->U[v][w];
-    sum->q[v] += one->q[v];
+  for (int i = 0; i < RTI_NZ && b > 0; ++i) {
+    rti_add_row(G[i], 1, sum[i], RTI_NZ);
+    q[i] += rest[i];
   }
+  memcpy(sum, G, RTI_NZ * sizeof *sum);
+  memcpy(rest, q, RTI_W * sizeof *rest);
+  return b == RTI_SCENARIOS - 1;
 }
 
-/* Minimize over the shared inputs one by one, last first, as rti_eliminate does. */
-static void rti_eliminate_shared(rti_shared *sum, rti_root *root)
+/* Copy the feedback of the common inputs from the last scenario, which has the sum, to the others. */
+static void rti_copy_feedback(real (*K)[RTI_NU][RTI_W], real (*inverse)[RTI_NU], real (*constant)[RTI_NU])
 {
-  real least[RTI_ROOT];
-  for (int v = 0; v < RTI_ROOT; ++v) least[v] = 8 * RTI_EPS * sum->U[v][v];
-  for (int v = RTI_ROOT - 1; v >= 0; --v) {
-    const real inverse = sum->U[v][v] > least[v] ? 1 / sum->U[v][v] : 0;
-    root->inverse[v] = inverse;
-    for (int i = 0; i < RTI_NX; ++i) root->K[v][i] = -sum->V[v][i] * inverse;
-    for (int w = 0; w < v; ++w) root->K[v][RTI_NX + w] = -sum->U[v][w] * inverse;
-    for (int w = 0; w < v; ++w) {
-      for (int i = 0; i < RTI_NX; ++i) sum->V[w][i] += sum->U[v][w] * root->K[v][i];
-      for (int l = 0; l <= w; ++l) sum->U[w][l] += sum->U[v][w] * root->K[v][RTI_NX + l];
-    }
+  const int last = (RTI_SCENARIOS - 1) * RTI_N;
+  for (int b = 0; b < RTI_SCENARIOS - 1; ++b) {
+    memcpy(K[b * RTI_N], K[last], sizeof *K);
+    memcpy(inverse[b * RTI_N], inverse[last], sizeof *inverse);
+    memcpy(constant[b * RTI_N], constant[last], sizeof *constant);
   }
-}
-
-static void rti_eliminate_shared_gradient(real q[RTI_ROOT], rti_root *root)
-{
-  for (int v = RTI_ROOT - 1; v >= 0; --v) {
-    root->constant[v] = -q[v] * root->inverse[v];
-    for (int w = 0; w < v; ++w) q[w] += root->K[v][RTI_NX + w] * q[v];
-  }
-}
-
-/* Shared inputs from the first state (null: zero), as constants of their stages in all scenarios. */
-static void rti_distribute(const rti_root *root, const real *x, real (*constant)[RTI_NU])
-{
-  real u[RTI_ROOT];
-  for (int v = 0; v < RTI_ROOT; ++v) {
-    u[v] = root->constant[v];
-    for (int i = 0; x && i < RTI_NX; ++i) u[v] += root->K[v][i] * x[i];
-    for (int w = 0; w < v; ++w) u[v] += root->K[v][RTI_NX + w] * u[w];
-    for (int b = 0; b < RTI_SCENARIOS; ++b) constant[b * RTI_N + v / RTI_NU][v % RTI_NU] = u[v];
-  }
-}
-
-/* Without feedback where inputs are shared; `inverse` is that of their pivots. */
-static void rti_distribute_pivots(const rti_root *root, real (*K)[RTI_NU][RTI_W], real (*inverse)[RTI_NU])
-{
-  for (int b = 0; b < RTI_SCENARIOS; ++b)
-    for (int k = 0; k < RTI_SHARED; ++k) {
-      memset(K[b * RTI_N + k], 0, sizeof *K);
-      memcpy(inverse[b * RTI_N + k], root->inverse + k * RTI_NU, sizeof *inverse);
-    }
 }
 #endif
 
@@ -190,18 +136,13 @@ static void rti_distribute_pivots(const rti_root *root, real (*K)[RTI_NU][RTI_W]
 static void rti_solve_free(rti_work *o)
 {
 #ifdef RTI_ROBUST
-  rti_shared sum;
-  memset(&sum, 0, sizeof sum);
+  real sum[RTI_NZ][RTI_W], rest[RTI_W];
 #endif
   for (int b = 0; b < RTI_SCENARIOS; ++b) {
     real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
     const int end = b * (RTI_N + 1) + RTI_N;
     memcpy(P, o->H[end], sizeof P);
     memcpy(p, o->g[end], sizeof p);
-#ifdef RTI_ROBUST
-    rti_shared own;
-    memset(&own, 0, sizeof own);
-#endif
     for (int k = RTI_N - 1; k >= 0; --k) {
       const int at = b * RTI_N + k, node = rti_node(at);
       memcpy(G, o->H[node], sizeof G);
@@ -211,32 +152,16 @@ static void rti_solve_free(rti_work *o)
         for (int l = 0; l < RTI_NX; ++l) p[i] += P[i][l] * o->defect[at][l];
       rti_add_transposed(q, o->M[at], p);
 #ifdef RTI_ROBUST
-      if (k < RTI_SHARED) {
-        for (int v = (k + 1) * RTI_NU; v < RTI_ROOT; ++v)
-          for (int i = 0; i < RTI_NX; ++i) own.q[v] += own.V[v][i] * o->defect[at][i];
-        for (int i = 0; i < RTI_NX; ++i) /* the lower triangle is all that is valid */
-          for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
-        rti_carry(&own, k, o->M[at], G);
-        memcpy(own.q + k * RTI_NU, q + RTI_NX, RTI_NU * sizeof *q);
-        memcpy(P, G, sizeof P);
-        memcpy(p, q, sizeof p);
-        continue;
-      }
+      if (k == 0 && !rti_add_scenario(b, G, q, sum, rest)) break;
 #endif
       rti_eliminate(G, o->gain[at], o->compliance[at]);
       rti_eliminate_gradient(q, o->gain[at], o->compliance[at], o->offset[at]);
       memcpy(P, G, sizeof P);
       memcpy(p, q, sizeof p);
     }
-#ifdef RTI_ROBUST
-    rti_sum(&sum, &own);
-#endif
   }
 #ifdef RTI_ROBUST
-  rti_eliminate_shared(&sum, &o->free_root);
-  rti_eliminate_shared_gradient(sum.q, &o->free_root);
-  rti_distribute_pivots(&o->free_root, o->gain, o->compliance);
-  rti_distribute(&o->free_root, 0, o->offset);
+  rti_copy_feedback(o->gain, o->compliance, o->offset);
 #endif
 }
 
@@ -276,9 +201,6 @@ static void rti_free_trajectory(rti_work *o, const real *x0)
     real (*z)[RTI_W] = o->z + b * (RTI_N + 1);
     memset(z[0], 0, sizeof z[0]);
     for (int i = 0; i < RTI_NX; ++i) z[0][i] = x0[i] - o->x[0][i];
-#ifdef RTI_ROBUST
-    if (b == 0) rti_distribute(&o->free_root, z[0], o->offset);
-#endif
     for (int k = 0; k < RTI_N; ++k) {
       const int at = b * RTI_N + k;
       rti_inputs(z[k], o->gain[at], o->offset[at]);
@@ -350,7 +272,7 @@ static void rti_gradient(rti_work *o)
   real w[RTI_SIZE(RTI_NC)], *size = o->gradient_size;
   memset(o->gradient_size, 0, sizeof o->gradient_size);
 #ifdef RTI_ROBUST
-  real total[RTI_ROOT] = {0}, magnitude[RTI_ROOT] = {0};
+  real total[RTI_NU] = {0}, magnitude[RTI_NU] = {0};    /* of the common inputs, whose gradient is the sum */
 #endif
   for (int b = 0; b < RTI_SCENARIOS; ++b) {
     real pi[RTI_NX] = {0};
@@ -365,24 +287,22 @@ static void rti_gradient(rti_work *o)
         rti_add_transposed(carried, o->M[stage], pi);
         for (int j = 0; j < RTI_NU; ++j) {
           const real own = r[RTI_NX + j], from = carried[RTI_NX + j], bound = o->force[j][stage];
-          real terms = rti_abs(own) + rti_abs(from) + rti_abs(bound);
           o->residual[stage][j] = own + from + bound;
+          size[j] = rti_max(size[j], rti_abs(own) + rti_abs(from) + rti_abs(bound));
 #ifdef RTI_ROBUST
-          if (k < RTI_SHARED) {
-            total[k * RTI_NU + j] += o->residual[stage][j];
-            magnitude[k * RTI_NU + j] += terms;
-            terms = magnitude[k * RTI_NU + j];
-            o->residual[stage][j] = 0;
-          }
+          if (k > 0) continue;
+          total[j] += o->residual[stage][j];
+          magnitude[j] += rti_abs(own) + rti_abs(from) + rti_abs(bound);
+          size[j] = rti_max(size[j], magnitude[j]);
+          o->residual[stage][j] = 0;
 #endif
-          size[j] = rti_max(size[j], terms);
         }
       }
       for (int l = 0; l < RTI_NX; ++l) pi[l] = r[l] + carried[l];
     }
   }
 #ifdef RTI_ROBUST
-  for (int v = 0; v < RTI_ROOT; ++v) o->residual[v / RTI_NU][v % RTI_NU] = total[v];
+  memcpy(o->residual[0], total, sizeof total);
 #endif
 }
 
@@ -390,16 +310,11 @@ static void rti_gradient(rti_work *o)
 static void rti_factor(rti_work *o)
 {
 #ifdef RTI_ROBUST
-  rti_shared sum;
-  memset(&sum, 0, sizeof sum);
+  real sum[RTI_NZ][RTI_W], rest[RTI_W];
 #endif
   for (int b = 0; b < RTI_SCENARIOS; ++b) {
     real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
     const int end = b * (RTI_N + 1) + RTI_N;
-#ifdef RTI_ROBUST
-    rti_shared own;
-    memset(&own, 0, sizeof own);
-#endif
     memcpy(P, o->H[end], sizeof P);
     rti_row_entries(o->weight, b, RTI_N, w);
     rti_row_hessian(o->C[end], w, P);
@@ -420,30 +335,16 @@ static void rti_factor(rti_work *o)
       rti_add_congruence(G, P, o->M[at]);
       rti_add_transposed(q, o->M[at], p);
 #ifdef RTI_ROBUST
-      if (k < RTI_SHARED) {
-        for (int i = 0; i < RTI_NX; ++i)
-          for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
-        rti_carry(&own, k, o->M[at], G);
-        memcpy(own.q + k * RTI_NU, q + RTI_NX, RTI_NU * sizeof *q);
-        memcpy(P, G, sizeof P);
-        memcpy(p, q, sizeof p);
-        continue;
-      }
+      if (k == 0 && !rti_add_scenario(b, G, q, sum, rest)) break;
 #endif
       rti_eliminate(G, o->K[at], o->inverse[at]);
       rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
       memcpy(P, G, sizeof P);
       memcpy(p, q, sizeof p);
     }
-#ifdef RTI_ROBUST
-    rti_sum(&sum, &own);
-#endif
   }
 #ifdef RTI_ROBUST
-  rti_eliminate_shared(&sum, &o->root);
-  rti_eliminate_shared_gradient(sum.q, &o->root);
-  rti_distribute_pivots(&o->root, o->K, o->inverse);
-  rti_distribute(&o->root, 0, o->constant);
+  rti_copy_feedback(o->K, o->inverse, o->constant);
 #endif
 }
 
@@ -451,7 +352,7 @@ static void rti_factor(rti_work *o)
 static void rti_resolve(rti_work *o)
 {
 #ifdef RTI_ROBUST
-  real shared[RTI_ROOT] = {0};
+  real rest[RTI_NU] = {0};
 #endif
   for (int b = 0; b < RTI_SCENARIOS; ++b) {
     real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
@@ -465,15 +366,14 @@ static void rti_resolve(rti_work *o)
       for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][at] + o->residual[at][j];
       rti_add_transposed(q, o->M[at], p);
 #ifdef RTI_ROBUST
-      for (int j = 0; j < RTI_NU && k < RTI_SHARED; ++j) shared[k * RTI_NU + j] += q[RTI_NX + j];
+      for (int j = 0; j < RTI_NU && k == 0; ++j) q[RTI_NX + j] = rest[j] += q[RTI_NX + j];
 #endif
-      if (k >= RTI_SHARED) rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
+      rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
       memcpy(p, q, sizeof p);
     }
   }
 #ifdef RTI_ROBUST
-  rti_eliminate_shared_gradient(shared, &o->root);
-  rti_distribute(&o->root, 0, o->constant);
+  rti_copy_feedback(o->K, o->inverse, o->constant);
 #endif
 }
 

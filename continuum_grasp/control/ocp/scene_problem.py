@@ -80,7 +80,7 @@ def scenarios_of(scene: ControlScene, model: Prediction) -> Scenarios | None:
                 scale[k, at] = value
             else:
                 scale[k, at], shift[k, at] = 0.0, value
-    return Scenarios(weights * (len(asked) / weights.sum()), scale, shift, scene.controller.shared_stages)
+    return Scenarios(weights * (len(asked) / weights.sum()), scale, shift)
 
 
 def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:

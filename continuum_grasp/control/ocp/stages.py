@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 class Scenarios(NamedTuple):
     """Plants that a problem is posed for at once: the same functions with other parameters, from the same state.
 
-    The objective is the weighted mean of theirs; constraints and their penalties count for each of them in full. Inputs
-    of the first ``shared`` stages are common to all.
+    They have the inputs of the first stage in common. The objective is the weighted mean of theirs; constraints and
+    their penalties count for each of them in full.
     """
 
     weights: Array
@@ -28,8 +28,6 @@ class Scenarios(NamedTuple):
     """(S, np): parameters of a scenario are ``scale p + shift``."""
     shift: Array
     """(S, np)."""
-    shared: int
-    """Stages."""
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:
     """Members of ``rti_settings`` that scenarios have, in its order."""
     if stages.scenarios is None:
         return {}
-    weights, scale, shift, _ = stages.scenarios
+    weights, scale, shift = stages.scenarios
     # An array without entries has one in C, which has no arrays of length zero.
     none = np.zeros((stages.plants, 1)) if not stages.np else None
     return {"share": weights, "scale": scale if none is None else none, "shift": shift if none is None else none}
@@ -119,8 +119,7 @@ def dimensions(stages: Stages, real: str) -> str:
     sizes |= {"NP": stages.np, "NR": stages.nr}
     lines = [f"#define RTI_{name} {size}" for name, size in sizes.items()]
     if stages.scenarios is not None:
-        sizes = {"SCENARIOS": stages.plants, "SHARED": stages.scenarios.shared}
-        lines += ["#define RTI_ROBUST", *(f"#define RTI_{name} {size}" for name, size in sizes.items())]
+        lines += ["#define RTI_ROBUST", f"#define RTI_SCENARIOS {stages.plants}"]
     if real == "float":
         lines.append("#define RTI_SINGLE")
     return "\n".join([*lines, f"typedef {real} real;", ""])
