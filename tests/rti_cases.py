@@ -136,7 +136,26 @@ class QP:
         return np.array(found["x"]).ravel()[:n]
 
 
-def qp_of(rti: RealTimeIteration, x0: np.ndarray) -> QP:
+class PlanOf:
+    """A scenario of an iteration, which reads as the iteration of a problem without scenarios."""
+
+    def __init__(self, rti: RealTimeIteration, number: int) -> None:
+        n = rti.stages.stages
+        self._rti, self.stages, self.settings = rti, rti.stages, rti.settings
+        self._nodes, self._stages = (slice(number * size, (number + 1) * size) for size in (n + 1, n))
+
+    @property
+    def plan(self) -> tuple[np.ndarray, np.ndarray]:
+        x, u = self._rti.plan
+        return x[self._nodes], u[self._stages]
+
+    def qp(self) -> dict[str, np.ndarray]:
+        of_stages = ("u", "A", "B", "defect")
+        found = self._rti.qp().items()
+        return {name: value[self._stages if name in of_stages else self._nodes] for name, value in found}
+
+
+def qp_of(rti: RealTimeIteration | PlanOf, x0: np.ndarray) -> QP:
     """That of the last preparation, in z = [x_0, u_0, .., x_N] from the plan."""
     s, q, o = rti.stages, rti.qp(), rti.settings
     n, nx, nz = s.stages, s.nx, s.nx + s.nu
@@ -174,7 +193,7 @@ def qp_of(rti: RealTimeIteration, x0: np.ndarray) -> QP:
     return QP(hessian, gradient, equal, right, low, high, matrix, c_min, c_max, *penalties)
 
 
-def change_of_plan(rti: RealTimeIteration) -> np.ndarray:
+def change_of_plan(rti: RealTimeIteration | PlanOf) -> np.ndarray:
     """Change z of the last answer."""
     q, (x, u) = rti.qp(), rti.plan
     nodes = np.hstack([x[:-1] - q["x"][:-1], u - q["u"]])

@@ -71,6 +71,8 @@ class Converged(Remade):
     def __init__(self, scene: ControlScene) -> None:
         if scene.estimator is not None:
             raise InputError("NMPC to convergence is given the state: leave the estimator out", key="estimator")
+        if scene.controller.scenarios:
+            raise InputError("NMPC to convergence is for one plant: leave scenarios out", key="controller.scenarios")
         self.prediction = Prediction(scene)
         self.stages = stages_of(scene, self.prediction)
         self.period = scene.controller.step

@@ -130,7 +130,7 @@ class Command(Summarized):
 
     @property
     def plan(self) -> Plan:
-        """The last plan; all zero where there is none yet."""
+        """The last plan, with scenarios that of the first; all zero where there is none yet."""
         x, u = self._part("plan_x"), self._part("plan_u")
         return Plan(x.reshape(-1, self._layout.nx), u.reshape(-1, self._layout.nu))
 

@@ -55,7 +55,7 @@ class ModelScene(Protocol):
     @property
     def fidelity(self) -> Fidelity: ...
     @property
-    def parameters(self) -> tuple[str, ...]: ...
+    def model_parameters(self) -> tuple[str, ...]: ...
     @property
     def surroundings(self) -> Surroundings | None: ...
     @property
@@ -134,7 +134,7 @@ class Prediction(Remade):
             elements=fidelity.elements,
             bending_range=fidelity.bending_range,
             accuracy=fidelity.accuracy,
-            parameters=scene.parameters,
+            parameters=scene.model_parameters,
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
             tip_force=tip_force,
             input_rates=(matches_tip and self._own_lag is not None) or None,
@@ -317,8 +317,10 @@ class Prediction(Remade):
         """
         return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
 
-    def fastest_rate(self, u_min: Array, u_max: Array) -> float:
+    def fastest_rate(self, u_min: Array, u_max: Array, p: Array | None = None) -> float:
         """Find the largest absolute eigenvalue of the linearized motion [1/s], over inputs (nu) within their limits.
+
+        With the nominal parameters, or others p (np).
 
         Taken over shapes within half the bending range at rest, with all contacts closed where there is an object, and
         with tendons that stick and that slide; ``NumericalError`` where the model's numbers are not finite.
@@ -338,13 +340,14 @@ class Prediction(Remade):
         largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
         finger, most = self.system.finger_model, max(self.scene.finger.tension_limits[1], default=0.0)
         cells = len(finger.friction_names)
+        parameters = np.array(self.p_nominal) if p is None else p
         for shape in self.shapes():
             u = rng.uniform(u_min, u_max)
             pull = rng.uniform(0.0, most) if finger.structure.winches else None
             for friction in (0.0, SLIDING) if cells else (0.0,):
                 # Winches are not where u leaves them, by which tendons would be far too tight in most of the shapes.
                 x = self.at_rest(shape, u, np.full(cells, friction), pulled=pull)
-                a = np.array(linearized(x, u, self.p_nominal))
+                a = np.array(linearized(x, u, parameters))
                 if not np.all(np.isfinite(a)):
                     raise NumericalError("the linearized motion is not finite", state=shape)
                 largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))

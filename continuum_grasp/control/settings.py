@@ -182,6 +182,7 @@ def _iteration_fields(stages: Stages, iterations: int, precision: str) -> list[F
         Field("iterations", iterations, whole=True),
         Field("tolerance", float(real(rti.TOLERANCE[precision]))),
         Field("regularization", float(real(rti.REGULARIZATION))),
+        *[Field(name, value) for name, value in rti.scenario_settings(stages).items()],
     ]
 
 

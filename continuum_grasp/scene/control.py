@@ -22,6 +22,19 @@ _CALM = 0.1
 tolerate two periods of unmodeled delay, at 0.23 none (docs/control.md)."""
 
 
+_OF_SCENARIOS = {
+    "stiffness": ("bending_stiffness",),
+    "damping": ("material_damping", "per_arc_damping"),
+    "tip_mass": ("tip_mass",),
+    "tendon_friction": ("tendon_friction",),
+    "presliding": ("tendon_presliding",),
+    "axial_stiffness": ("tendon_axial_stiffness",),
+    "series_stiffness": ("tendon_series_stiffness",),
+    "time_constant": ("drive_time_constant",),
+}
+"""Model parameters behind the keys of ``controller.scenarios``."""
+
+
 class ControlScene(FingerScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
@@ -57,6 +70,7 @@ class ControlScene(FingerScene):
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
+        self._check_scenarios()
         self._doubt_margin()
         self.finger.rod.check_inside("loads", self.loads)
 
@@ -144,6 +158,50 @@ class ControlScene(FingerScene):
                 f"estimator.delay = {estimator.delay} s is not a whole number of control periods of "
                 f"{self.controller.step} s"
             )
+
+    def _check_scenarios(self) -> None:
+        for k, one in enumerate(self.controller.scenarios):
+            for key in one.changes:
+                why = self._unvaried(key)
+                if why:
+                    raise ValueError(f"controller.scenarios[{k}].{key} {why}")
+
+    def _unvaried(self, key: str) -> str:
+        """Say why scenarios cannot differ in something; nothing where they can."""
+        finger = self.finger
+        if key in ("stiffness", "tip_mass"):
+            return ""
+        if key == "damping":
+            return (
+                ""
+                if self.scenario_parameters(key)
+                else "needs finger.damping.material above 0, of which it is a factor"
+            )
+        if not finger.tendon_list:
+            return "is for a finger with tendons"
+        if key in ("tendon_friction", "presliding") and not finger.has_tendon_friction:
+            return "needs finger.tendons.friction above 0: without, the controller's model has no state of friction"
+        if key == "time_constant" and (finger.winches or self.lag is None):
+            return "is that of commanded tensions: it needs finger.tendons.time_constant"
+        if key in ("axial_stiffness", "series_stiffness") and not finger.winches:
+            return "has no effect where the tension is commanded"
+        name = key.removeprefix("tendon_")
+        values = {getattr(tendon, name) for tendon in finger.tendon_list}
+        return "" if len(values) == 1 and None not in values else f"needs the same finger.tendons.{name} of all tendons"
+
+    def scenario_parameters(self, key: str) -> tuple[str, ...]:
+        """Names of the model parameters that a key of ``controller.scenarios`` changes."""
+        damping = self.finger.damping
+        absent = {"material_damping": damping.material == 0.0, "per_arc_damping": damping.per_arc == 0.0}
+        return tuple(name for name in _OF_SCENARIOS[key] if not absent.get(name))
+
+    @property
+    def model_parameters(self) -> tuple[str, ...]:
+        """Parameters of the controller's model: ``parameters``, and what scenarios differ in."""
+        varied = [
+            name for one in self.controller.scenarios for key in one.changes for name in self.scenario_parameters(key)
+        ]
+        return tuple(dict.fromkeys((*self.parameters, *varied)))
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

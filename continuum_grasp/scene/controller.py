@@ -36,6 +36,10 @@ else:
     Method = Literal["auto", *CONTROL_METHODS]
 
 
+MOST_SCENARIOS = 8
+"""Greatest number of plants [1]: a step takes as many times as long."""
+
+
 class Penalty(Value):
     """Penalty weights of a soft constraint, per share of its scale; where they are large enough, the constraint is
     satisfied wherever it can be.
@@ -192,6 +196,35 @@ class Horizon(Value):
     """Steps per stage; None: as many as the stiffness requires (sdirk2: one per 10 ms)."""
 
 
+class Scenario(Value):
+    """A plant that a robust controller plans for, by how it differs from the controller's finger."""
+
+    weight: Annotated[Positive, Unit("1")] = 1.0
+    """Of its cost, beside those of the other plants: its probability, up to a factor [1]. Constraints count in full."""
+    stiffness: Annotated[Positive, Unit("1")] | None = None
+    """Bending stiffness per that of the finger [1]."""
+    damping: Annotated[Positive, Unit("1")] | None = None
+    """Damping of the material and per element, per that of the finger [1]."""
+    tip_mass: Mass | None = None
+    """Mass at the tip beside that of the finger [kg]."""
+    tendon_friction: Friction | None = None
+    """Capstan friction coefficient of the tendons [1]."""
+    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
+    """Sliding of the tendons within which friction turns from one direction to the other, halved [m]."""
+    axial_stiffness: Annotated[Positive, Unit("N")] | None = None
+    """Stiffness EA of the tendons [N]."""
+    series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
+    """Stiffness between drive and finger [N/m]."""
+    time_constant: TimeConstant | None = None
+    """Time constant of the drive of the tendons [s]."""
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """What differs, by key."""
+        given = {name: getattr(self, name) for name in type(self).model_fields if name != "weight"}
+        return {name: value for name, value in given.items() if value is not None}
+
+
 class Controller(Value):
     """Nonlinear model predictive control by real-time iterations."""
 
@@ -213,6 +246,9 @@ class Controller(Value):
     iterations: Annotated[int, Field(ge=1, le=100)] = 40
     """Greatest number of factorizations per QP, beyond that of its preparation. A QP that is not solved with as many
     ends with an input within its limits and the status ITERATION_LIMIT."""
+    scenarios: Annotated[tuple[Scenario, ...], Field(strict=False)] = ()
+    """Plants for which the controller plans at once, 2 to 8: each has a plan of its own, all have the first command in
+    common, and the cost is the weighted mean. {} is the finger as it is. Empty: only that one."""
     supervisor: bool = True
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
     that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
@@ -223,6 +259,9 @@ class Controller(Value):
     def _check(self) -> None:
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
             raise ValueError(f"period = {self.period} s is longer than the whole horizon")
+        count = len(self.scenarios)
+        if count == 1 or count > MOST_SCENARIOS:
+            raise ValueError(f"scenarios: expected 2 to {MOST_SCENARIOS} plants, or none, got {count}")
 
     @property
     def step(self) -> float:

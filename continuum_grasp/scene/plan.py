@@ -284,6 +284,11 @@ class PlanScene(FingerScene):
         return self.input.limits(self.finger)
 
     @property
+    def model_parameters(self) -> tuple[str, ...]:
+        """Parameters of the model."""
+        return self.parameters
+
+    @property
     def lag(self) -> float | None:
         """Shortest time constant of the drive [s]; None: an input acts at once."""
         return self.input.lag(self.finger)

@@ -164,3 +164,10 @@ def test_a_servo_turns_the_tip_to_its_angle_and_holds_it():
     angle = [name.startswith("tip_angle") for name in found.r_names].index(True)
     error = found.tracked[:, angle] - found.r[:, angle]
     assert np.abs(error[60:]).max() < 0.03
+
+
+@pytest.mark.parametrize("changes", few([(), ("controller.scenarios=[]",)], 1))
+def test_scenarios_hold_the_tip_with_a_camera_that_is_late(changes):
+    found = checked(run("unknown_drive", 1.2, *changes))
+    error = np.linalg.norm(found.tip[-40:] - found.tip_reference[-40:], axis=1)
+    assert np.sqrt(np.mean(error**2)) > 0.008 if changes else error.max() < 0.004

@@ -21,7 +21,7 @@ from continuum_grasp.export.control.tokens import renamed, without, without_prot
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.scene.control import ControlScene
-from tests.control_cases import Reality, driven_scene
+from tests.control_cases import Reality, driven_scene, hand_scene
 from tests.export_cases import (  # noqa: F401
     SANITIZE,
     STRICT,
@@ -222,6 +222,33 @@ def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
         plant.advance(command.u, control.period)
         moved.append(plant.tip[0])
     assert min(moved) < -0.01
+
+
+@needs("cc")
+def test_a_controller_of_scenarios_is_that_of_python(tmp_path):
+    """In closed loop on a fourth plant; and its own vectors to the bit."""
+    given = hand_scene(
+        estimator=None,
+        controller={
+            "horizon": {"stages": 5, "stage": 0.01},
+            "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "effort": 0.01, "input_rate": 5e-4},
+            "input": {"rate_max": 600.0},
+            "scenarios": ({"weight": 2.0}, {"time_constant": 0.04}, {"stiffness": 1.5, "tip_mass": 0.002}),
+        },
+    )
+    export_c(given, tmp_path / "package", real="double")
+    (program,) = compile_programs("cc", tmp_path / "package", tmp_path, "main", *STRICT, *WARNINGS, "-O1")
+    assert re.search(r"^mpc +0 of +\d+ cases failed", run(program), re.MULTILINE)
+    finger, library = shared_library(tmp_path / "package", tmp_path)
+    control, other = Controller(given, deadline=math.inf), finger.Controller(library)
+    plant = Reality(given, control.first, [1.3 * v for v in control.stages.p_nominal])
+    row = np.tile(control.nominal_setpoints.rows([0.0])[0], (6, 1))
+    for k in range(20):
+        row[:, :2] = (-0.06, 0.16) if k < 10 else (0.0, 0.18)
+        command, found = control.step(plant.x, row), other.step(finger.Measurement(*plant.x), reference(finger, row))
+        assert values(found) == pytest.approx(command.u, rel=1e-6, abs=1e-9)
+        assert CODES[other.code] == command.status
+        plant.advance(command.u, control.period)
 
 
 @needs("cc")
@@ -508,6 +535,7 @@ def test_names_types_and_literals_are_those_of_the_package():
 def test_conditions_of_a_macro_are_settled():
     text = "a\n#ifdef V\nb\n#if W\nc\n#else\nd\n#endif\n#else\ne\n#ifdef X\nf\n#endif\n#endif\ng\n"
     assert without("V", text) == "a\ne\n#ifdef X\nf\n#endif\ng\n"
+    assert without("V", text.replace("#ifdef V", "#ifndef V")) == "a\nb\n#if W\nc\n#else\nd\n#endif\ng\n"
 
 
 def test_prototypes_are_separated_from_types():

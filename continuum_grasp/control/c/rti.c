@@ -19,8 +19,8 @@
 void rti_start(rti_plan *plan, const real *x0, const real *u0)
 {
   memset(plan, 0, sizeof *plan);
-  for (int k = 0; k <= RTI_N; ++k) memcpy(plan->x[k], x0, sizeof plan->x[k]);
-  for (int k = 0; k < RTI_N; ++k) memcpy(plan->u[k], u0, sizeof plan->u[k]);
+  for (int k = 0; k < RTI_NODES; ++k) memcpy(plan->x[k], x0, sizeof plan->x[k]);
+  for (int k = 0; k < RTI_STAGES; ++k) memcpy(plan->u[k], u0, sizeof plan->u[k]);
 }
 
 void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
@@ -31,13 +31,16 @@ void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
   const real part = stages < RTI_N ? stages - (real)whole : 0;
   plan->moved = rti_min(plan->moved + stages, RTI_N);
   /* in place: an entry is read from its own index or a later one */
-  for (int k = 0; k <= RTI_N; ++k) {
-    const int i = rti_lesser(k + whole, RTI_N), j = rti_lesser(i + 1, RTI_N);
-    for (int r = 0; r < RTI_NX; ++r) plan->x[k][r] = (1 - part) * plan->x[i][r] + part * plan->x[j][r];
-  }
-  for (int k = 0; k < RTI_N; ++k) {
-    const int i = rti_lesser(k + whole, RTI_N - 1), j = rti_lesser(i + 1, RTI_N - 1);
-    for (int r = 0; r < RTI_NU; ++r) plan->u[k][r] = (1 - part) * plan->u[i][r] + part * plan->u[j][r];
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real (*x)[RTI_NX] = plan->x + b * (RTI_N + 1), (*u)[RTI_NU] = plan->u + b * RTI_N;
+    for (int k = 0; k <= RTI_N; ++k) {
+      const int i = rti_lesser(k + whole, RTI_N), j = rti_lesser(i + 1, RTI_N);
+      for (int r = 0; r < RTI_NX; ++r) x[k][r] = (1 - part) * x[i][r] + part * x[j][r];
+    }
+    for (int k = 0; k < RTI_N; ++k) {
+      const int i = rti_lesser(k + whole, RTI_N - 1), j = rti_lesser(i + 1, RTI_N - 1);
+      for (int r = 0; r < RTI_NU; ++r) u[k][r] = (1 - part) * u[i][r] + part * u[j][r];
+    }
   }
 }
 
@@ -48,12 +51,20 @@ int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const rea
   rti_wide wp[RTI_SIZE(RTI_NP)], wh[1], x[RTI_NX], u[RTI_NU], M[RTI_NZ][RTI_NX];
   rti_broadcast(p, RTI_NP, wp);
   rti_broadcast(&h, 1, wh);
-  for (int k = from; k < RTI_N; ++k) {
-    rti_broadcast(plan->x[k], RTI_NX, x);
-    rti_broadcast(plan->u[k], RTI_NU, u);
-    rti_stage(settings->substeps, x, u, wp, wh, M);
-    for (int i = 0; i < RTI_NX; ++i) plan->x[k + 1][i] = RTI_AT(x[i], 0);
-    if (!rti_finite(plan->x[k + 1], RTI_NX)) return RTI_BAD_LINEARIZATION;
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real (*nodes)[RTI_NX] = plan->x + b * (RTI_N + 1);
+#ifdef RTI_ROBUST
+    real own[RTI_SIZE(RTI_NP)];
+    rti_parameters(settings, b, p, own);
+    rti_broadcast(own, RTI_NP, wp);
+#endif
+    for (int k = from; k < RTI_N; ++k) {
+      rti_broadcast(nodes[k], RTI_NX, x);
+      rti_broadcast(plan->u[b * RTI_N + k], RTI_NU, u);
+      rti_stage(settings->substeps, x, u, wp, wh, M);
+      for (int i = 0; i < RTI_NX; ++i) nodes[k + 1][i] = RTI_AT(x[i], 0);
+      if (!rti_finite(nodes[k + 1], RTI_NX)) return RTI_BAD_LINEARIZATION;
+    }
   }
   return RTI_SOLVED;
 }
@@ -62,7 +73,7 @@ int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, co
 {
   (void)work;
   if (!rti_finite(x0, RTI_NX)) return RTI_BAD_INPUT;
-  memcpy(plan->x[0], x0, sizeof plan->x[0]);
+  for (int b = 0; b < RTI_SCENARIOS; ++b) memcpy(plan->x[b * (RTI_N + 1)], x0, sizeof plan->x[0]);
   return rti_extend(plan, settings, 0, p);
 }
 
@@ -70,15 +81,18 @@ int rti_prepare(rti_work *o, const rti_plan *plan, const rti_settings *settings,
 {
   o->ready = 0;
   if (!rti_settings_valid(settings) || !rti_finite(p, RTI_NP) || !rti_finite(refs, (RTI_N + 1) * RTI_NR)
-      || !rti_finite(plan->x[0], (RTI_N + 1) * RTI_NX) || !rti_finite(plan->u[0], RTI_N * RTI_NU)
+      || !rti_finite(plan->x[0], RTI_NODES * RTI_NX) || !rti_finite(plan->u[0], RTI_STAGES * RTI_NU)
       || !rti_between(plan->moved, 0, RTI_N))
     return RTI_BAD_INPUT;
   memcpy(o->x, plan->x, sizeof o->x);
-  for (int k = 0; k < RTI_N; ++k) /* the limits may have moved since the plan was made */
+  for (int k = 0; k < RTI_STAGES; ++k) /* the limits may have moved since the plan was made */
     for (int j = 0; j < RTI_NU; ++j)
       o->u[k][j] = rti_max(settings->u_min[j], rti_min(settings->u_max[j], plan->u[k][j]));
+#ifdef RTI_ROBUST
+  rti_share(o, settings);
+#endif
   rti_linearize(o, settings, p, refs);
-  rti_linearize_end(o, settings, p, refs + RTI_N * RTI_NR);
+  for (int b = 0; b < RTI_SCENARIOS; ++b) rti_linearize_end(o, settings, b, p, refs + RTI_N * RTI_NR);
   rti_solve_free(o);
   /* the QP and its feedback in one pass: these members are all real, one after the other */
   const size_t first = offsetof(rti_work, M), count = (offsetof(rti_work, z) - first) / sizeof(real);
@@ -111,10 +125,10 @@ static int rti_feasible(const rti_work *o, const rti_settings *s)
  * that rounding at an active bound does not count. */
 static int rti_evaluate(const rti_work *o, const rti_settings *s, rti_report *report)
 {
-  real cost = o->l[RTI_N];
+  real cost = o->l[RTI_NODES - 1];
   int violated = 0;
-  for (int k = 0; k <= RTI_N; ++k) {
-    if (k < RTI_N) cost += o->l[k];
+  for (int k = 0; k < RTI_NODES; ++k) {
+    if (k < RTI_NODES - 1) cost += o->l[k];
     for (int i = 0; i < RTI_NZ; ++i) {
       real sum = 0;
       for (int l = 0; l < RTI_NZ; ++l) sum += o->H[k][i][l] * o->z[k][l];
@@ -124,7 +138,7 @@ static int rti_evaluate(const rti_work *o, const rti_settings *s, rti_report *re
   for (int i = 0; i < RTI_NC; ++i) {
     const int row = RTI_NU + i;
     const real low = s->c_min[i], high = s->c_max[i], reported = 100 * s->tolerance * rti_scale(s, row);
-    for (int k = 0; rti_penalized(s, row) && k < RTI_N; ++k) {
+    for (int k = 0; rti_penalized(s, row) && k < RTI_STAGES; ++k) {
       const real y = o->y[row][k];
       const real over = rti_max(high < RTI_ABSENT ? y - high : 0, low > -RTI_ABSENT ? low - y : 0);
       if (!(over > 0)) continue;
@@ -136,7 +150,7 @@ static int rti_evaluate(const rti_work *o, const rti_settings *s, rti_report *re
       }
     }
   }
-  report->cost = cost;
+  report->cost = cost / RTI_SCENARIOS;
   return violated;
 }
 
@@ -146,7 +160,7 @@ static void rti_gather_multipliers(rti_work *o)
   memset(o->a, 0, sizeof o->a);
   for (int i = 0; i < o->sides; ++i) {
     const rti_side side = o->side[i];
-    for (int k = 0; k < RTI_N; ++k) o->a[side.row][k] += side.sign * o->m[i][k];
+    for (int k = 0; k < RTI_STAGES; ++k) o->a[side.row][k] += side.sign * o->m[i][k];
   }
 }
 
@@ -165,7 +179,7 @@ static real rti_optimality(rti_work *o, const rti_settings *s, real unit)
   rti_gradient(o);
   memset(o->active, RTI_FREE, sizeof o->active);
   for (int j = 0; j < RTI_NU; ++j)
-    for (int k = 0; rti_fixed(s, j) && k < RTI_N; ++k) o->active[j][k] = RTI_AT_HIGH;
+    for (int k = 0; rti_fixed(s, j) && k < RTI_STAGES; ++k) o->active[j][k] = RTI_AT_HIGH;
   const real share = RTI_SQRT(mean / unit);
   return rti_max(rti_free_residual(o, s), mean * pairs < share * cost ? mean * pairs / cost : share);
 }
@@ -211,12 +225,14 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   memset(&o->next, 0, sizeof o->next);
   const int status = rti_feasible(o, settings) ? RTI_SOLVED : rti_solve(o, plan, settings, x0, report);
   const int violated = rti_evaluate(o, settings, report);
-  for (int k = 0; k <= RTI_N; ++k)
+  for (int k = 0; k < RTI_NODES; ++k)
     for (int i = 0; i < RTI_NX; ++i) o->next.x[k][i] = o->x[k][i] + o->z[k][i];
-  for (int k = 0; k < RTI_N; ++k)
-    for (int j = 0; j < RTI_NU; ++j)
-      o->next.u[k][j] = rti_max(settings->u_min[j], rti_min(settings->u_max[j], o->u[k][j] + o->z[k][RTI_NX + j]));
-  if (!rti_finite(o->next.x[0], (RTI_N + 1) * RTI_NX) || !rti_finite(o->z[0], (RTI_N + 1) * RTI_W)
+  for (int k = 0; k < RTI_STAGES; ++k)
+    for (int j = 0; j < RTI_NU; ++j) {
+      const real u = o->u[k][j] + o->z[rti_node(k)][RTI_NX + j];
+      o->next.u[k][j] = rti_max(settings->u_min[j], rti_min(settings->u_max[j], u));
+    }
+  if (!rti_finite(o->next.x[0], RTI_NODES * RTI_NX) || !rti_finite(o->z[0], RTI_NODES * RTI_W)
       || !rti_finite(&report->cost, 1))
     return report->status = RTI_BAD_SOLUTION;
   /* Without a factorization no bound is active, and the set of `next` is empty. */

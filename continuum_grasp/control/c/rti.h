@@ -12,10 +12,13 @@
  * The constraints c are soft, so that the QP is always feasible. Rows 0 to RTI_NS - 1 apply at the nodes 1 to RTI_N,
  * the others at 0 to RTI_N - 1. A bound of 1e30 or more is no bound.
  *
- * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR; and
- * the type `real`, with RTI_SINGLE defined if that is float. The functions of a stage stand before the other parts:
- * stage_step, stage_cost, terminal_cost. No function allocates or has static data, so that any number of controllers
- * run side by side.
+ * With scenarios (RTI_ROBUST) there is such a problem per plant, from the same state and with its first inputs in common;
+ * its cost has the weight of the plant, its constraints and penalties have not.
+ *
+ * Dimensions are set before this file is read: RTI_N, RTI_NX, RTI_NU (1 or more), RTI_NC, RTI_NS, RTI_NP, RTI_NR, with
+ * RTI_ROBUST also RTI_SCENARIOS; and the type `real`, with RTI_SINGLE defined if that is float. The functions of a stage
+ * stand before the other parts: stage_step, stage_cost, terminal_cost. No function allocates or has static data, so that
+ * any number of controllers run side by side.
  */
 #ifndef RTI_H
 #define RTI_H
@@ -31,7 +34,12 @@
 #define RTI_LANES 8                           /* doubles of the widest vector register (AVX-512): rows of the interior point
                                                  are padded to it, so that loops over nodes have no remainder */
 #endif
-#define RTI_LENGTH ((RTI_N + RTI_LANES - 1) / RTI_LANES * RTI_LANES)
+#ifndef RTI_ROBUST                              /* else how many plants there are, each with RTI_N stages */
+#define RTI_SCENARIOS 1
+#endif
+#define RTI_STAGES (RTI_SCENARIOS * RTI_N)      /* stage k of scenario b is b RTI_N + k */
+#define RTI_NODES (RTI_SCENARIOS * (RTI_N + 1)) /* and node k of it b (RTI_N + 1) + k */
+#define RTI_LENGTH ((RTI_STAGES + RTI_LANES - 1) / RTI_LANES * RTI_LANES)
 
 enum {
   RTI_SOLVED = 0,
@@ -53,14 +61,18 @@ typedef struct {
   int iterations;             /* greatest number of factorizations of a QP, beyond that of the preparation */
   real tolerance;             /* of the solution, relative */
   real regularization;        /* added to the Hessian's diagonal of the inputs */
+#ifdef RTI_ROBUST
+  real share[RTI_SCENARIOS];  /* weights of the plants, RTI_SCENARIOS in sum */
+  real scale[RTI_SCENARIOS][RTI_SIZE(RTI_NP)], shift[RTI_SCENARIOS][RTI_SIZE(RTI_NP)];  /* parameters: scale p + shift */
+#endif
 } rti_settings;
 
 typedef struct {
-  real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
+  real x[RTI_NODES][RTI_NX], u[RTI_STAGES][RTI_NU];
   /* of the QP that it solves: multipliers of the rows, active set, by how many stages the plan was shifted since, and
    * whether the next QP has its bounds active at the same nodes rather than at the same instants */
-  real a[RTI_SIZE(RTI_NC)][RTI_N], moved;
-  signed char active[RTI_ROWS][RTI_N], stays;
+  real a[RTI_SIZE(RTI_NC)][RTI_STAGES], moved;
+  signed char active[RTI_ROWS][RTI_STAGES], stays;
 } rti_plan;
 
 typedef struct {
@@ -68,7 +80,7 @@ typedef struct {
   int iterations;             /* factorizations beyond that of the preparation */
   real kkt;                   /* largest residual of the optimality conditions, relative; 0 if no bound is active */
   real violation;             /* largest violation of a row */
-  real cost;                  /* of the QP at its solution, penalties included */
+  real cost;                  /* of the QP at its solution, penalties included; the mean of the scenarios */
   real excess[RTI_SIZE(RTI_NC)];      /* of each row that is reported as violated its largest violation, else 0 */
 } rti_report;
 
@@ -81,22 +93,22 @@ typedef struct {
 typedef struct {
   int ready;
   /* the QP: written by rti_prepare, read by rti_feedback */
-  real x[RTI_N + 1][RTI_NX], u[RTI_N][RTI_NU];
-  real M[RTI_N][RTI_NX][RTI_W];              /* [A B] */
-  real defect[RTI_N][RTI_NX];
-  real l[RTI_N + 1], g[RTI_N + 1][RTI_W], H[RTI_N + 1][RTI_NZ][RTI_W];
-  real c[RTI_N + 1][RTI_SIZE(RTI_NC)], C[RTI_N + 1][RTI_SIZE(RTI_NC)][RTI_NZ];
+  real x[RTI_NODES][RTI_NX], u[RTI_STAGES][RTI_NU];
+  real M[RTI_STAGES][RTI_NX][RTI_W];              /* [A B] */
+  real defect[RTI_STAGES][RTI_NX];
+  real l[RTI_NODES], g[RTI_NODES][RTI_W], H[RTI_NODES][RTI_NZ][RTI_W];
+  real c[RTI_NODES][RTI_SIZE(RTI_NC)], C[RTI_NODES][RTI_SIZE(RTI_NC)][RTI_NZ];
   /* its solution without bounds as affine feedback; compliance: inverse Hessian of an input */
-  real gain[RTI_N][RTI_NU][RTI_W], offset[RTI_N][RTI_NU], compliance[RTI_N][RTI_NU];
+  real gain[RTI_STAGES][RTI_NU][RTI_W], offset[RTI_STAGES][RTI_NU], compliance[RTI_STAGES][RTI_NU];
   /* the solution: change of the plan, bounded quantities */
-  real z[RTI_N + 1][RTI_W], dz[RTI_N + 1][RTI_W], saved[RTI_N + 1][RTI_W];
+  real z[RTI_NODES][RTI_W], dz[RTI_NODES][RTI_W], saved[RTI_NODES][RTI_W];
   real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
   real stiffness[RTI_ROWS][RTI_LENGTH];       /* second derivative of the cost along a bounded quantity */
   /* a Newton step: of bounded quantities weight (diagonal), multiplier (force) and constant part (push); factors,
    * gradients */
   real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
-  real K[RTI_N][RTI_NU][RTI_W], inverse[RTI_N][RTI_NU], constant[RTI_N][RTI_NU];
-  real residual[RTI_N][RTI_NU], gradient_size[RTI_NU];
+  real K[RTI_STAGES][RTI_NU][RTI_W], inverse[RTI_STAGES][RTI_NU], constant[RTI_STAGES][RTI_NU];
+  real residual[RTI_STAGES][RTI_NU], gradient_size[RTI_NU];
   /* sides of bounds: slack t, its multiplier m, violation s, its multiplier n, and their changes */
   int sides;
   rti_side side[RTI_SIDES];

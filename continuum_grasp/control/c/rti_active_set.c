@@ -71,7 +71,7 @@ static inline int rti_wrong_sign(const rti_work *o, int row, int k)
 static real rti_greatest_wrong(const rti_work *o, int row, int from)
 {
   real worst = 0;
-  for (int k = from; k < RTI_N && rti_wrong_sign(o, row, k); ++k) worst = rti_max(worst, rti_abs(o->a[row][k]));
+  for (int k = from; k < rti_end(from) && rti_wrong_sign(o, row, k); ++k) worst = rti_max(worst, rti_abs(o->a[row][k]));
   return worst;
 }
 
@@ -91,10 +91,10 @@ static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap
     if (!rti_penalized(s, row)) continue;
     int wrong = 0;
     real worst = 0;
-    for (int k = 0; k < RTI_N; ++k) {
+    for (int k = 0; k < RTI_STAGES; ++k) {
       const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][rti_lesser(row, RTI_NU - 1)] : 0;
       const real a = input ? -residual : o->a[row][k];  /* an input's gradient is balanced by its bound alone */
-      const int first = !wrong;
+      const int first = !wrong || (RTI_SCENARIOS > 1 && k % RTI_N == 0);
       wrong = !input && how == RTI_EXCHANGED && rti_wrong_sign(o, row, k);
       if (wrong && first) worst = rti_greatest_wrong(o, row, k);
       bound.stiffness = c;
@@ -102,6 +102,7 @@ static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap
       bound.penalty = input ? RTI_FIXED : c > 0 ? linear : 0;
       int at = input && rti_fixed(s, row) ? RTI_AT_HIGH : rti_next(&bound, how, o->active[row][k], y, a);
       if (wrong && rti_abs(a) < worst) at = o->active[row][k];
+      if (input && rti_copied(k)) at = RTI_FREE;        /* its bound is that of the first scenario's */
       const real away = at == RTI_FREE ? 0 : y - (at > 0 ? bound.high : bound.low);
       const int holds = at == RTI_AT_HIGH || at == RTI_AT_LOW;
       changes += at != o->active[row][k];
@@ -125,7 +126,7 @@ static real rti_free_residual(const rti_work *o, const rti_settings *s)
   real worst = 0;
   for (int j = 0; j < RTI_NU; ++j) {
     const real unit = rti_scale(s, j);
-    for (int k = 0; k < RTI_N; ++k) {
+    for (int k = 0; k < RTI_STAGES; ++k) {
       const real size = rti_max(o->gradient_size[j], o->stiffness[j][k] * unit);
       if (o->active[j][k] == RTI_FREE && size > 0) worst = rti_max(worst, rti_abs(o->residual[k][j]) / size);
     }
@@ -137,7 +138,7 @@ static real rti_free_residual(const rti_work *o, const rti_settings *s)
  * RTI_ROUNDED, or 0 if the set was not found. */
 static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit, rti_report *report)
 {
-  int before = RTI_ROWS * RTI_N;
+  int before = RTI_ROWS * RTI_STAGES;
   real last = 0; /* residual of the round before, if that did not change the set */
   for (int round = 0;; ++round) {
     real gap;
@@ -159,7 +160,7 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     if (!rti_advance(o)) return 0;
     rti_move(o, 1);
     for (int i = RTI_NU; i < RTI_ROWS; ++i)
-      for (int k = 0; k < RTI_N; ++k) o->a[i][k] += o->push[i][k] + o->weight[i][k] * o->dy[i][k];
+      for (int k = 0; k < RTI_STAGES; ++k) o->a[i][k] += o->push[i][k] + o->weight[i][k] * o->dy[i][k];
   }
 }
 
@@ -175,8 +176,8 @@ static int rti_plan_set(rti_work *o, const rti_settings *s)
     /* Inputs were clipped to their bounds exactly; rows are off by what the linearization left. */
     const real margin = rti_scale(s, row) * (input ? RTI_R(1e-6) : RTI_R(1e-2));
     const int penalized = rti_penalized(s, row), over = input ? RTI_AT_HIGH : RTI_OVER_HIGH;
-    for (int k = 0; k < RTI_N; ++k) {
-      const real y = input ? o->u[k][rti_lesser(row, RTI_NU - 1)] : o->c[k + later][i];
+    for (int k = 0; k < RTI_STAGES; ++k) {
+      const real y = input ? o->u[k][rti_lesser(row, RTI_NU - 1)] : o->c[rti_node(k) + later][i];
       int at = RTI_FREE;
       if (penalized && high < RTI_ABSENT && y > high - margin) at = y > high + margin ? over : RTI_AT_HIGH;
       else if (penalized && low > -RTI_ABSENT && y < low + margin) at = y < low - margin ? -over : RTI_AT_LOW;
@@ -191,16 +192,16 @@ static int rti_plan_set(rti_work *o, const rti_settings *s)
 /* Entry of the previous QP that corresponds to an entry: that of the same node, or of the same instant. */
 static inline int rti_previous_entry(const rti_plan *plan, int k, int stays)
 {
-  return stays ? k : rti_lesser(k + (int)(plan->moved + RTI_R(0.5)), RTI_N - 1);
+  return stays ? k : rti_lesser(k + (int)(plan->moved + RTI_R(0.5)), rti_end(k) - 1);
 }
 
 /* Take the active set of the previous QP and its multipliers; whether it had one. */
 static int rti_previous_set(rti_work *o, const rti_plan *plan)
 {
   int count = 0;
-  if (!rti_finite(plan->a[0], RTI_NC * RTI_N)) return 0;
+  if (!rti_finite(plan->a[0], RTI_NC * RTI_STAGES)) return 0;
   for (int row = 0; row < RTI_ROWS; ++row)
-    for (int k = 0; k < RTI_N; ++k) {
+    for (int k = 0; k < RTI_STAGES; ++k) {
       const int from = rti_previous_entry(plan, k, plan->stays);
       o->active[row][k] = plan->active[row][from];
       count += o->active[row][k] != RTI_FREE;
@@ -218,7 +219,7 @@ static void rti_remember_set(const rti_work *o, const rti_plan *before, rti_plan
   for (int i = 0; i < RTI_NC; ++i) memcpy(next->a[i], o->a[RTI_NU + i], sizeof next->a[i]);
   for (int row = 0; row < RTI_ROWS; ++row) {
     memcpy(next->active[row], o->active[row], sizeof next->active[row]);
-    for (int k = 0; k < RTI_N; ++k) {
+    for (int k = 0; k < RTI_STAGES; ++k) {
       const int is = o->active[row][k], moved = before->active[row][rti_previous_entry(before, k, 0)];
       changed += (is != before->active[row][k]) - (is != moved);
     }

@@ -98,6 +98,20 @@ static real rti_scale(const rti_settings *s, int row)
   return scale > 0 ? scale : 1;
 }
 
+/* Node and scenario of a stage, and the end of its scenario; whether its inputs are those of the first scenario. */
+static inline int rti_node(int stage) { return RTI_SCENARIOS > 1 ? stage + stage / RTI_N : stage; }
+static inline int rti_scenario(int stage) { return RTI_SCENARIOS > 1 ? stage / RTI_N : 0; }
+static inline int rti_end(int stage) { return RTI_N + RTI_N * rti_scenario(stage); }
+static inline int rti_copied(int stage) { return RTI_SCENARIOS > 1 && stage >= RTI_N && stage % RTI_N == 0; }
+
+#ifdef RTI_ROBUST
+/* Parameters of a scenario. */
+static inline void rti_parameters(const rti_settings *s, int b, const real *p, real own[RTI_SIZE(RTI_NP)])
+{
+  for (int i = 0; i < RTI_NP; ++i) own[i] = s->scale[b][i] * p[i] + s->shift[b][i];
+}
+#endif
+
 static int rti_settings_valid(const rti_settings *s)
 {
   const real limit = RTI_R(1e38); /* just below the largest float, 3.4e38 */
@@ -110,5 +124,10 @@ static int rti_settings_valid(const rti_settings *s)
   for (int i = 0; good && i < RTI_NC; ++i)
     good = rti_finite(&s->c_min[i], 1) && rti_finite(&s->c_max[i], 1) && s->c_min[i] <= s->c_max[i]
         && rti_between(s->linear[i], 0, limit) && rti_between(s->quadratic[i], 0, limit);
+#ifdef RTI_ROBUST
+  good = good && rti_finite(s->share, RTI_SCENARIOS) && rti_finite(s->scale[0], RTI_SCENARIOS * RTI_SIZE(RTI_NP))
+      && rti_finite(s->shift[0], RTI_SCENARIOS * RTI_SIZE(RTI_NP));
+  for (int b = 0; good && b < RTI_SCENARIOS; ++b) good = s->share[b] > 0;
+#endif
   return good;
 }

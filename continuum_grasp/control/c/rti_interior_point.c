@@ -35,18 +35,19 @@ static void rti_sides(rti_work *o, const rti_settings *s)
  * where slacks and multipliers are both away from zero. */
 static void rti_inner_trajectory(rti_work *o, const rti_settings *s)
 {
-  for (int k = 0; k < RTI_N; ++k) {
+  for (int k = 0; k < RTI_STAGES; ++k) {
+    real *z = o->z[rti_node(k)], *next = o->z[rti_node(k) + 1];
     for (int j = 0; j < RTI_NU; ++j) {
       const real low = s->u_min[j], high = s->u_max[j], u = o->u[k][j];
       const real margin = RTI_R(0.1) * (low > -RTI_ABSENT && high < RTI_ABSENT ? high - low : rti_scale(s, j));
-      real inner = u + o->z[k][RTI_NX + j];
+      real inner = u + z[RTI_NX + j];
       if (low > -RTI_ABSENT) inner = rti_max(inner, low + margin);
       if (high < RTI_ABSENT) inner = rti_min(inner, high - margin);
-      o->z[k][RTI_NX + j] = inner - u;
+      z[RTI_NX + j] = inner - u;
     }
-    memset(o->z[k + 1], 0, sizeof o->z[k + 1]);
-    memcpy(o->z[k + 1], o->defect[k], sizeof o->defect[k]);
-    rti_following(o->z[k + 1], o->M[k], o->z[k]);
+    memset(next, 0, sizeof o->z[0]);
+    memcpy(next, o->defect[k], sizeof o->defect[k]);
+    rti_following(next, o->M[k], z);
   }
   rti_bounded(o, o->z, o->y, 1);
 }
@@ -64,13 +65,13 @@ static real rti_first_product(rti_work *o, const rti_settings *s)
     }
   }
   rti_gradient(o);
-  for (int k = 0; k < RTI_N; ++k)
+  for (int k = 0; k < RTI_STAGES; ++k)
     for (int j = 0; j < RTI_NU; ++j) {
       const real r = o->residual[k][j], c = o->stiffness[j][k], y = o->y[j][k];
       const real margin = r > 0 ? y - s->u_min[j] : s->u_max[j] - y;
       if (c > 0) sum += rti_abs(r) * rti_min(margin, rti_abs(r) / c);
     }
-  return rti_max(sum / (real)(RTI_N * RTI_NU), RTI_R(1e-20));
+  return rti_max(sum / (real)(RTI_STAGES * RTI_NU), RTI_R(1e-20));
 }
 
 /* Slacks and multipliers whose products are about `product`; they satisfy all optimality conditions but the gradient's.
@@ -134,7 +135,7 @@ static void rti_weights(rti_work *o, const rti_settings *settings)
 {
   memset(o->weight, 0, sizeof o->weight);
   for (int j = 0; j < RTI_NU; ++j)
-    for (int k = 0; rti_fixed(settings, j) && k < RTI_N; ++k) o->weight[j][k] = RTI_FIXED;
+    for (int k = 0; rti_fixed(settings, j) && k < RTI_STAGES; ++k) o->weight[j][k] = RTI_FIXED;
   for (int i = 0; i < o->sides; ++i) {
     const rti_side side = o->side[i];
     const real *restrict t = o->t[i], *restrict m = o->m[i], *restrict s = o->s[i], *restrict n = o->n[i];
@@ -279,7 +280,7 @@ static real rti_unit_cost(const rti_work *o, const rti_settings *s)
 {
   real least = 0;
   for (int j = 0; j < RTI_NU; ++j)
-    for (int k = 0; k < RTI_N; ++k) {
+    for (int k = 0; k < RTI_STAGES; ++k) {
       const real unit = rti_scale(s, j), cost = o->stiffness[j][k] * unit * unit;
       if (cost > 0 && (cost < least || least == 0)) least = cost;
     }

@@ -68,7 +68,7 @@ static inline void rti_stage(int substeps, rti_wide *x, const rti_wide *u, const
   memcpy(x, next, sizeof next);
 }
 
-/* Stages 0 to RTI_N - 1. */
+/* All stages; those of scenarios are side by side as those of one are. */
 static void rti_linearize(rti_work *o, const rti_settings *settings, const real *p, const real *refs)
 {
   const real step = settings->stage / (real)settings->substeps;
@@ -83,48 +83,65 @@ static void rti_linearize(rti_work *o, const rti_settings *settings, const real 
   rti_broadcast(settings->weights, RTI_NR, ww);
   rti_broadcast(&step, 1, h);
   memset(wr, 0, sizeof wr);
-  for (int k = 0; k < RTI_N; k += RTI_WIDE) {
+  for (int k = 0; k < RTI_STAGES; k += RTI_WIDE) {
     rti_wide x[RTI_NX], u[RTI_NU], M[RTI_NZ][RTI_NX], cost[1], g[RTI_NZ], H[RTI_NZ][RTI_NZ];
     rti_wide c[RTI_SIZE(RTI_NC)], C[RTI_NZ][RTI_SIZE(RTI_NC)];
     memset(x, 0, sizeof x);
     memset(u, 0, sizeof u);
     for (int l = 0; l < RTI_WIDE; ++l) {
-      const int at = rti_lesser(k + l, RTI_N - 1);      /* lanes beyond the last stage repeat it */
-      for (int j = 0; j < RTI_NX; ++j) RTI_AT(x[j], l) = o->x[at][j];
+      const int at = rti_lesser(k + l, RTI_STAGES - 1); /* lanes beyond the last stage repeat it */
+      const int node = rti_node(at), row = RTI_SCENARIOS > 1 ? at % RTI_N : at;
+      for (int j = 0; j < RTI_NX; ++j) RTI_AT(x[j], l) = o->x[node][j];
       for (int j = 0; j < RTI_NU; ++j) RTI_AT(u[j], l) = o->u[at][j];
-      for (int j = 0; j < RTI_NR; ++j) RTI_AT(wr[j], l) = refs[at * RTI_NR + j];
+      for (int j = 0; j < RTI_NR; ++j) RTI_AT(wr[j], l) = refs[row * RTI_NR + j];
+#ifdef RTI_ROBUST
+      const int b = rti_scenario(at);
+      real own[RTI_SIZE(RTI_NP)];
+      rti_parameters(settings, b, p, own);
+      for (int j = 0; j < RTI_NP; ++j) RTI_AT(wp[j], l) = own[j];
+      for (int j = 0; j < RTI_NR; ++j) RTI_AT(ww[j], l) = settings->share[b] * settings->weights[j];
+#endif
     }
     rti_wide_cost(x, u, wp, wr, ww, cost, g, H[0], c, C[0]);
     rti_stage(settings->substeps, x, u, wp, h, M);
-    for (int l = 0; l < rti_lesser(RTI_WIDE, RTI_N - k); ++l) {
-      const int at = k + l;
+    for (int l = 0; l < rti_lesser(RTI_WIDE, RTI_STAGES - k); ++l) {
+      const int at = k + l, node = rti_node(at);
       rti_store(o, at, l, M, H, C);
-      o->l[at] = RTI_AT(cost[0], l);
-      for (int i = 0; i < RTI_NX; ++i) o->defect[at][i] = RTI_AT(x[i], l) - o->x[at + 1][i];
-      for (int i = 0; i < RTI_NZ; ++i) o->g[at][i] = RTI_AT(g[i], l);
-      for (int i = 0; i < RTI_NC; ++i) o->c[at][i] = RTI_AT(c[i], l);
-      for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[at][j][j] += settings->regularization;
+      o->l[node] = RTI_AT(cost[0], l);
+      for (int i = 0; i < RTI_NX; ++i) o->defect[at][i] = RTI_AT(x[i], l) - o->x[node + 1][i];
+      for (int i = 0; i < RTI_NZ; ++i) o->g[node][i] = RTI_AT(g[i], l);
+      for (int i = 0; i < RTI_NC; ++i) o->c[node][i] = RTI_AT(c[i], l);
+      for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[node][j][j] += settings->regularization;
     }
   }
 }
 
-/* The last node; rows of stages only are zero there. */
-static void rti_linearize_end(rti_work *o, const rti_settings *settings, const real *p, const real *refs)
+/* The last node of a scenario; rows of stages only are zero there. */
+static void rti_linearize_end(rti_work *o, const rti_settings *settings, int b, const real *p, const real *refs)
 {
+  const int end = b * (RTI_N + 1) + RTI_N;
   real g[RTI_NX] = {0}, H[RTI_NX][RTI_NX], c[RTI_SIZE(RTI_NS)] = {0}, C[RTI_NX][RTI_SIZE(RTI_NS)];
-  const real *in[] = {o->x[RTI_N], p, refs, settings->terminal_weights};
-  real *out[] = {&o->l[RTI_N], g, H[0], c, C[0]};
+  const real *weights = settings->terminal_weights;
+#ifdef RTI_ROBUST
+  real own[RTI_SIZE(RTI_NP)], weighted[RTI_SIZE(RTI_NR)] = {0};
+  rti_parameters(settings, b, p, own);
+  for (int j = 0; j < RTI_NR; ++j) weighted[j] = settings->share[b] * weights[j];
+  p = own;
+  weights = weighted;
+#endif
+  const real *in[] = {o->x[end], p, refs, weights};
+  real *out[] = {&o->l[end], g, H[0], c, C[0]};
   terminal_cost(in, out);
-  memset(o->g[RTI_N], 0, sizeof o->g[RTI_N]);
-  memset(o->H[RTI_N], 0, sizeof o->H[RTI_N]);
-  memset(o->c[RTI_N], 0, sizeof o->c[RTI_N]);
-  memset(o->C[RTI_N], 0, sizeof o->C[RTI_N]);
+  memset(o->g[end], 0, sizeof o->g[end]);
+  memset(o->H[end], 0, sizeof o->H[end]);
+  memset(o->c[end], 0, sizeof o->c[end]);
+  memset(o->C[end], 0, sizeof o->C[end]);
   for (int i = 0; i < RTI_NX; ++i) {
-    o->g[RTI_N][i] = g[i];
-    for (int j = 0; j < RTI_NX; ++j) o->H[RTI_N][i][j] = H[i][j];
+    o->g[end][i] = g[i];
+    for (int j = 0; j < RTI_NX; ++j) o->H[end][i][j] = H[i][j];
   }
   for (int i = 0; i < RTI_NS; ++i) {
-    o->c[RTI_N][i] = c[i];
-    for (int j = 0; j < RTI_NX; ++j) o->C[RTI_N][i][j] = C[j][i];
+    o->c[end][i] = c[i];
+    for (int j = 0; j < RTI_NX; ++j) o->C[end][i][j] = C[j][i];
   }
 }

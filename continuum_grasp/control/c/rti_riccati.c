@@ -88,31 +88,89 @@ static inline void rti_following(real next[RTI_W], real (*M)[RTI_W], const real 
   }
 }
 
-/* The affine feedback that solves the QP without bounds. */
-static void rti_solve_free(rti_work *o)
+#ifdef RTI_ROBUST
+/* Scenarios have their first node and its inputs in common: each leaves the Hessian and the gradient there that its later
+ * stages add up to, and the inputs of their sum are eliminated once. */
+
+/* The average of the scenarios' first nodes and inputs, which a shifted plan has no longer in common. */
+static void rti_share(rti_work *o, const rti_settings *s)
 {
-  real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
-  memcpy(P, o->H[RTI_N], sizeof P);
-  memcpy(p, o->g[RTI_N], sizeof p);
-  for (int k = RTI_N - 1; k >= 0; --k) {
-    memcpy(G, o->H[k], sizeof G);
-    memcpy(q, o->g[k], sizeof q);
-    rti_add_congruence(G, P, o->M[k]);
-    for (int i = 0; i < RTI_NX; ++i)
-      for (int l = 0; l < RTI_NX; ++l) p[i] += P[i][l] * o->defect[k][l];
-    rti_add_transposed(q, o->M[k], p);
-    rti_eliminate(G, o->gain[k], o->compliance[k]);
-    rti_eliminate_gradient(q, o->gain[k], o->compliance[k], o->offset[k]);
-    memcpy(P, G, sizeof P);
-    memcpy(p, q, sizeof p);
+  for (int i = 0; i < RTI_NX; ++i) {
+    real sum = 0;
+    for (int b = 0; b < RTI_SCENARIOS; ++b) sum += o->x[b * (RTI_N + 1)][i];
+    for (int b = 0; b < RTI_SCENARIOS; ++b) o->x[b * (RTI_N + 1)][i] = sum / RTI_SCENARIOS;
+  }
+  for (int j = 0; j < RTI_NU; ++j) {
+    real sum = 0;
+    for (int b = 0; b < RTI_SCENARIOS; ++b) sum += o->u[b * RTI_N][j];
+    sum = rti_max(s->u_min[j], rti_min(s->u_max[j], sum / RTI_SCENARIOS));
+    for (int b = 0; b < RTI_SCENARIOS; ++b) o->u[b * RTI_N][j] = sum;
   }
 }
 
-static inline void rti_row_entries(real (*from)[RTI_LENGTH], int node, real to[RTI_SIZE(RTI_NC)])
+/* Add what the scenarios before have left at the first node; whether that is the sum of all. */
+static inline int rti_add_scenario(int b, real (*G)[RTI_W], real q[RTI_W], real (*sum)[RTI_W], real rest[RTI_W])
+{
+  for (int i = 0; i < RTI_NZ && b > 0; ++i) {
+    rti_add_row(G[i], 1, sum[i], RTI_NZ);
+    q[i] += rest[i];
+  }
+  memcpy(sum, G, RTI_NZ * sizeof *sum);
+  memcpy(rest, q, RTI_W * sizeof *rest);
+  return b == RTI_SCENARIOS - 1;
+}
+
+/* Copy the feedback of the common inputs from the last scenario, which has the sum, to the others. */
+static void rti_copy_feedback(real (*K)[RTI_NU][RTI_W], real (*inverse)[RTI_NU], real (*constant)[RTI_NU])
+{
+  const int last = (RTI_SCENARIOS - 1) * RTI_N;
+  for (int b = 0; b < RTI_SCENARIOS - 1; ++b) {
+    memcpy(K[b * RTI_N], K[last], sizeof *K);
+    memcpy(inverse[b * RTI_N], inverse[last], sizeof *inverse);
+    memcpy(constant[b * RTI_N], constant[last], sizeof *constant);
+  }
+}
+#endif
+
+/* The affine feedback that solves the QP without bounds. */
+static void rti_solve_free(rti_work *o)
+{
+#ifdef RTI_ROBUST
+  real sum[RTI_NZ][RTI_W], rest[RTI_W];
+#endif
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
+    const int end = b * (RTI_N + 1) + RTI_N;
+    memcpy(P, o->H[end], sizeof P);
+    memcpy(p, o->g[end], sizeof p);
+    for (int k = RTI_N - 1; k >= 0; --k) {
+      const int at = b * RTI_N + k, node = rti_node(at);
+      memcpy(G, o->H[node], sizeof G);
+      memcpy(q, o->g[node], sizeof q);
+      rti_add_congruence(G, P, o->M[at]);
+      for (int i = 0; i < RTI_NX; ++i)
+        for (int l = 0; l < RTI_NX; ++l) p[i] += P[i][l] * o->defect[at][l];
+      rti_add_transposed(q, o->M[at], p);
+#ifdef RTI_ROBUST
+      if (k == 0 && !rti_add_scenario(b, G, q, sum, rest)) break;
+#endif
+      rti_eliminate(G, o->gain[at], o->compliance[at]);
+      rti_eliminate_gradient(q, o->gain[at], o->compliance[at], o->offset[at]);
+      memcpy(P, G, sizeof P);
+      memcpy(p, q, sizeof p);
+    }
+  }
+#ifdef RTI_ROBUST
+  rti_copy_feedback(o->gain, o->compliance, o->offset);
+#endif
+}
+
+/* Entries of the rows at a node of scenario b. */
+static inline void rti_row_entries(real (*from)[RTI_LENGTH], int b, int node, real to[RTI_SIZE(RTI_NC)])
 {
   for (int i = 0; i < RTI_NC; ++i) {
     const int k = i < RTI_NS ? node - 1 : node;
-    to[i] = k >= 0 && k < RTI_N ? from[RTI_NU + i][k] : 0;
+    to[i] = k >= 0 && k < RTI_N ? from[RTI_NU + i][b * RTI_N + k] : 0;
   }
 }
 
@@ -120,30 +178,36 @@ static inline void rti_row_entries(real (*from)[RTI_LENGTH], int node, real to[R
 static void rti_bounded(rti_work *o, real (*z)[RTI_W], real (*y)[RTI_LENGTH], int with_constant)
 {
   static const real zero[RTI_SIZE(RTI_NC)] = {0};
-  for (int k = 0; k <= RTI_N; ++k) {
-    real value[RTI_SIZE(RTI_NC)];
-    if (k < RTI_N)
-      for (int j = 0; j < RTI_NU; ++j) y[j][k] = z[k][RTI_NX + j] + (with_constant ? o->u[k][j] : 0);
-    rti_row_values(with_constant ? o->c[k] : zero, o->C[k], z[k], value);
-    for (int i = 0; i < RTI_NC; ++i) {
-      const int at = i < RTI_NS ? k - 1 : k;
-      if (at >= 0 && at < RTI_N) y[RTI_NU + i][at] = value[i];
+  for (int b = 0; b < RTI_SCENARIOS; ++b)
+    for (int k = 0; k <= RTI_N; ++k) {
+      const int node = b * (RTI_N + 1) + k, stage = b * RTI_N + k;
+      real value[RTI_SIZE(RTI_NC)];
+      if (k < RTI_N)
+        for (int j = 0; j < RTI_NU; ++j) y[j][stage] = z[node][RTI_NX + j] + (with_constant ? o->u[stage][j] : 0);
+      rti_row_values(with_constant ? o->c[node] : zero, o->C[node], z[node], value);
+      for (int i = 0; i < RTI_NC; ++i) {
+        const int at = i < RTI_NS ? k - 1 : k;
+        if (at >= 0 && at < RTI_N) y[RTI_NU + i][b * RTI_N + at] = value[i];
+      }
     }
-  }
   for (int i = 0; i < RTI_ROWS; ++i)
-    for (int k = RTI_N; k < RTI_LENGTH; ++k) y[i][k] = y[i][RTI_N - 1];
+    for (int k = RTI_STAGES; k < RTI_LENGTH; ++k) y[i][k] = y[i][RTI_STAGES - 1];
 }
 
 /* The trajectory without bounds from the state x0. */
 static void rti_free_trajectory(rti_work *o, const real *x0)
 {
-  memset(o->z[0], 0, sizeof o->z[0]);
-  for (int i = 0; i < RTI_NX; ++i) o->z[0][i] = x0[i] - o->x[0][i];
-  for (int k = 0; k < RTI_N; ++k) {
-    rti_inputs(o->z[k], o->gain[k], o->offset[k]);
-    memset(o->z[k + 1], 0, sizeof o->z[k + 1]);
-    memcpy(o->z[k + 1], o->defect[k], sizeof o->defect[k]);
-    rti_following(o->z[k + 1], o->M[k], o->z[k]);
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real (*z)[RTI_W] = o->z + b * (RTI_N + 1);
+    memset(z[0], 0, sizeof z[0]);
+    for (int i = 0; i < RTI_NX; ++i) z[0][i] = x0[i] - o->x[0][i];
+    for (int k = 0; k < RTI_N; ++k) {
+      const int at = b * RTI_N + k;
+      rti_inputs(z[k], o->gain[at], o->offset[at]);
+      memset(z[k + 1], 0, sizeof z[k + 1]);
+      memcpy(z[k + 1], o->defect[at], sizeof o->defect[at]);
+      rti_following(z[k + 1], o->M[at], z[k]);
+    }
   }
   rti_bounded(o, o->z, o->y, 1);
 }
@@ -153,137 +217,186 @@ static void rti_free_trajectory(rti_work *o, const real *x0)
  * first multipliers, so that neither depends on units. Zero where no input has an effect beyond rounding (64 eps). */
 static void rti_stiffnesses(rti_work *o)
 {
-  real S[RTI_NX][RTI_W] = {{0}};
-  for (int k = 0; k <= RTI_N; ++k) {
-    real Z[RTI_NZ][RTI_W] = {{0}};
-    memcpy(Z, S, sizeof S);
-    for (int j = 0; j < RTI_NU && k < RTI_N; ++j) {
-      const int v = RTI_NX + j;
-      for (int l = 0; l < v; ++l) rti_add_row(Z[v], o->gain[k][j][l], Z[l], v);
-      real own = o->compliance[k][j];
-      for (int l = 0; l < v; ++l) {
-        Z[l][v] = Z[v][l];
-        own += o->gain[k][j][l] * Z[v][l];
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real S[RTI_NX][RTI_W] = {{0}};
+    for (int k = 0; k <= RTI_N; ++k) {
+      const int stage = b * RTI_N + k, node = b * (RTI_N + 1) + k;
+      real Z[RTI_NZ][RTI_W] = {{0}};
+      memcpy(Z, S, sizeof S);
+      for (int j = 0; j < RTI_NU && k < RTI_N; ++j) {
+        const int v = RTI_NX + j;
+        for (int l = 0; l < v; ++l) rti_add_row(Z[v], o->gain[stage][j][l], Z[l], v);
+        real own = o->compliance[stage][j];
+        for (int l = 0; l < v; ++l) {
+          Z[l][v] = Z[v][l];
+          own += o->gain[stage][j][l] * Z[v][l];
+        }
+        Z[v][v] = own;
+        o->stiffness[j][stage] = own > 0 ? 1 / own : 0;
       }
-      Z[v][v] = own;
-      o->stiffness[j][k] = own > 0 ? 1 / own : 0;
-    }
-    for (int i = 0; i < RTI_NC; ++i) {
-      const int at = i < RTI_NS ? k - 1 : k;
-      if (at < 0 || at >= RTI_N) continue;
-      real sum = 0, size = 0;
-      for (int l = 0; l < RTI_NZ; ++l) {
-        const real c = o->C[k][i][l];
-        if (!(c > 0 || c < 0)) continue;        /* most entries are zero */
-        real product = 0;
-        for (int m = 0; m < RTI_NZ; ++m) product += Z[l][m] * o->C[k][i][m];
-        sum += c * product;
-        size += c * c * Z[l][l];
+      for (int i = 0; i < RTI_NC; ++i) {
+        const int at = i < RTI_NS ? k - 1 : k;
+        if (at < 0 || at >= RTI_N) continue;
+        real sum = 0, size = 0;
+        for (int l = 0; l < RTI_NZ; ++l) {
+          const real c = o->C[node][i][l];
+          if (!(c > 0 || c < 0)) continue;        /* most entries are zero */
+          real product = 0;
+          for (int m = 0; m < RTI_NZ; ++m) product += Z[l][m] * o->C[node][i][m];
+          sum += c * product;
+          size += c * c * Z[l][l];
+        }
+        o->stiffness[RTI_NU + i][b * RTI_N + at] = sum > 64 * RTI_EPS * size ? 1 / sum : 0;
       }
-      o->stiffness[RTI_NU + i][at] = sum > 64 * RTI_EPS * size ? 1 / sum : 0;
-    }
-    if (k == RTI_N) break;
-    real T[RTI_NZ][RTI_W] = {{0}};        /* M transposed, for sums of whole rows */
-    for (int i = 0; i < RTI_NX; ++i)
-      for (int m = 0; m < RTI_NZ; ++m) T[m][i] = o->M[k][i][m];
-    memset(S, 0, sizeof S);
-    for (int i = 0; i < RTI_NX; ++i) {
-      real row[RTI_W] = {0};
-      for (int m = 0; m < RTI_NZ; ++m) rti_add_row(row, T[m][i], Z[m], RTI_NZ);
-      for (int m = 0; m < RTI_NZ; ++m) rti_add_row(S[i], row[m], T[m], i + 1);
-      for (int l = 0; l < i; ++l) S[l][i] = S[i][l];
+      if (k == RTI_N) break;
+      real T[RTI_NZ][RTI_W] = {{0}};        /* M transposed, for sums of whole rows */
+      for (int i = 0; i < RTI_NX; ++i)
+        for (int m = 0; m < RTI_NZ; ++m) T[m][i] = o->M[stage][i][m];
+      memset(S, 0, sizeof S);
+      for (int i = 0; i < RTI_NX; ++i) {
+        real row[RTI_W] = {0};
+        for (int m = 0; m < RTI_NZ; ++m) rti_add_row(row, T[m][i], Z[m], RTI_NZ);
+        for (int m = 0; m < RTI_NZ; ++m) rti_add_row(S[i], row[m], T[m], i + 1);
+        for (int l = 0; l < i; ++l) S[l][i] = S[i][l];
+      }
     }
   }
   for (int i = 0; i < RTI_ROWS; ++i)
-    for (int k = RTI_N; k < RTI_LENGTH; ++k) o->stiffness[i][k] = o->stiffness[i][RTI_N - 1];
+    for (int k = RTI_STAGES; k < RTI_LENGTH; ++k) o->stiffness[i][k] = o->stiffness[i][RTI_STAGES - 1];
 }
 
 /* Gradient of the Lagrangian with respect to each input by the adjoint recursion, and the largest sum of the magnitudes
  * of its terms, against which its rounding is judged. */
 static void rti_gradient(rti_work *o)
 {
-  real pi[RTI_NX] = {0}, w[RTI_SIZE(RTI_NC)], *size = o->gradient_size;
+  real w[RTI_SIZE(RTI_NC)], *size = o->gradient_size;
   memset(o->gradient_size, 0, sizeof o->gradient_size);
-  for (int k = RTI_N; k >= 0; --k) {
-    real r[RTI_W], carried[RTI_W] = {0};
-    memcpy(r, o->g[k], sizeof r);
-    for (int i = 0; i < RTI_NZ; ++i) rti_add_row(r, o->z[k][i], o->H[k][i], RTI_NZ);
-    rti_row_entries(o->force, k, w);
-    rti_row_gradient(o->C[k], w, r);
-    if (k < RTI_N) {
-      rti_add_transposed(carried, o->M[k], pi);
-      for (int j = 0; j < RTI_NU; ++j) {
-        const real own = r[RTI_NX + j], from = carried[RTI_NX + j], bound = o->force[j][k];
-        o->residual[k][j] = own + from + bound;
-        size[j] = rti_max(size[j], rti_abs(own) + rti_abs(from) + rti_abs(bound));
+#ifdef RTI_ROBUST
+  real total[RTI_NU] = {0}, magnitude[RTI_NU] = {0};    /* of the common inputs, whose gradient is the sum */
+#endif
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real pi[RTI_NX] = {0};
+    for (int k = RTI_N; k >= 0; --k) {
+      const int stage = b * RTI_N + k, node = b * (RTI_N + 1) + k;
+      real r[RTI_W], carried[RTI_W] = {0};
+      memcpy(r, o->g[node], sizeof r);
+      for (int i = 0; i < RTI_NZ; ++i) rti_add_row(r, o->z[node][i], o->H[node][i], RTI_NZ);
+      rti_row_entries(o->force, b, k, w);
+      rti_row_gradient(o->C[node], w, r);
+      if (k < RTI_N) {
+        rti_add_transposed(carried, o->M[stage], pi);
+        for (int j = 0; j < RTI_NU; ++j) {
+          const real own = r[RTI_NX + j], from = carried[RTI_NX + j], bound = o->force[j][stage];
+          o->residual[stage][j] = own + from + bound;
+          size[j] = rti_max(size[j], rti_abs(own) + rti_abs(from) + rti_abs(bound));
+#ifdef RTI_ROBUST
+          if (k > 0) continue;
+          total[j] += o->residual[stage][j];
+          magnitude[j] += rti_abs(own) + rti_abs(from) + rti_abs(bound);
+          size[j] = rti_max(size[j], magnitude[j]);
+          o->residual[stage][j] = 0;
+#endif
+        }
       }
+      for (int l = 0; l < RTI_NX; ++l) pi[l] = r[l] + carried[l];
     }
-    for (int l = 0; l < RTI_NX; ++l) pi[l] = r[l] + carried[l];
   }
+#ifdef RTI_ROBUST
+  memcpy(o->residual[0], total, sizeof total);
+#endif
 }
 
 /* Factorize with the current weights, and solve for the step with the current residual and push. */
 static void rti_factor(rti_work *o)
 {
-  real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
-  memcpy(P, o->H[RTI_N], sizeof P);
-  rti_row_entries(o->weight, RTI_N, w);
-  rti_row_hessian(o->C[RTI_N], w, P);
-  rti_row_entries(o->push, RTI_N, w);
-  rti_row_gradient(o->C[RTI_N], w, p);
-  for (int k = RTI_N - 1; k >= 0; --k) {
-    real G[RTI_NZ][RTI_W], q[RTI_W] = {0};
-    memcpy(G, o->H[k], sizeof G);
-    rti_row_entries(o->weight, k, w);
-    rti_row_hessian(o->C[k], w, G);
-    rti_row_entries(o->push, k, w);
-    rti_row_gradient(o->C[k], w, q);
-    for (int j = 0; j < RTI_NU; ++j) {
-      G[RTI_NX + j][RTI_NX + j] += o->weight[j][k];
-      q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
+#ifdef RTI_ROBUST
+  real sum[RTI_NZ][RTI_W], rest[RTI_W];
+#endif
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
+    const int end = b * (RTI_N + 1) + RTI_N;
+    memcpy(P, o->H[end], sizeof P);
+    rti_row_entries(o->weight, b, RTI_N, w);
+    rti_row_hessian(o->C[end], w, P);
+    rti_row_entries(o->push, b, RTI_N, w);
+    rti_row_gradient(o->C[end], w, p);
+    for (int k = RTI_N - 1; k >= 0; --k) {
+      const int at = b * RTI_N + k, node = rti_node(at);
+      real G[RTI_NZ][RTI_W], q[RTI_W] = {0};
+      memcpy(G, o->H[node], sizeof G);
+      rti_row_entries(o->weight, b, k, w);
+      rti_row_hessian(o->C[node], w, G);
+      rti_row_entries(o->push, b, k, w);
+      rti_row_gradient(o->C[node], w, q);
+      for (int j = 0; j < RTI_NU; ++j) {
+        G[RTI_NX + j][RTI_NX + j] += o->weight[j][at];
+        q[RTI_NX + j] += o->push[j][at] + o->residual[at][j];
+      }
+      rti_add_congruence(G, P, o->M[at]);
+      rti_add_transposed(q, o->M[at], p);
+#ifdef RTI_ROBUST
+      if (k == 0 && !rti_add_scenario(b, G, q, sum, rest)) break;
+#endif
+      rti_eliminate(G, o->K[at], o->inverse[at]);
+      rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
+      memcpy(P, G, sizeof P);
+      memcpy(p, q, sizeof p);
     }
-    rti_add_congruence(G, P, o->M[k]);
-    rti_add_transposed(q, o->M[k], p);
-    rti_eliminate(G, o->K[k], o->inverse[k]);
-    rti_eliminate_gradient(q, o->K[k], o->inverse[k], o->constant[k]);
-    memcpy(P, G, sizeof P);
-    memcpy(p, q, sizeof p);
   }
+#ifdef RTI_ROBUST
+  rti_copy_feedback(o->K, o->inverse, o->constant);
+#endif
 }
 
 /* Solve for the step with the current factors: O(nz^2) per stage instead of O(nz^3). */
 static void rti_resolve(rti_work *o)
 {
-  real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
-  rti_row_entries(o->push, RTI_N, w);
-  rti_row_gradient(o->C[RTI_N], w, p);
-  for (int k = RTI_N - 1; k >= 0; --k) {
-    real q[RTI_W] = {0};
-    rti_row_entries(o->push, k, w);
-    rti_row_gradient(o->C[k], w, q);
-    for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][k] + o->residual[k][j];
-    rti_add_transposed(q, o->M[k], p);
-    rti_eliminate_gradient(q, o->K[k], o->inverse[k], o->constant[k]);
-    memcpy(p, q, sizeof p);
+#ifdef RTI_ROBUST
+  real rest[RTI_NU] = {0};
+#endif
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
+    rti_row_entries(o->push, b, RTI_N, w);
+    rti_row_gradient(o->C[b * (RTI_N + 1) + RTI_N], w, p);
+    for (int k = RTI_N - 1; k >= 0; --k) {
+      const int at = b * RTI_N + k;
+      real q[RTI_W] = {0};
+      rti_row_entries(o->push, b, k, w);
+      rti_row_gradient(o->C[rti_node(at)], w, q);
+      for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][at] + o->residual[at][j];
+      rti_add_transposed(q, o->M[at], p);
+#ifdef RTI_ROBUST
+      for (int j = 0; j < RTI_NU && k == 0; ++j) q[RTI_NX + j] = rest[j] += q[RTI_NX + j];
+#endif
+      rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
+      memcpy(p, q, sizeof p);
+    }
   }
+#ifdef RTI_ROBUST
+  rti_copy_feedback(o->K, o->inverse, o->constant);
+#endif
 }
 
 /* Change of the trajectory and of the bounded quantities; whether it is finite. */
 static int rti_advance(rti_work *o)
 {
-  memset(o->dz[0], 0, sizeof o->dz[0]);
-  for (int k = 0; k < RTI_N; ++k) {
-    rti_inputs(o->dz[k], o->K[k], o->constant[k]);
-    memset(o->dz[k + 1], 0, sizeof o->dz[k + 1]);
-    rti_following(o->dz[k + 1], o->M[k], o->dz[k]);
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real (*dz)[RTI_W] = o->dz + b * (RTI_N + 1);
+    memset(dz[0], 0, sizeof dz[0]);
+    for (int k = 0; k < RTI_N; ++k) {
+      const int at = b * RTI_N + k;
+      rti_inputs(dz[k], o->K[at], o->constant[at]);
+      memset(dz[k + 1], 0, sizeof dz[k + 1]);
+      rti_following(dz[k + 1], o->M[at], dz[k]);
+    }
   }
   rti_bounded(o, o->dz, o->dy, 0);
-  return rti_finite(o->dz[0], (RTI_N + 1) * RTI_W);
+  return rti_finite(o->dz[0], RTI_NODES * RTI_W);
 }
 
 static void rti_move(rti_work *o, real length)
 {
-  for (int k = 0; k <= RTI_N; ++k)
+  for (int k = 0; k < RTI_NODES; ++k)
     rti_add_row(o->z[k], length, o->dz[k], RTI_NZ);
   rti_bounded(o, o->z, o->y, 1);
 }

@@ -154,6 +154,7 @@ class ControlProblem(Summarized):
             cost=running,
             terminal=terminal,
             **functions,
+            scenarios=None,
             stages=whole("stages", stages),
             stage=stage,
             substeps=whole("substeps", substeps),

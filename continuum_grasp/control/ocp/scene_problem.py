@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.ocp.bounds import HARD, Row, state_bounds
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.ocp.stages import Scenarios, Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Horizon
@@ -57,7 +58,29 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     >>> stages.nx, stages.nu, stages.r_names[:2]
     (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
-    return problem_of(scene, Prediction(scene) if prediction is None else prediction).stages
+    model = Prediction(scene) if prediction is None else prediction
+    return replace(problem_of(scene, model).stages, scenarios=scenarios_of(scene, model))
+
+
+def scenarios_of(scene: ControlScene, model: Prediction) -> Scenarios | None:
+    """Scale and shift the parameters of a scene's model by what each scenario differs in; None without scenarios."""
+    asked = scene.controller.scenarios
+    if not asked:
+        return None
+    weights = np.array([one.weight for one in asked])
+    scale, shift = np.ones((len(asked), model.np)), np.zeros((len(asked), model.np))
+    names = [name.split(" ")[0] for name in model.p_names]
+    for k, one in enumerate(asked):
+        for key, value in one.changes.items():
+            at = [names.index(name) for name in scene.scenario_parameters(key)]
+            if key == "tip_mass":
+                shift[k, at] = value
+            elif key in ("stiffness", "damping"):
+                # Of what is known or estimated at run time.
+                scale[k, at] = value
+            else:
+                scale[k, at], shift[k, at] = 0.0, value
+    return Scenarios(weights * (len(asked) / weights.sum()), scale, shift)
 
 
 def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
@@ -79,7 +102,10 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
         names = tuple(f"torque_{k + 1}" for k in range(torque.numel()))
         rows["torque"] = Row(torque, -1.0, 1.0, HARD, names)
     least, most = (np.array(limit) for limit in scene.input_limits)
-    method, substeps = _integration(horizon, model, least, most)
+    plants = scenarios_of(scene, model)
+    nominal = np.array(model.p_nominal)
+    parameters = [nominal] if plants is None else list(plants.scale * nominal + plants.shift)
+    method, substeps = _integration(horizon, model, least, most, parameters)
     return ControlProblem(
         states=model.x,
         inputs=model.u,
@@ -98,14 +124,19 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
     )
 
 
-def _integration(horizon: Horizon, model: Prediction, u_min: Array, u_max: Array) -> tuple[str, int]:
-    """Choose method and steps per stage; from the stiffness where the scene has ``auto``. Rounding adds no step."""
+def _integration(
+    horizon: Horizon, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
+) -> tuple[str, int]:
+    """Choose method and steps per stage; where the scene has ``auto`` from the stiffness, the greatest of all
+    parameters (np). Rounding adds no step.
+    """
     implicit = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     if horizon.method == "sdirk2":
         return "sdirk2", horizon.substeps or implicit
     if horizon.substeps is not None:
         return "rk4", horizon.substeps
-    wanted = max(1, math.ceil(horizon.stage * model.fastest_rate(u_min, u_max) / _TARGET))
+    fastest = max(model.fastest_rate(u_min, u_max, p) for p in parameters)
+    wanted = max(1, math.ceil(horizon.stage * fastest / _TARGET))
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
     return "sdirk2", implicit

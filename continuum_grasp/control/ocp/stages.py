@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,21 @@ from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 
 Array = NDArray[np.float64]
+
+
+class Scenarios(NamedTuple):
+    """Plants that a problem is posed for at once: the same functions with other parameters, from the same state.
+
+    They have the inputs of the first stage in common. The objective is the weighted mean of theirs; constraints and
+    their penalties count for each of them in full.
+    """
+
+    weights: Array
+    """(S), with S as their sum."""
+    scale: Array
+    """(S, np): parameters of a scenario are ``scale p + shift``."""
+    shift: Array
+    """(S, np)."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +71,8 @@ class Stages:
         Name and unit of each entry of a node; rows are relative to their bounds. ``nx``, ``nu`` and so on: how many.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
         Nominal values, which may be changed at run time; +-1e30 is no bound.
+    scenarios : Scenarios or None
+        None: the one plant that p describes.
     """
 
     step: ca.Function
@@ -84,12 +102,18 @@ class Stages:
     weights: Array
     terminal_weights: Array
     p_nominal: Array
+    scenarios: Scenarios | None = None
 
     def __repr__(self) -> str:
         return (
             f"Stages({self.stages} of {self.stage:g} s, {self.substeps} {self.method} steps each: {self.nx} states, "
             f"{self.nu} inputs, {self.np} parameters, {self.nr} setpoints, {self.nc} rows)"
         )
+
+    @property
+    def plants(self) -> int:
+        """Number of plants: 1 without scenarios."""
+        return 1 if self.scenarios is None else len(self.scenarios.weights)
 
     @property
     def nx(self) -> int:

@@ -67,8 +67,10 @@ class Settings:
         nominal = {name: getattr(stages, name) for name in rti.SETTINGS}
         # An array without entries has one in C, which has no arrays of length zero.
         arrays = [(name, real, (max(len(value), 1),)) for name, value in nominal.items()]
-        numbers = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
+        numbers: list[Any] = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
         numbers += [("tolerance", real), ("regularization", real)]
+        robust = rti.scenario_settings(stages)
+        numbers += [(name, real, value.shape) for name, value in robust.items()]
         layout = np.dtype([*arrays, *numbers], align=True)
         memory = np.zeros((), layout)
         tolerance = rti.TOLERANCE["double" if np.dtype(real) == np.float64 else "float"]
@@ -78,7 +80,7 @@ class Settings:
         fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
         self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)
         self.__dict__["address"] = ctypes.c_void_p(memory.ctypes.data)
-        for name, value in {**nominal, **own}.items():
+        for name, value in {**nominal, **own, **robust}.items():
             setattr(self, name, value)
 
     def __getattr__(self, name: str) -> Any:
@@ -148,8 +150,8 @@ class RealTimeIteration:
         self._refs = np.zeros((n + 1, stages.nr), real)
         # The plan's members lie as in ``rti_plan``: x, u, then what the next QP starts from, zeroed by ``reset``.
         plan = np.zeros(-(-library.rti_sizeof(1) // np.dtype(real).itemsize), real)
-        states, inputs = (n + 1) * nx, n * nu
-        self._x, self._u = plan[:states].reshape(n + 1, nx), plan[states : states + inputs].reshape(n, nu)
+        states, inputs = stages.plants * (n + 1) * nx, stages.plants * n * nu
+        self._x, self._u = plan[:states].reshape(-1, nx), plan[states : states + inputs].reshape(-1, nu)
         self._warm_start = plan[states + inputs :]
         self._work = np.zeros(library.rti_sizeof(2), np.uint8)
         self._record = _record(self._number, stages.nc)
@@ -172,7 +174,10 @@ class RealTimeIteration:
 
     @property
     def plan(self) -> tuple[Array, Array]:
-        """States (N + 1, nx) and inputs (N, nu) of the plan: views, which the next iteration overwrites."""
+        """States (N + 1, nx) and inputs (N, nu) of the plan: views, which the next iteration overwrites.
+
+        With scenarios those of the first, and behind them those of the others.
+        """
         return self._x, self._u
 
     @check_arguments
@@ -267,13 +272,15 @@ class RealTimeIteration:
         """Copy the QP of the last preparation; ``control/c/rti.h`` defines it.
 
         x (N+1, nx) and u (N, nu), the plan; A (N, nx, nx), B (N, nx, nu), defect (N, nx); l (N+1), g (N+1, nz),
-        H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero.
+        H (N+1, nz, nz); c (N+1, nc), C (N+1, nc, nz). What a node does not have is zero. With scenarios those of all,
+        one after the other.
         """
         s = self.stages
-        n, nx, nu, nz, nc = s.stages, s.nx, s.nu, s.nx + s.nu, s.nc
+        nx, nu, nz, nc = s.nx, s.nu, s.nx + s.nu, s.nc
+        n, nodes = s.plants * s.stages, s.plants * (s.stages + 1)
         width = self._library.rti_width()
-        shapes = {"x": (n + 1, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (n + 1,)}
-        shapes |= {"g": (n + 1, width), "H": (n + 1, nz, width), "c": (n + 1, max(nc, 1)), "C": (n + 1, max(nc, 1), nz)}
+        shapes = {"x": (nodes, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (nodes,)}
+        shapes |= {"g": (nodes, width), "H": (nodes, nz, width), "c": (nodes, max(nc, 1)), "C": (nodes, max(nc, 1), nz)}
         found = {}
         for k, name in enumerate(rti.PROBLEM):
             where = self._library.rti_offset(k)

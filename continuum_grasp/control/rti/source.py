@@ -87,6 +87,16 @@ int rti_offset(int which)
 """
 
 
+def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:
+    """Members of ``rti_settings`` that scenarios have, in its order."""
+    if stages.scenarios is None:
+        return {}
+    weights, scale, shift = stages.scenarios
+    # An array without entries has one in C, which has no arrays of length zero.
+    none = np.zeros((stages.plants, 1)) if not stages.np else None
+    return {"share": weights, "scale": scale if none is None else none, "shift": shift if none is None else none}
+
+
 def load_library(source: str, what: str) -> ctypes.CDLL:
     """Compile a C source, or find it in the cache, and load it; messages call it ``what``."""
     compiler = find_compiler()
@@ -108,6 +118,8 @@ def dimensions(stages: Stages, real: str) -> str:
     sizes = {"N": stages.stages, "NX": stages.nx, "NU": stages.nu, "NC": stages.nc, "NS": stages.ns}
     sizes |= {"NP": stages.np, "NR": stages.nr}
     lines = [f"#define RTI_{name} {size}" for name, size in sizes.items()]
+    if stages.scenarios is not None:
+        lines += ["#define RTI_ROBUST", f"#define RTI_SCENARIOS {stages.plants}"]
     if real == "float":
         lines.append("#define RTI_SINGLE")
     return "\n".join([*lines, f"typedef {real} real;", ""])
@@ -169,8 +181,9 @@ def _row_functions(stages: Stages) -> str:
 def _stores(stages: Stages) -> str:
     """Write ``rti_store``, which copies the structural nonzeros of a stage out of its lane."""
     lines = [f"  o->M[at][{i}][{j}] = RTI_AT(M[{j}][{i}], l);" for i, j in np.argwhere(_reached(stages))]
-    lines += [f"  o->H[at][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
-    lines += [f"  o->C[at][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
+    node = "at" if stages.scenarios is None else "rti_node(at)"
+    lines += [f"  o->H[{node}][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
+    lines += [f"  o->C[{node}][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
     arguments = "rti_wide (*M)[RTI_NX], rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]"
     unused = " ".join(f"(void){name};" for name in "olMHC")
     head = f"static inline void rti_store(rti_work *o, int at, int l, {arguments})"

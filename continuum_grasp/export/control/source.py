@@ -90,6 +90,10 @@ class _Writer:
             found.append("#define CG_SINGLE")
         return self.renamed("\n".join(dict.fromkeys(found)))
 
+    def settled(self, text: str) -> str:
+        """Without what only scenarios need, where there are none."""
+        return without("RTI_ROBUST", text) if self.loop.stages.scenarios is None else text
+
     def headers(self) -> list[str]:
         found = ["rti.h"] if self.mpc else []
         found += ["ekf.h"] if self.filter else []
@@ -97,7 +101,7 @@ class _Writer:
         return [*found, "supervisor.h", "controller.h"] if self.mpc else found
 
     def memory(self, words: dict[str, object]) -> str:
-        types = self.renamed("\n".join(without_prototypes(template(name))[0] for name in self.headers()))
+        types = self.renamed(self.settled("\n".join(without_prototypes(template(name))[0] for name in self.headers())))
         more = {
             "dimensions": self.macros(),
             "types": types,
@@ -124,7 +128,7 @@ class _Writer:
         texts += [template("ekf.c")] if self.filter else []
         texts += [template("contact_detector.c")] if self.loop.contact is not None else []
         texts += [template("supervisor.c"), template("controller.c")] if self.mpc else []
-        return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", "\n".join(texts))))
+        return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", self.settled("\n".join(texts)))))
 
     def numbers(self) -> str:
         loop, p = self.loop, self.prefix

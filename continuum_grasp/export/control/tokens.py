@@ -60,17 +60,17 @@ def without_prototypes(header: str) -> tuple[str, str]:
 
 
 def without(macro: str, source: str) -> str:
-    """C in which the branches ``#ifdef macro`` are settled as if it were not defined."""
+    """C in which the branches ``#ifdef macro`` and ``#ifndef macro`` are settled as if it were not defined."""
     lines: list[str] = []
     inside: list[bool | None] = []  # of each open condition: whether it is the macro's, and its branch is read
     for line in source.splitlines(keepends=True):
         word = line.split()
         directive = word[0] if word else ""
         if directive in ("#if", "#ifdef", "#ifndef"):
-            inside.append(False if word[:2] == ["#ifdef", macro] else None)
+            inside.append(directive == "#ifndef" if directive != "#if" and word[1] == macro else None)
             settled = inside[-1] is not None
         elif directive == "#else" and inside and inside[-1] is not None:
-            inside[-1], settled = True, True
+            inside[-1], settled = not inside[-1], True
         elif directive == "#endif":
             settled = inside.pop() is not None
         else:
