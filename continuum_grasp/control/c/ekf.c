@@ -24,6 +24,11 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   memcpy(state->z, state->first, sizeof state->z);
+#if EKF_NA > 0
+  state->age = 0;
+  memset(state->motion, 0, sizeof state->motion);
+  memset(state->excited, 0, sizeof state->excited);
+#endif
   for (int sensor = 0; sensor < EKF_NS; ++sensor) state->bucket[sensor] = (real)EKF_PATIENCE;
   ekf_reset_covariance(state, settings);
 }
@@ -126,9 +131,11 @@ static void ekf_shrink(const ekf_state *state, const ekf_settings *settings, rea
 /* What of the sensitivities of a step noise does not explain. */
 static void ekf_excite(ekf_state *state, const ekf_work *work, const ekf_settings *settings, real h)
 {
+  if (state->age < (real)EKF_MEMORY) state->age += h;
   for (int k = 0; k < EKF_NA; ++k) {
     const real *column = work->F + EKF_NZ * settings->adapted[k];
     real size = 0;
+    if (state->age < (real)EKF_MEMORY) continue; /* the error of the start, large and soon gone, passes for motion too */
     for (int i = 0; i < EKF_NX; ++i) state->motion[k][i] += h / ((real)EKF_MEMORY + h) * (column[i] - state->motion[k][i]);
     for (int i = 0; i < EKF_NX; ++i) {
       real sum = 0;

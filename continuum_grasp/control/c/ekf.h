@@ -83,6 +83,7 @@ typedef struct {
   int oldest, started;
   real bucket[EKF_NS];        /* of the leaky gate of each sensor: recent outliers */
 #if EKF_NA > 0
+  real age;                   /* since the start, up to EKF_MEMORY [s] */
   real motion[EKF_NA][EKF_NX];          /* mean sensitivity of the states to each adapted parameter, over a step */
   real excited[EKF_NA];       /* share of the sensitivity to each adapted parameter that noise does not explain */
 #endif

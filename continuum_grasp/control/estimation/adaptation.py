@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any, NamedTuple
 
-_TOLD = 0.5
+_KNOWN = 0.5
 """Share of the standard deviation at the start below which a parameter counts as observed [1]: measurements tell three
 times as much as was known before."""
 _ABSOLUTE = ("tip_mass",)
@@ -58,7 +58,7 @@ class AdaptedState(NamedTuple):
         # The deviation of a relative error is that per the parameter as it was given.
         scale = 1.0 if self.name in _ABSOLUTE else value / (1.0 + error)
         found = Observability.NOT_YET
-        if std < _TOLD * self.spread:
+        if std < _KNOWN * self.spread:
             found = Observability.DEAD_TIME if self.name == "drive_time_constant" else Observability.OBSERVED
         unit = self.label.split(" ", 1)[1][1:-1]
         return Adapted(float(value), float(scale * std), float(scale * self.spread), unit, found)

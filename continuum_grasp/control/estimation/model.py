@@ -35,7 +35,7 @@ _DISTURBANCES = (
     ("tip_mass", r"tip_mass \[kg\]", r"tip_mass_error [kg]"),
     ("drive_time_constant", r"drive_time_constant \[s\]", r"drive_time_constant_error [1]"),
 )
-"""Key in ``estimator.disturbances`` or ``estimator.adapt``, the parameters that the disturbances add to, and their names."""
+"""Key in ``estimator.disturbances`` or ``adapt``, the parameters that the disturbances add to, and their names."""
 
 
 FRICTION = r"(motor_|unknown_contact_)?friction_\w+ \[1\]"
