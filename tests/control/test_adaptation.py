@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import subprocess
 from functools import lru_cache
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from scipy.stats import chi2
 
 from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.control.compiled import estimator_source
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.adaptation import Observability
 from continuum_grasp.control.estimation.estimator import Estimator
+from continuum_grasp.control.field import Field
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
@@ -351,6 +354,20 @@ def test_in_closed_loop_fine_plants_are_found_and_followed(changes):
         assert abs(run.adapted[name].value - value) < 3.0 * run.adapted[name].std, (name, run.adapted[name])
     errors = [np.mean((one.tracked[200:, :2] - one.r[200:, :2]) ** 2) for one in (run, plain)]
     assert errors[0] < 0.6**2 * errors[1]
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_compilers_have_nothing_to_say(precision, tmp_path):
+    estimator = hand()
+    fields = [
+        Field(name, value, name in ("substeps", "sensor", "adapted")) for name, value in estimator.settings.items()
+    ]
+    file = tmp_path / "estimator.c"
+    file.write_text(estimator_source(estimator.estimation, 0, 2, 3, fields, precision))
+    flags = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
+    generated = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"  # what CasADi writes needs these
+    done = subprocess.run(["cc", *flags.split(), *generated.split(), str(file)], capture_output=True, text=True)
+    assert not done.stderr
 
 
 def test_commands_report_what_is_adapted():
