@@ -62,6 +62,9 @@ def scene(name: str):
     return {
         "observed": lambda: loop_scene(8),
         "given": lambda: loop_scene(8, observed=False),
+        "adapting": lambda: loop_scene(
+            8, adapt={"bending_stiffness": 0.3, "tip_mass": 0.003, "drive_time_constant": 0.4}
+        ),
         "limited": lambda: loop_scene(8, observed=False, rate=300.0),
         "friction": lambda: load(TENDONS, WITH_FRICTION),
         "winches": lambda: load(ROOT / "configs/simulate/winch_loop.yaml", WOUND),
@@ -80,7 +83,9 @@ def without_lag(finger: Finger) -> Finger:
     return finger.model_copy(update={"tendons": finger.tendons.model_copy(update={"time_constant": None})})
 
 
-def loop_scene(stages: int, *, observed: bool = True, rate: float | None = None) -> ControlScene:
+def loop_scene(
+    stages: int, *, observed: bool = True, rate: float | None = None, adapt: dict[str, float] | None = None
+) -> ControlScene:
     """Two arcs on two tendons under weight, that are to bend further than their bound; measured late, or known.
 
     Tensions change at a rate [N/s], or at once.
@@ -91,6 +96,8 @@ def loop_scene(stages: int, *, observed: bool = True, rate: float | None = None)
         "disturbances": {"tip_moment": 0.02},
         "delay": 0.01,
     }
+    if adapt is not None:
+        asked |= {"adapt": adapt, "disturbances": {}}
     if not observed:
         finger = without_lag(finger)
     return ControlScene(
@@ -98,7 +105,7 @@ def loop_scene(stages: int, *, observed: bool = True, rate: float | None = None)
         finger=finger,
         gravity=(0.0, -9.81),
         fidelity={"family": "arc", "elements": 2},
-        parameters=("bending_stiffness",) if observed else (),
+        parameters=tuple(adapt or ("bending_stiffness",)) if observed else (),
         controller={
             "horizon": {"stages": stages, "stage": 0.01, "substeps": 2},
             "cost": {"bending": {"running": 100.0, "terminal": 10.0}, "effort": 0.1 if observed else 1e-3},

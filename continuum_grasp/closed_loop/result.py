@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.metrics import Metrics, rms, times_of, tracking_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
+from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
@@ -162,6 +163,7 @@ class ControlRun(MotionResult):
             **errors,
             "time of a step": times,
             **{key: counts[key] for key in ("late", "status", "health") if key in counts},
+            **{name: str(value) for name, value in self.adapted.items()},
         }
 
     @property
@@ -258,6 +260,20 @@ class ControlRun(MotionResult):
         """Their standard deviations (K, nd)."""
         return self.std[:, [k for _, k in self._disturbed]]
 
+    @cached_property
+    def adapted(self) -> dict[str, Adapted]:
+        """Parameters of ``estimator.adapt`` at the end by name: value, deviation, and whether measurements tell it."""
+        asked = self.scene.estimator and self.scene.estimator.adapt
+        columns = {name.split(" ")[0]: k for k, name in enumerate(self.p_names)}
+        found = {}
+        for name, k in zip(self.disturbance_names, [k for _, k in self._disturbed], strict=True):
+            key = _parameter(name)
+            if asked and key in asked.spreads and len(self.u):
+                state = AdaptedState(self.p_names[columns[key]], k, columns[key], asked.spreads[key])
+                error = self.disturbance[-1, self.disturbance_names.index(name)]
+                found[key] = state.read(self.parameters[-1, columns[key]], error, self.std[-1, k])
+        return found
+
     @property
     def tripped(self) -> bool:
         """Whether the supervisor sent the command to the safe input."""
@@ -317,6 +333,7 @@ class ControlRun(MotionResult):
             "events": [list(event) for event in self.events],
             "incidents": [list(incident) for incident in self.incidents],
             "anomalies": {str(k): list(words) for k, words in enumerate(self.anomalies) if words},
+            "adapted": {name: value.as_dict() for name, value in self.adapted.items()},
             "names": {
                 **{key: list(getattr(self, f"{key}_names")) for key in keys},
                 "bounds": list(self.bound_names),
@@ -331,16 +348,17 @@ class ControlRun(MotionResult):
         rows = found.rows()
         widths = [max(len(row[k]) for row in rows) for k in range(4)]
         lines += ["  ".join([row[0].ljust(widths[0]), *(row[k].rjust(widths[k]) for k in (1, 2, 3))]) for row in rows]
-        pairs = found.pairs()
+        pairs = found.pairs() | {name: str(value) for name, value in self.adapted.items()}
         wide = max(map(len, pairs))
         return "\n".join([*lines, "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items())]) + "\n"
 
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
-_RELATIVE = "_error [1]"
+_RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 
 def _parameter(name: str) -> str:
     """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
-    return name.removesuffix(_RELATIVE).removeprefix("unknown_").split(" [")[0]
+    name = name.removesuffix(_RELATIVE).removesuffix(_OF_MASS)
+    return name.removeprefix("unknown_").split(" [")[0]

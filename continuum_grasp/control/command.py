@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.arguments import bare
+from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
@@ -33,6 +34,7 @@ class Layout(NamedTuple):
     u_names: tuple[str, ...]
     row_names: tuple[str, ...]
     touch: ca.Function | None = None  # Estimation.contact_forces
+    adapted: tuple[AdaptedState, ...] = ()
 
 
 class Plan(NamedTuple):
@@ -115,6 +117,7 @@ class Command(Summarized):
         }
         if self.violated:
             rows["violated"] = ", ".join(self.violated)
+        rows |= {name: str(value) for name, value in self.adapted.items()}
         return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
     def _part(self, name: str) -> Array:
@@ -167,6 +170,16 @@ class Command(Summarized):
         root = self._part("upper").reshape(then.size, -1) * np.sqrt(np.maximum(self._part("diagonal"), 0.0))
         covariance = root @ root.T
         return Estimate(x, p, np.sqrt(np.diag(covariance)), covariance)
+
+    @property
+    def adapted(self) -> dict[str, Adapted]:
+        """Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it."""
+        estimate, then = self.estimate, self._part("then")
+        return {
+            one.name: one.read(estimate.p[one.parameter], then[one.state], estimate.std[one.state])
+            for one in self._layout.adapted
+            if estimate.std is not None
+        }
 
     @property
     def contact_forces(self) -> ContactForces | None:

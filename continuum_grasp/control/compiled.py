@@ -101,6 +101,7 @@ def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> 
         "NM": estimation.nm,
         "DELAY": periods,
         "NF": len(estimation.friction),
+        "NA": len(estimation.adapted),
     }
 
 

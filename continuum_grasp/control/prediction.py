@@ -31,6 +31,8 @@ from continuum_grasp.simulation.spectrum import SLIDING, sample_shapes
 
 Array = NDArray[np.float64]
 
+_LAG = "drive_time_constant"
+"""Parameter that is the time constant of the drive."""
 _PRESSED = 10.0
 """Normal force at which the stiffness of closed contacts is taken [N]: twice that of configs/mission/mug.yaml, 5.4 N;
 the damping of a contact, which sets the fastest rate, grows with it."""
@@ -134,7 +136,8 @@ class Prediction(Remade):
             elements=fidelity.elements,
             bending_range=fidelity.bending_range,
             accuracy=fidelity.accuracy,
-            parameters=scene.model_parameters,
+            # The lag of a tip moment is not in the system.
+            parameters=[name for name in scene.model_parameters if self._own_lag is None or name != _LAG],
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
             tip_force=tip_force,
             input_rates=(matches_tip and self._own_lag is not None) or None,
@@ -143,9 +146,11 @@ class Prediction(Remade):
         own = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
         self.x_names = (*system.x_names, *own)
         self.u_names = tuple(system.u_names[: len(scene.input_limits[0])])
-        extra = ["missing_tip_moment [N m]"] if self._couple else []
+        extra = {"missing_tip_moment [N m]": 0.0} if self._couple else {}
+        if self._own_lag is not None and _LAG in scene.parameters:
+            extra[f"{_LAG} [s]"] = self._own_lag
         self.p_names = (*system.p_names, *system.w_names, *extra)
-        self.p_nominal = (*system.p_nominal, *[0.0] * (system.nw + len(extra)))
+        self.p_nominal = (*system.p_nominal, *[0.0] * system.nw, *extra.values())
         self.nx, self.nu, self.np = len(self.x_names), len(self.u_names), len(self.p_names)
         self.x, self.u, self.p = (_symbols(names) for names in (self.x_names, self.u_names, self.p_names))
 
@@ -197,7 +202,7 @@ class Prediction(Remade):
     @cached_property
     def _moment(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Acting tip moment, its rate and acceleration, where the lag is not in the system."""
-        time = self._own_lag or 1.0
+        time = self.p[-1] if f"{_LAG} [s]" in self.p_names else self._own_lag or 1.0
         moment, rate = self.x[-2], self.x[-1]
         # A critically damped lag, as of tendons: its moment has a continuous rate, which a matched tip needs.
         return moment, rate, (self.u - moment) / time**2 - 2.0 * rate / time
@@ -206,7 +211,7 @@ class Prediction(Remade):
     def arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Arguments x, u, w and p of the system."""
         system = self.system
-        couple = [self.p[-1]] if self._couple else []
+        couple = [self.p[system.np + system.nw]] if self._couple else []
         values = [self.u] if self._own_lag is None else [*self._moment]
         # The missing tip moment is constant over the horizon: it adds to the input and not to its derivatives, which
         # the system takes as far as its inputs have rates.

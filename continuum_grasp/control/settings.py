@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.contact_model import ContactModel
+from continuum_grasp.control.estimation.excitation import quiet_sensitivities
 from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
 from continuum_grasp.control.field import Field
@@ -74,6 +75,8 @@ def estimator_fields(
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
         Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
         *([Field("friction", estimation.friction, whole=True)] if estimation.friction else []),
+        *([Field("adapted", [one.state for one in estimation.adapted], whole=True)] if estimation.adapted else []),
+        *([Field("quiet", quiet_sensitivities(scene, model, estimation, substeps))] if estimation.adapted else []),
     ]
 
 

@@ -177,6 +177,9 @@ def _control_scene(
     )
     # An estimate of friction needs its limit; without one contacts are taken to be smooth.
     unknown_friction = mission.estimator.disturbances.contact_friction is not None
+    estimated, adapted = mission.estimator.disturbances.names, set[str]()
+    if mission.estimator.adapt is not None:
+        adapted = set(mission.estimator.adapt.spreads)
     return ControlScene(
         name=mission.name,
         finger=finger,
@@ -185,7 +188,7 @@ def _control_scene(
         object=body,
         contact_law=mission.contact_law if unknown_friction else mission.contact_law.replaced(friction=0.0),
         fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
-        parameters=tuple(sorted({"bending_stiffness", "tendon_friction"} & mission.estimator.disturbances.names)),
+        parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
         controller=Controller(
             period=asked.period,
             horizon=asked.horizon,

@@ -142,6 +142,8 @@ class ControlScene(FingerScene):
         for name in ("bending_stiffness", "tendon_friction"):
             if getattr(estimator.disturbances, name) is not None and name not in self.parameters:
                 raise ValueError(f"estimator.disturbances.{name} needs parameters: [{name}]")
+        if estimator.adapt is not None:
+            estimator.adapt.check(estimator.disturbances, self.parameters, self.lag, "estimator.adapt")
         if estimator.disturbances.contact_force is not None and not self.contacts:
             raise ValueError("estimator.disturbances.contact_force needs contacts")
         if estimator.disturbances.object_position is not None and (self.object is None or self.object_moves):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated
 
 from pydantic import Field
@@ -10,11 +11,13 @@ from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
+    Duration,
     Length,
     Mass,
     Positive,
     TimeConstant,
     Value,
+    doubt,
 )
 
 Share = Annotated[float, Field(ge=0.0, le=0.9), Unit("1")]
@@ -115,6 +118,50 @@ class Spread(Value):
                 )
 
 
+class Adapt(Value):
+    """Model parameters estimated while the controller runs, each with the standard deviation of plants about nominal.
+
+    Each must be one of the scene's ``parameters``. Estimates start at the nominal values, with which the controller
+    plans until measurements tell more.
+    """
+
+    bending_stiffness: Annotated[Positive, Field(le=1.0, examples=["30 %"]), Unit("1")] | None = None
+    """Of the bending stiffness, relative [1]."""
+    tip_mass: Annotated[Positive, Field(le=10.0, examples=["5 g"]), Unit("kg")] | None = None
+    """Of the mass at the tip, a payload [kg]; it is never below zero."""
+    drive_time_constant: Annotated[Positive, Field(le=1.0, examples=["40 %"]), Unit("1")] | None = None
+    """Of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements, shows:
+    a delay other than ``delay`` is found as half of it in T."""
+    forgetting_time: Annotated[Duration, Field(ge=0.1, examples=["60 s"])] = 60.0
+    """Time in which variances return to those of the start where nothing is measured that tells [s]: shorter follows
+    parameters that change, longer averages over more noise."""
+
+    @property
+    def spreads(self) -> dict[str, float]:
+        """Standard deviations at the start of those that are estimated, by name."""
+        given = {name: getattr(self, name) for name in type(self).model_fields if name != "forgetting_time"}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def _check(self) -> None:
+        if not self.spreads:
+            raise ValueError("name a parameter: bending_stiffness, tip_mass or drive_time_constant")
+
+    def check(self, disturbances: Disturbed, parameters: Collection[str], lag: float | None, key: str) -> None:
+        """Refuse what the scene does not have as a parameter, or estimates otherwise; ``key`` is where it is."""
+        if self.drive_time_constant is not None and lag is None:
+            raise ValueError(f"{key}.drive_time_constant needs a drive with a time_constant")
+        for name in self.spreads:
+            if name not in parameters:
+                raise ValueError(f"{key}.{name} needs parameters: [{name}]")
+            if getattr(disturbances, name, None) is not None:
+                raise ValueError(f"{key}.{name} and disturbances.{name} estimate the same: give one of them")
+        if self.bending_stiffness is not None and disturbances.tip_moment is not None:
+            doubt(
+                f"{key}.bending_stiffness beside disturbances.tip_moment: at rest nothing tells them apart; leave the "
+                "moment out, or let it drift slowly"
+            )
+
+
 class ContactDetection(Value):
     """A momentum observer with a threshold that follows from what is uncertain: greatest errors, not deviations.
 
@@ -174,6 +221,8 @@ class Estimator(Value):
     spread: Spread = Spread()
     """How far unknowns may be from their nominal values at the start; by default as far as they drift in a second. A
     stiffness that one plant has and another has not is a wide spread with a slow drift."""
+    adapt: Adapt | None = None
+    """Model parameters that are estimated while it runs; None: none."""
     contact_detection: ContactDetection | None = None
     """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0

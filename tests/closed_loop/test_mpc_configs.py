@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from continuum_grasp.closed_loop.metrics import rms
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
@@ -171,3 +172,20 @@ def test_scenarios_hold_the_tip_with_a_camera_that_is_late(changes):
     found = checked(run("unknown_drive", 1.2, *changes))
     error = np.linalg.norm(found.tip[-40:] - found.tip_reference[-40:], axis=1)
     assert np.sqrt(np.mean(error**2)) > 0.008 if changes else error.max() < 0.004
+
+
+def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
+    """The tip follows as if all were known, and no sensor contradicts the model any longer."""
+    quick = (ARCS, "controller.horizon.stages=20")
+    adapted = checked(run("unknown_payload", 1.5, *quick))
+    plain = run("unknown_payload", 1.5, *quick, "estimator.adapt=null", "parameters=[]")
+    errors = [np.linalg.norm(one.tracked[-50:, :2] - one.r[-50:, :2], axis=1) for one in (adapted, plain)]
+    assert rms(errors[0]) < 0.2 * rms(errors[1])
+    assert "mismatch" in plain.health
+    assert (adapted.health[-1], adapted.mismatch[-1] < 1.5) == ("ok", True)
+    truth = {"bending_stiffness": 1.3 * 6.11e-3, "drive_time_constant": 0.03, "tip_mass": 0.005}
+    for name, value in truth.items():
+        assert abs(adapted.adapted[name].value - value) < 3.0 * adapted.adapted[name].std
+    assert plain.adapted == {}
+    assert "only lag and delay together are observed" in adapted.report()
+    assert adapted.details()["adapted"]["bending_stiffness"]["observability"] == "observed"

@@ -46,7 +46,7 @@ CODES = {
     6: Status.SAFE_RAMP,
     8: Status.SOLVED,
 }
-FUNCTIONS = {"observed": ("estimator_step", "mpc"), "given": ("mpc",)}
+FUNCTIONS = {"observed": ("estimator_step", "mpc"), "given": ("mpc",), "adapting": ("estimator_step", "mpc")}
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def reference(finger, rows):
 
 
 @pytest.mark.parametrize("compiler", few(COMPILERS, 1))
-@pytest.mark.parametrize(("name", "real"), few([("given", "double"), ("observed", "float")], 1))
+@pytest.mark.parametrize(("name", "real"), few([("given", "double"), ("observed", "float"), ("adapting", "double")], 1))
 def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
     (program,) = compile_programs(compiler, packages(name, real), tmp_path, "main", *STRICT, *WARNINGS, "-O1")
     found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
@@ -252,10 +252,10 @@ def test_a_controller_of_scenarios_is_that_of_python(tmp_path):
 
 
 @needs("cc")
-@pytest.mark.parametrize("real", REALS)
-def test_the_estimator_is_that_of_python(real, libraries):
-    finger, library = libraries("observed", real)
-    python, other = Estimator(scene("observed"), precision=real), finger.Estimator(library)
+@pytest.mark.parametrize(("name", "real"), [*(("observed", real) for real in REALS), *few([("adapting", "double")], 0)])
+def test_the_estimator_is_that_of_python(name, real, libraries):
+    finger, library = libraries(name, real)
+    python, other = Estimator(scene(name), precision=real), finger.Estimator(library)
     rng = np.random.default_rng(2)
     for k in range(60):
         y = np.array([0.01 * np.sin(0.1 * k), 0.18, 1.0 + 0.02 * k, 1.0]) + 1e-4 * rng.standard_normal(4)

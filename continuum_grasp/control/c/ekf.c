@@ -24,6 +24,11 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   memcpy(state->z, state->first, sizeof state->z);
+#if EKF_NA > 0
+  state->age = 0;
+  memset(state->motion, 0, sizeof state->motion);
+  memset(state->excited, 0, sizeof state->excited);
+#endif
   for (int sensor = 0; sensor < EKF_NS; ++sensor) state->bucket[sensor] = (real)EKF_PATIENCE;
   ekf_reset_covariance(state, settings);
 }
@@ -103,11 +108,75 @@ static void ekf_advance(ekf_work *work, const real *z, const real *u, const real
   memcpy(work->from, from, sizeof from);
 }
 
+/* Variance of h z before the update. */
+static real ekf_prior_variance(const ekf_state *state, const real *h)
+{
+  real sum = 0;
+  for (int j = 0; j < EKF_NZ; ++j) {
+    real f = h[j];
+    for (int i = 0; i < j; ++i) f += state->U[i][j] * h[i];
+    sum += f * f * state->D[j];
+  }
+  return sum;
+}
+
+#if EKF_NA > 0
+/* Shrink the columns of a matrix (rows of states or outputs, by z) that are sensitivities to adapted parameters. */
+static void ekf_shrink(const ekf_state *state, const ekf_settings *settings, real *matrix, int stride, int rows)
+{
+  for (int k = 0; k < EKF_NA; ++k)
+    for (int i = 0; i < rows; ++i) matrix[i + stride * settings->adapted[k]] *= state->excited[k];
+}
+
+/* What of the sensitivities of a step noise does not explain. */
+static void ekf_excite(ekf_state *state, const ekf_work *work, const ekf_settings *settings, real h)
+{
+  if (state->age < (real)EKF_MEMORY) state->age += h;
+  for (int k = 0; k < EKF_NA; ++k) {
+    const real *column = work->F + EKF_NZ * settings->adapted[k];
+    real size = 0;
+    if (state->age < (real)EKF_MEMORY) continue; /* the error of the start, large and soon gone, passes for motion too */
+    for (int i = 0; i < EKF_NX; ++i) state->motion[k][i] += h / ((real)EKF_MEMORY + h) * (column[i] - state->motion[k][i]);
+    for (int i = 0; i < EKF_NX; ++i) {
+      real sum = 0;
+      for (int j = 0; j < EKF_NX; ++j) sum += settings->quiet[k][i][j] * state->motion[k][j];
+      size += sum * sum;
+    }
+    state->excited[k] = size > 1 ? 1 - 1 / size : 0;
+  }
+}
+
+/* Noise of each state over a prediction: of adapted parameters in proportion to what is known of them. */
+static void ekf_forget(const ekf_state *state, const ekf_settings *settings, real *noise)
+{
+  memcpy(noise, settings->noise, sizeof settings->noise);
+  for (int k = 0; k < EKF_NA; ++k) {
+    const int at = settings->adapted[k];
+    real h[EKF_NZ] = {0};
+    h[at] = 1;
+    const real known = 1 - ekf_prior_variance(state, h) / settings->initial[at];
+    noise[at] *= known > 0 ? known : 0;
+  }
+}
+#endif
+
 static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
                         real h)
 {
+#if EKF_NA > 0
+  real noise[EKF_NZ];
+  ekf_forget(state, settings, noise);
+#else
+  const real *noise = settings->noise;
+#endif
   ekf_advance(work, state->z, u, p, h);
   memcpy(state->z, work->next, sizeof state->z);
+#if EKF_NA > 0
+  ekf_excite(state, work, settings, h);
+  ekf_shrink(state, settings, work->F, EKF_NZ, EKF_NX);
+  ekf_shrink(state, settings, work->G, EKF_NZ, EKF_NX);
+  work->from[EKF_FROM - 1] = 0; /* shrunk: no longer those of the step */
+#endif
   int columns = EKF_NZ;
   for (int j = 0; j < EKF_NZ; ++j) work->weight[j] = state->D[j];
   for (int i = 0; i < EKF_NZ; ++i)
@@ -117,8 +186,8 @@ static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *se
       work->W[i][j] = sum;
     }
   for (int j = 0; j < EKF_NZ; ++j) {
-    if (!(settings->noise[j] > 0)) continue;
-    const real weight = settings->noise[j] * h / 6;     /* Simpson's rule: F, 4 G and the identity */
+    if (!(noise[j] > 0)) continue;
+    const real weight = noise[j] * h / 6;     /* Simpson's rule: F, 4 G and the identity */
     for (int i = 0; i < EKF_NZ; ++i) {
       work->W[i][columns] = work->F[i + EKF_NZ * j];
       work->W[i][columns + 1] = work->G[i + EKF_NZ * j];
@@ -158,18 +227,6 @@ static real ekf_update(ekf_state *state, const real *h, real noise, real innovat
   }
   for (int i = 0; i < EKF_NZ; ++i) state->z[i] += gain[i] / total * innovation;
   return expected;
-}
-
-/* Variance of h z before the update. */
-static real ekf_prior_variance(const ekf_state *state, const real *h)
-{
-  real sum = 0;
-  for (int j = 0; j < EKF_NZ; ++j) {
-    real f = h[j];
-    for (int i = 0; i < j; ++i) f += state->U[i][j] * h[i];
-    sum += f * f * state->D[j];
-  }
-  return sum;
 }
 
 #if EKF_NF > 0
@@ -259,6 +316,9 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
   estimator_outputs(arg, res);
   if (!cg_finite(work->y, EKF_NY) || !cg_finite(work->H, EKF_NY * EKF_NZ)) return 0;
   memcpy(prior, state->z, sizeof prior);
+#if EKF_NA > 0
+  ekf_shrink(state, settings, work->H, EKF_NY, EKF_NY);
+#endif
 #if EKF_NF > 0
   ekf_bound_friction(state, settings);
 #endif

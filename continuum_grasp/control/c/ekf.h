@@ -17,9 +17,16 @@
  * predicts the state now with the inputs applied since. The first step of that is the one that the next call's prediction
  * makes, unless its parameters change: it is made once, and the workspace knows what it started from.
  *
+ * Adapted parameters are disturbances that a plant has once and for all. Their noise is in proportion to what is known
+ * of them, 1 - variance / initial variance, so that the variance of one that does not show stays that of the start, and
+ * returns to it where nothing shows any longer, while the estimate stays: linear forgetting towards what is known before.
+ * Their sensitivities, the columns of F, G and H, are shrunk by the share that noise of the estimate may have in their
+ * mean over EKF_MEMORY, to zero where it explains all: at rest, noise passed for motion, and moved the lag to its least
+ * value within 3 s.
+ *
  * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY
- * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_NF (friction states); and `real`, with CG_SINGLE defined if that
- * is float. The generated functions estimator_step, estimator_flow and estimator_outputs stand before ekf.c. Nothing is
+ * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_NF (friction states), EKF_NA (adapted
+ * parameters); and `real`, with CG_SINGLE defined if that is float. The generated functions estimator_step, estimator_flow and estimator_outputs stand before ekf.c. Nothing is
  * allocated or static; matrices of generated functions are stored by columns.
  */
 #ifndef EKF_H
@@ -39,6 +46,9 @@
                                    reaches it, and 3 did as well (geometric mean of errors 5.19 against 5.15 mm) */
 #define EKF_NIS_CAP 30.0        /* cap of a row's squared normalized innovation in `nis`: one sample alone must not look
                                    like a wrong sensor */
+
+#define EKF_MEMORY 0.05         /* time over which sensitivities are averaged [s]: a fifth of the period of a finger's first
+                                   mode, over which noise averages out and motion does not */
 
 enum {                        /* result of a step */
   EKF_OK = 0,
@@ -60,6 +70,10 @@ typedef struct {
 #if EKF_NF > 0
   int friction[EKF_NF];       /* indices of friction states: between -1 and 1 at rest, whatever a sensor says */
 #endif
+#if EKF_NA > 0
+  int adapted[EKF_NA];        /* indices of adapted parameters */
+  real quiet[EKF_NA][EKF_NX][EKF_NX];   /* L of a sensitivity s of a step: |L s| = 1 is the most that noise explains */
+#endif
 } ekf_settings;
 
 typedef struct {
@@ -68,6 +82,11 @@ typedef struct {
   real queue[EKF_SIZE(EKF_DELAY)][EKF_NU];    /* inputs applied since the measurement, a ring */
   int oldest, started;
   real bucket[EKF_NS];        /* of the leaky gate of each sensor: recent outliers */
+#if EKF_NA > 0
+  real age;                   /* since the start, up to EKF_MEMORY [s] */
+  real motion[EKF_NA][EKF_NX];          /* mean sensitivity of the states to each adapted parameter, over a step */
+  real excited[EKF_NA];       /* share of the sensitivity to each adapted parameter that noise does not explain */
+#endif
 } ekf_state;
 
 typedef struct {

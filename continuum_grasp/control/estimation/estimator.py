@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
+from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
@@ -47,16 +48,25 @@ class Filtered(Summarized):
         Verdict on each measurement.
     contact : DetectedContact or None
         What the drives feel, by ``estimator.contact_detection``; None without.
+    adapted : dict of str to Adapted
+        Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it.
     """
 
     def __init__(
-        self, names: tuple[str, ...], parts: dict[str, Array], restarted: bool, contact: DetectedContact | None
+        self,
+        names: tuple[str, ...],
+        parts: dict[str, Array],
+        restarted: bool,
+        contact: DetectedContact | None,
+        adapted: tuple[AdaptedState, ...] = (),
     ) -> None:
         self._names, self.contact = names, contact
         self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
         self.verdict = tuple(Verdict(int(v)) for v in parts["verdict"])
+        std = self.std if adapted else ()
+        self.adapted = {one.name: one.read(self.p[one.parameter], self.z[one.state], std[one.state]) for one in adapted}
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
         self.anomaly |= Anomaly.ESTIMATE_LIMITED if parts["limited"][0] else Anomaly(0)
         for verdict in self.verdict:
@@ -72,6 +82,7 @@ class Filtered(Summarized):
         }
         if self.contact is not None:
             rows["contact"] = self.contact.contact.name.lower()
+        rows |= {name: str(value) for name, value in self.adapted.items()}
         return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
     @property
@@ -230,7 +241,8 @@ class Estimator(Remade, Summarized):
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")
         contact = None if self.detector is None else self.detector.step(self._measurement[self._felt], self._u)
-        return Filtered(self.measurement_names, self._c.found(), status == _RESTARTED, contact)
+        adapted = self.estimation.adapted
+        return Filtered(self.measurement_names, self._c.found(), status == _RESTARTED, contact, adapted)
 
     def save_state(self) -> bytes:
         """Return all that the next estimate depends on."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
@@ -30,8 +32,10 @@ _DISTURBANCES = (
     ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
     ("bending_stiffness", r"bending_stiffness \[.+\]", r"bending_stiffness_error [1]"),
     ("tendon_friction", r"tendon_friction \[1\]", r"tendon_friction_error [1]"),
+    ("tip_mass", r"tip_mass \[kg\]", r"tip_mass_error [kg]"),
+    ("drive_time_constant", r"drive_time_constant \[s\]", r"drive_time_constant_error [1]"),
 )
-"""Key in ``estimator.disturbances``, the parameters that the disturbances add to, and their names."""
+"""Key in ``estimator.disturbances`` or ``adapt``, the parameters that the disturbances add to, and their names."""
 
 
 FRICTION = r"(motor_|unknown_contact_)?friction_\w+ \[1\]"
@@ -75,6 +79,8 @@ class Estimation:
         gate acts on devices, since the rows of one fail together.
     friction : tuple of int
         Which of z are friction, of tendons, motors or contacts, as a share of its limit: from -1 to 1.
+    adapted : tuple of AdaptedState
+        Parameters of ``estimator.adapt``.
     """
 
     step: ca.Function
@@ -92,6 +98,7 @@ class Estimation:
     mixing: Array
     sensors: tuple[str, ...]
     friction: tuple[int, ...]
+    adapted: tuple[AdaptedState, ...]
 
     @property
     def nz(self) -> int:
@@ -160,17 +167,23 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
         mixing=np.array([[row.parts.get(name, 0.0) for name in measurement_names] for row in compared]),
         sensors=tuple(row.sensor for row in compared),
         friction=tuple(k for k, name in enumerate(z_names) if re.fullmatch(FRICTION, name)),
+        adapted=tuple(
+            AdaptedState(model.p_names[one.parameter], model.nx + k, one.parameter, one.spread)
+            for k, one in enumerate(disturbances)
+            if one.adapted
+        ),
     )
 
 
 class _Disturbance(NamedTuple):
-    """A disturbance: the parameter that it adds to, its drift and spread, and whether it is relative."""
+    """A disturbance: the parameter that it adds to, its drift and spread, whether it is relative, and adapted."""
 
     name: str
     parameter: int
     drift: float
     spread: float
     relative: bool
+    adapted: bool
 
 
 def _contact_forces(model: Prediction, disturbances: list[_Disturbance]) -> ca.Function | None:
@@ -218,11 +231,17 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
 
 def _disturbances(asked: Estimator, model: Prediction) -> list[_Disturbance]:
     """List the disturbances that are estimated."""
-    relative = ("bending_stiffness", "tendon_friction")
+    relative = ("bending_stiffness", "tendon_friction", "drive_time_constant")
+    drifts, spreads, adapted = dict(asked.disturbances), dict(asked.spread), {}
+    if asked.adapt is not None:
+        adapted = asked.adapt.spreads
+        # The variance grows by that of the start in the time that is given, less as it approaches it.
+        drifts |= {name: std / math.sqrt(asked.adapt.forgetting_time) for name, std in adapted.items()}
+        spreads |= adapted
     return [
-        _Disturbance(found.expand(name), index, drift, getattr(asked.spread, key, None) or drift, key in relative)
+        _Disturbance(found.expand(name), index, drift, spreads.get(key) or drift, key in relative, key in adapted)
         for key, parameter, name in _DISTURBANCES
-        if (drift := getattr(asked.disturbances, key, None)) is not None
+        if (drift := drifts.get(key)) is not None
         for index, label in enumerate(model.p_names)
         if (found := re.fullmatch(parameter, label))
     ]

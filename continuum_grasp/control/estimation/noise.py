@@ -34,6 +34,10 @@ touch."""
 _MOMENT = 2.0
 """Greatest missing tip moment as a multiple of the greatest one that can be commanded [1]: more is not a model
 error."""
+_STABLE = 2.5
+"""Greatest step of RK4 in time constants of the drive [1]: it is stable up to 2.78."""
+_PAYLOAD = 20.0
+"""Greatest unknown mass at the tip, in masses of a rod that is everywhere as at its base [1]: more stops its motion."""
 _KNOWN = 10.0
 """Greatest known force or moment as a multiple of the greatest unknown one [1]: larger than an error."""
 
@@ -105,7 +109,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
     applied = np.array([_applicable(scene, model, name) for name in stages.u_names])
     return Ranges(
         x=x,
-        disturbances=np.array([_disturbance_range(model, name) for name in unknown]).reshape(-1, 2),
+        disturbances=np.array([_unknown_range(model, stages, name) for name in unknown]).reshape(-1, 2),
         # Without an estimator the state is measured.
         measurement=np.array([measurement_range(scene, model, name) for name in measured]) if measured else x,
         # What drives can have, and at least what can be commanded: one that is off is below the least tension.
@@ -140,6 +144,22 @@ def _state_range(model: Prediction, stages: Stages) -> Array:
     for at, _, moment, lag in model.driven:
         most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / lag  # a step of the command: 0.37 moment / lag
     return np.stack([-most, most], axis=1)
+
+
+def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float, float]:
+    """Range of a disturbance or of the error of an adapted parameter."""
+    if name == "drive_time_constant_error [1]":
+        # From a quarter to four times the nominal one, as far as steps of the integrator are stable.
+        nominal = model.p_nominal[model.p_names.index("drive_time_constant [s]")]
+        stable = stages.stage / stages.substeps / (_STABLE * nominal) if stages.method == "rk4" else 0.0
+        return (max(0.25, stable) - 1.0, 3.0)
+    if name == "tip_mass_error [kg]":
+        rod = model.scene.finger.profile
+        return (
+            -model.p_nominal[model.p_names.index("tip_mass [kg]")],
+            _PAYLOAD * float(rod.linear_density(0.0)) * rod.length,
+        )
+    return _disturbance_range(model, name)
 
 
 def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:

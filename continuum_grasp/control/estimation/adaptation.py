@@ -1,0 +1,64 @@
+"""What an estimator knows of the model parameters that it adapts."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any, NamedTuple
+
+_KNOWN = 0.5
+"""Share of the standard deviation at the start below which a parameter counts as observed [1]: measurements tell three
+times as much as was known before."""
+_ABSOLUTE = ("tip_mass",)
+"""Parameters to which their error adds; those of others are relative."""
+
+
+class Observability(Enum):
+    """Whether measurements tell a parameter."""
+
+    OBSERVED = "observed"
+    NOT_YET = "not observed yet"
+    DEAD_TIME = "only lag and delay together are observed"
+
+
+class Adapted(NamedTuple):
+    """A parameter of ``estimator.adapt``: value, its standard deviation now and at the start, all in ``unit``.
+
+    Of ``drive_time_constant``, which is ``DEAD_TIME`` at best, it stands for both the lag and the delay.
+    """
+
+    value: float
+    std: float
+    initial_std: float
+    unit: str
+    observability: Observability
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} ± {self.std:.2g} {self.unit} ({self.observability.value})"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {**self._asdict(), "observability": self.observability.name.lower()}
+
+
+class AdaptedState(NamedTuple):
+    """Where an adapted parameter is: its name and unit, indices in z and p, deviation of its error at the start."""
+
+    label: str
+    state: int
+    parameter: int
+    spread: float
+
+    @property
+    def name(self) -> str:
+        """Name without unit."""
+        return self.label.split(" ")[0]
+
+    def read(self, value: float, error: float, std: float) -> Adapted:
+        """Put together what is known: the parameter with its error, the error, and its standard deviation."""
+        # The deviation of a relative error is that per the parameter as it was given.
+        scale = 1.0 if self.name in _ABSOLUTE else value / (1.0 + error)
+        found = Observability.NOT_YET
+        if std < _KNOWN * self.spread:
+            found = Observability.DEAD_TIME if self.name == "drive_time_constant" else Observability.OBSERVED
+        unit = self.label.split(" ", 1)[1][1:-1]
+        return Adapted(float(value), float(scale * std), float(scale * self.spread), unit, found)
