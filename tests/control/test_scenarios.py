@@ -272,8 +272,8 @@ def test_scenarios_that_cannot_be_are_refused(scenarios, said):
 def test_what_a_finger_lacks_no_scenario_changes():
     with pytest.raises(InputError, match="time_constant is for a finger with tendons"):
         swing_scene(controller={"scenarios": ({}, {"time_constant": 0.01})})
-    with pytest.raises(InputError, match="finger.damping.material above 0"):
-        undamped = HAND.replaced(damping={})
+    undamped = HAND.replaced(damping={})
+    with pytest.raises(InputError, match=r"finger\.damping\.material above 0"):
         hand([{}, {"damping": 2.0}], finger=undamped)
 
 
