@@ -64,7 +64,7 @@ def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
     law = mission.contact_law.replaced(friction=mission.contact_law.friction * variation.friction)
     return plant_scene(control.replaced(plant=own)).replaced(
         contacts=control.contacts,
-        object=body.replaced(mass=plant_mass(of, variation), position=(float(x), float(y))),
+        object=body.replaced(mass=plant_mass(of.mission, variation), position=(float(x), float(y))),
         object_moves=True,
         supports=mission.grasp.supports,
         contact_law=law,
@@ -166,7 +166,7 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
     table, scene = Timetable(of), scene_of_plant(of, variation)
     chain = export_mjcf(scene, hinges=HINGES)
     mission, period = of.mission, control.period
-    weight = plant_mass(of, variation) * mission.gravity
+    weight = plant_mass(of.mission, variation) * mission.gravity
     known = {"weight": weight, "friction": mission.table_friction, "stiffness": mission.contact_law.stiffness}
     reading = peer.ask(xml=with_pads(chain.text, scene, of.control.contacts[0]), table=known)
     plan, outside = Schedule(table.phases(control.stages)), table.outside()
@@ -249,9 +249,9 @@ def main() -> None:
     mission = load(asked.mission, asked.changes)
     if not isinstance(mission, MissionScene) or mission.gravity == 0.0:
         raise InputError("expected a mission with its weight out of the plane", file=asked.mission)
-    of = assign(mission)
-    if len(of.middles) != 1:
-        raise InputError("one middle contact is known here", file=asked.mission, key="grasp.contacts")
+    of, *others = assign(mission)
+    if others or len(of.middles) != 1:
+        raise InputError("one finger with one middle contact is known here", file=asked.mission, key="grasp.contacts")
     control, peer = Controller(of.control, deadline=math.inf), Peer()
     drawn = variations(mission.trials.replaced(count=asked.plants))
     good = 0

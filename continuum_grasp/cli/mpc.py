@@ -144,28 +144,30 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
     with output.computing("carrying it out", folder) as report:
         run = run_mission(scene, grasp=grasp, progress=report)
     files = output.save(run, folder, pictures, animation)
-    found = run.run.metrics()
     said = {one.text for one in run.exceeded}  # before the run
     output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())
     output.say("")
     output.table(*run.rows())
-    output.say("")
-    output.table(*[row for row in found.rows() if row[0] == "time" or row[0] in run.run.phase_names])
-    output.say("")
-    pairs = found.pairs()
-    output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
+    metrics = {name: one.metrics() for name, one in run.fingers.items()}
+    for name, found in metrics.items():
+        output.say("" if run.run is not None else f"\nfinger {name}")
+        output.table(*[row for row in found.rows() if row[0] == "time" or row[0] in run.runs[0].phase_names])
+        output.say("")
+        pairs = found.pairs()
+        output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
     output.pairs(saved_in(folder, files))
-    output.statistics(run.run.statistics)
+    output.statistics(run.statistics)
+    counted = {name: asdict(found) for name, found in metrics.items()}
     output.result(
-        status=run.run.ended,
+        status=run.status,
         folder=folder,
         files=files,
         **run.findings(),
         pulls=run.pulls,
-        metrics=asdict(found),
+        metrics=counted if run.run is None else next(iter(counted.values())),
         warnings=run.warnings,
-        statistics=run.run.statistics,
+        statistics=run.statistics,
     )
     if not run.verdict.succeeded:
         raise typer.Exit(_FAILED)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -53,8 +54,6 @@ class Plant:
     method : Method
         How it is integrated.
     sensors : Sensors
-    compiled : bool
-        Whether the integrator is compiled.
     t : float
         Time since the start [s].
     x : (nx,) ndarray
@@ -74,11 +73,19 @@ class Plant:
         self.period = scene.controller.step if period is None else period
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
-        self._integration = integration_of(self.model, self.method.name)
-        self.compiled = self._integration.compiled
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
+
+    @cached_property
+    def _integration(self) -> Integration | ChainIntegration:
+        """What integrates it alone: made when it is first moved, since with other fingers it is not."""
+        return integration_of(self.model, self.method.name)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the integrator is compiled."""
+        return self._integration.compiled
 
     def measure(self) -> Array:
         """Return the measurement that arrives now (ny)."""
@@ -98,11 +105,21 @@ class Plant:
         NumericalError
             If the motion does not stay finite.
         """
+        command = self.checked(u)
+        states = self._integration.advance(self.x, command, self.t, self.period, self.method.substeps)
+        self.reach(states, command)
+        return states
+
+    def checked(self, u: ArrayLike) -> Array:
+        """A command (nu) as an array; an InputError where its size is wrong or it is not finite."""
         command = np.array(u, dtype=float).reshape(-1)
         if command.size != self.model.nu or not np.all(np.isfinite(command)):
             raise InputError(f"u: expected {self.model.nu} finite entries, got {command.tolist()}")
+        return command
+
+    def reach(self, states: Array, command: Array) -> None:
+        """Go on to the end of a period by its states (substeps + 1, nx) under a command (nu)."""
         substeps = self.method.substeps
-        states = self._integration.advance(self.x, command, self.t, self.period, substeps)
         instants = np.asarray(self.t + self.period / substeps * np.arange(1, substeps + 1), dtype=float)
         needed = self._past_t >= instants[0] - self.sensors.delay - self.period
         needed[-1] = True  # the state before the step, from which ``measure`` interpolates
@@ -110,7 +127,6 @@ class Plant:
         self._past_x = np.concatenate([self._past_x[needed], states[1:]])
         self._past_u = np.concatenate([self._past_u[needed], np.tile(command, (substeps, 1))])
         self.x, self.t = states[-1], self.t + self.period
-        return states
 
     @property
     def command(self) -> Array:
@@ -173,11 +189,24 @@ def integration_of(model: PlantModel, method: str) -> Integration | ChainIntegra
     return ChainIntegration(model) if isinstance(model.system, ChainSystem) else Integration(model, method)
 
 
+class Integrated(Protocol):
+    """A plant as what integrates it sees it, beside the functions that its method takes."""
+
+    nw: int
+
+    @property
+    def p(self) -> Array: ...
+    @property
+    def steady(self) -> bool: ...
+    def forces(self, t: ArrayLike) -> Array:
+        """Forces (T, nw) at instants (T,) [s]."""
+
+
 class Integration(Remade):
     """Integrates a plant over periods of constant input, by a method of ``INTEGRATORS``."""
 
-    def __init__(self, model: PlantModel, method: str) -> None:
-        self._model = model
+    def __init__(self, model: Any, method: str) -> None:
+        self._model: Integrated = model
         self._run = Rollouts.of(step_function(model, method), what="the plant")
         self.compiled = self._run.compiled
 

@@ -305,6 +305,18 @@ class PlantModel(Remade):
         )
 
     @cached_property
+    def touching_dynamics(self) -> ca.Function:
+        """State derivative, and what the finger exerts on the object at its C contacts: world force (2, C) [N] and the
+        point (2, C) [m] where it acts, force out of the plane (C) [N].
+        """
+        own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
+        exerted = [self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]]
+        values = ca.cse([ca.densify(ca.SX(value)) for value in (self._rate, *exerted)])
+        names = ["xd", "force", "point", "lift"]
+        given = [self._x, self._u, self._w, self._p]
+        return ca.Function("touching_dynamics", given, values, ["x", "u", "w", "p"], names)
+
+    @cached_property
     def linearization(self) -> ca.Function:
         """Jacobians of the state derivative with respect to state and input."""
         given = [self._x, self._u, self._w, self._p]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -17,6 +18,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.closed_loop.shared_object import SharedPlant
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints
@@ -126,57 +128,105 @@ def run_closed_loop(
     duration = min(plan.duration, scene.duration or np.inf)
     if not np.isfinite(duration):
         raise InputError("a closed loop needs a duration [s]", key="duration")
-    control.reset(u=tried.model.rest_input)
-    made_s = perf_counter() - began
-    steps: list[_Step] = []
-    first = tried.t, tried.x
-    error = _loop(control, tried, plan, steps, round(duration / control.period), progress or (lambda share: None))
-    with interrupt.held(quietly=True) as pressed:
-        run = _result(scene, control, tried, plan, first, steps, error is None, made_s)
-    if pressed() and error is None:
-        error = Interrupted("interrupted after the end of the run")
-    if isinstance(error, Interrupted):
-        raise Interrupted(str(error), result=run) from error
+    loop = FingerLoop(scene, control, tried, plan)
+    (run,), error = run_fingers([loop], SharedPlant([tried]), duration, progress, began)
     if error is not None:
-        raise NumericalError(str(error), time=error.time, state=error.state, result=run) from error
+        raise with_result(error, run) from error
     return run
 
 
+class FingerLoop(NamedTuple):
+    """One finger of a closed loop: its scene, what controls it, its plant, and what it is to do."""
+
+    scene: ControlScene
+    control: Controls
+    plant: Plant
+    plan: Schedule
+
+
+@interrupt.listening()
+def run_fingers(
+    loops: Sequence[FingerLoop],
+    shared: SharedPlant,
+    duration: float,
+    progress: Callable[[float], None] | None = None,
+    began: float | None = None,
+) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
+    """Let controllers of equal periods move the plants that ``shared`` has for a time [s], each by its own schedule.
+
+    Returns the run of each finger, and what stopped them if anything did, which is not raised: ``with_result`` gives
+    it a result. ``began`` is when the making of what is given began, by ``perf_counter`` [s].
+    """
+    started = perf_counter() if began is None else began
+    for one in loops:
+        one.control.reset(u=one.plant.model.rest_input)
+    compiled = shared.compiled  # which makes what integrates the plants
+    made_s = perf_counter() - started
+    steps: list[list[_Step]] = []
+    first = [(one.plant.t, one.plant.x) for one in loops]
+    count = round(duration / loops[0].control.period)
+    error = _loop(loops, shared, steps, count, progress or (lambda share: None))
+    with interrupt.held(quietly=True) as pressed:
+        known = [_result(one, first[k], [of[k] for of in steps], error is None) for k, one in enumerate(loops)]
+        runs = []
+        for run, off in zip(known, _plant_errors(shared, known), strict=True):
+            of_plant = {"plant_compiled": compiled, "plant_error_m": off, "made_s": made_s}
+            runs.append(replace(run, statistics={**run.statistics, **of_plant}))
+    if pressed() and error is None:
+        error = Interrupted("interrupted after the end of the run")
+    return runs, error
+
+
+def with_result(error: NumericalError | Interrupted, result: Any) -> NumericalError | Interrupted:
+    """What stopped a closed loop, with what was done until then."""
+    if isinstance(error, Interrupted):
+        return Interrupted(str(error), result=result)
+    return NumericalError(str(error), time=error.time, state=error.state, result=result)
+
+
 def _loop(
-    control: Controls, plant: Plant, plan: Schedule, done: list[_Step], steps: int, progress: Callable[[float], None]
+    loops: Sequence[FingerLoop],
+    shared: SharedPlant,
+    done: list[list[_Step]],
+    steps: int,
+    progress: Callable[[float], None],
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
-    stages = control.stages
-    ahead = np.asarray(stages.stage * np.arange(stages.stages + 1), dtype=float)
-    plan.enter(plant.t, control, plant)
+    ahead = [_instants(one.control.stages) for one in loops]
+    for one in loops:
+        one.plan.enter(one.plant.t, one.control, one.plant)
     try:
         for k in range(steps):
-            reference, measured, p = plan.rows(plant.t + ahead), plant.measure(), plan.phase.p
-            command = control.step(measured, reference, p=p)
-            states = plant.advance(command.u)
+            asked = []
+            for one, later in zip(loops, ahead, strict=True):
+                plant, plan = one.plant, one.plan
+                reference, measured, p = plan.rows(plant.t + later), plant.measure(), plan.phase.p
+                command = one.control.step(measured, reference, p=p)
+                asked.append((measured, reference[0], one.control.stages.p_nominal if p is None else p, command))
+            states = shared.advance([of[-1].u for of in asked])
             # The period is recorded at once and whole, wherever an interruption falls.
-            done.append(_Step(measured, reference[0], stages.p_nominal if p is None else p, command, states[-1]))
+            done.append([_Step(*of, own[-1]) for of, own in zip(asked, states, strict=True)])
             progress((k + 1) / steps)
-            if not plan.advance(plant.t, control, plant, command):
+            ended = [
+                not one.plan.advance(one.plant.t, one.control, one.plant, of[-1])
+                for one, of in zip(loops, asked, strict=True)
+            ]
+            if any(ended):
                 break
     except KeyboardInterrupt:
-        return Interrupted(f"interrupted after t = {plant.t:g} s")
+        return Interrupted(f"interrupted after t = {loops[0].plant.t:g} s")
     except NumericalError as error:
         return error
     return None
 
 
-def _result(
-    scene: ControlScene,
-    control: Controls,
-    plant: Plant,
-    plan: Schedule,
-    first: tuple[float, Array],
-    steps: list[_Step],
-    finished: bool,
-    made_s: float,
-) -> ControlRun:
+def _instants(stages: Stages) -> Array:
+    return np.asarray(stages.stage * np.arange(stages.stages + 1), dtype=float)
+
+
+def _result(one: FingerLoop, first: tuple[float, Array], steps: list[_Step], finished: bool) -> ControlRun:
     """Collect what was recorded since the ``first`` instant and state, and read off the plant what was tracked."""
+    scene, control, plant, plan = one
     model, stages, count = control.prediction, control.stages, len(steps)
     commands, rest = [step.command for step in steps], plant.model.rest_input
     t = np.asarray(first[0] + plant.period * np.arange(count + 1), dtype=float)
@@ -232,9 +282,6 @@ def _result(
             "plant_method": plant.method.name,
             "plant_substeps": plant.method.substeps,
             "plant_fastest_rate": plant.method.radius,
-            "plant_compiled": plant.compiled,
-            "plant_error_m": _plant_error(plant, x, u, t, readings),
-            "made_s": made_s,
             "controller": dict(control.statistics),
         },
     )
@@ -256,13 +303,19 @@ def _planned_tips(commands: list[Any], model: Prediction, nodes: int) -> Array:
     return points.reshape(-1, nodes, 2)
 
 
-def _plant_error(plant: Plant, x: Array, u: Array, t: Array, readings: Readings) -> float:
-    """Greatest change of the tip over single periods when the plant takes half as long steps [m]."""
-    if not len(u):
-        return 0.0
-    chosen = np.unique(np.linspace(0, len(u) - 1, min(len(u), _CHECKED)).astype(int))
-    finer = np.array([plant.replayed(x[k], u[k], float(t[k])) for k in chosen])
+def _plant_errors(shared: SharedPlant, runs: Sequence[ControlRun]) -> list[float]:
+    """Greatest change of each tip over single periods when the plants take half as long steps [m]."""
+    count = len(runs[0].u)
+    if not count:
+        return [0.0] * len(runs)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, _CHECKED)).astype(int))
+    finer = [
+        shared.replayed([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k])) for k in chosen
+    ]
     after = chosen + 1
-    w = plant.model.forces(t[after])
-    moved = readings.tip(finer, u[chosen], w) - readings.tip(x[after], u[chosen], w)
-    return float(np.linalg.norm(moved, axis=1).max())
+    found = []
+    for run, states in zip(runs, zip(*finer, strict=True), strict=True):
+        w = run.readings.plant.forces(run.t[after])
+        moved = run.readings.tip(np.array(states), run.u[chosen], w) - run.readings.tip(run.x[after], run.u[chosen], w)
+        found.append(float(np.linalg.norm(moved, axis=1).max()))
+    return found

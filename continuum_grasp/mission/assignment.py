@@ -21,6 +21,7 @@ from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import BasePose, Finger
+from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
@@ -48,11 +49,13 @@ _STEPS = 200
 
 @dataclass(frozen=True)
 class Assignment:
-    """What is to be done."""
+    """What one finger has to do; a mission has one for each."""
 
     mission: MissionScene
     grasp: GraspResult
-    """The grasp that is carried out."""
+    """The grasp that is carried out, of all fingers."""
+    name: str
+    """Name of the finger in the grasp."""
     control: ControlScene
     """Finger, object and controller of all phases."""
     tensions: Array
@@ -88,9 +91,14 @@ class Assignment:
         """Its normal force in the grasp [N]."""
         return self.forces[self.contact]
 
+    def own_name(self, contact: str) -> str:
+        """Name in the mission of a contact of this finger's controller or plant: ``finger.tip`` with this name."""
+        body, _, own = contact.partition(".")
+        return f"{self.name}.{own}" if body == "finger" else contact
 
-def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignment:
-    """Optimize the grasp of a mission, where it has not been found already, and say what its controller has to do.
+
+def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Assignment, ...]:
+    """Optimize the grasp of a mission, where it has not been found already, and say what each controller has to do.
 
     Raises a SolverError where there is no verified grasp, an InputError where a mission cannot carry it out.
     """
@@ -99,18 +107,24 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
         raise Interrupted("interrupted while the grasp was optimized")
     if not found.solved:
         raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
-    (name, posture), *_ = found.fingers.items()
-    contacts = {contact.name: contact for contact in found.contacts}
-    tip = contacts.pop(f"{name}.tip", None)
+    resistance = promised(found)
+    return tuple(_assigned(mission, found, resistance, setup) for setup in mission.grasp.setups)
+
+
+def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
+    """What one finger has to do."""
+    name, posture = setup.name, found.fingers[setup.name]
+    contacts = {one.name: one for one in found.contacts if one.name.startswith(f"{name}.")}
+    tip = contacts.pop(setup.tip_name, None)
     middles = sorted((c for c in contacts.values() if not np.isnan(c.station)), key=lambda contact: contact.station)
-    if not middles or tip is None:
-        raise InputError("a mission needs a middle contact and one of the tip", key="grasp.contacts")
+    if tip is None:
+        raise InputError(f"a mission needs a contact of the tip of {name}", key="grasp.contacts")
     forces = {f"finger.{k + 1}": contact.normal_force for k, contact in enumerate(middles)}
-    hardest = max(forces, key=lambda one: forces[one])
+    hardest = max(forces, key=lambda one: forces[one], default="finger.tip")
     forces["finger.tip"] = tip.normal_force
     asked = mission.controller.held
     held = tuple(forces) if asked == "all" else (hardest if asked == "middle" else "finger.tip",)
-    given = mission.grasp.setups[0].finger
+    given = setup.finger
     base, pose = posture.base.tolist(), found.object_pose.tolist()
     placed: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
     finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
@@ -122,7 +136,6 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     control = _control_scene(mission, finger, body, stations, {one: forces[one] for one in held})
     if finger.tendons is None:
         raise InputError("a mission needs tendons", key="grasp")
-    resistance = promised(found)
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
@@ -142,6 +155,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> Assignmen
     return Assignment(
         mission=mission,
         grasp=found,
+        name=name,
         control=control,
         tensions=tensions,
         held=commands.of(tensions, ends),
@@ -163,8 +177,11 @@ def _control_scene(
     asked = mission.controller
     before, after = asked.elements
     between = [b - a for a, b in pairwise(stations)]
-    first, last = stations[0], finger.rod.length - stations[-1]
-    lengths = (*[first / before] * before, *between, *[last / after] * after)
+    if stations:
+        first, last = stations[0], finger.rod.length - stations[-1]
+        lengths = (*[first / before] * before, *between, *[last / after] * after)
+    else:
+        lengths = (finger.rod.length / (before + after),) * (before + after)
     edges = np.cumsum([0.0, *lengths])
     free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
     reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
+from continuum_grasp.scene.mission import MissionScene
 
 Array = NDArray[np.float64]
 
@@ -26,38 +27,35 @@ class CertifiedContact:
     """Friction force of the grasp, in and out of the plane [N]."""
 
 
-def certified_contact(assignment: Assignment, name: str) -> CertifiedContact | None:
+def certified_contact(assignments: Sequence[Assignment], name: str) -> CertifiedContact | None:
     """The certificate's numbers for a contact of the plant by its name; None where the grasp has no such contact."""
-    own = grasp_contact(assignment, name)
-    found = [
-        c for c in assignment.grasp.contacts if own is not None and (c.name == own or c.name.startswith(f"{own}."))
-    ]
+    own, grasp = grasp_contact(assignments, name), assignments[0].grasp
+    found = [c for c in grasp.contacts if own is not None and (c.name == own or c.name.startswith(f"{own}."))]
     if not found:
         return None
     shear = np.sum([[c.friction_force, c.lift] for c in found], axis=0)
     return CertifiedContact(
-        friction=min(assignment.grasp.scene.friction(c.name) for c in found),
+        friction=min(grasp.scene.friction(c.name) for c in found),
         normal_force=sum(c.normal_force for c in found),
         shear=float(np.hypot(*shear)),
     )
 
 
-def grasp_contact(assignment: Assignment, name: str) -> str | None:
+def grasp_contact(assignments: Sequence[Assignment], name: str) -> str | None:
     """Name in the grasp of a contact of the plant; None where the grasp does not know it (``more_contacts``)."""
-    mission, (finger, *_) = assignment.mission, assignment.grasp.fingers
     body, _, own = name.partition(".")
-    if body != "finger":
+    finger = next((one for one in assignments if one.name == body), None)
+    if finger is None:
         return body
     if own == "tip":
-        return f"{finger}.tip"
-    at = sorted({*assignment.control.contacts, *mission.more_contacts})[int(own) - 1]
-    known = assignment.control.contacts
-    return assignment.middles[known.index(at)] if at in known else None
+        return f"{finger.name}.tip"
+    at = sorted({*finger.control.contacts, *finger.mission.more_contacts})[int(own) - 1]
+    known = finger.control.contacts
+    return finger.middles[known.index(at)] if at in known else None
 
 
-def plant_friction(assignment: Assignment, variation: Variation, names: Sequence[str]) -> Array:
+def plant_friction(mission: MissionScene, variation: Variation, names: Sequence[str]) -> Array:
     """Friction coefficient (K,) of each contact on the plant, by its name there or in the grasp; NaN for the table."""
-    mission = assignment.mission
     own = {place.name: place.friction for place in mission.grasp.places}
     found = [own.get(name.partition(".")[0] if name not in own else name) for name in names]
     usual = mission.contact_law.friction
@@ -65,9 +63,8 @@ def plant_friction(assignment: Assignment, variation: Variation, names: Sequence
     return variation.friction * np.array(mu)
 
 
-def plant_mass(assignment: Assignment, variation: Variation) -> float:
+def plant_mass(mission: MissionScene, variation: Variation) -> float:
     """Mass of the object on the plant [kg]."""
-    mission = assignment.mission
     own = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     return own * variation.mass
 
@@ -77,8 +74,8 @@ def is_table(name: str) -> bool:
     return name.partition(".")[0] == "table"
 
 
-def object_height(assignment: Assignment, pose: Array) -> Array:
+def object_height(mission: MissionScene, pose: Array) -> Array:
     """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
-    up = -np.array(assignment.mission.plane_gravity)
+    up = -np.array(mission.plane_gravity)
     size = float(np.hypot(*up))
     return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import certified_contact, is_table, plant_friction
 from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,8 @@ class Slip:
     Attributes
     ----------
     contact : str
-        Name on the plant: ``finger.1``, ``finger.tip``, or that of a support, whose corners count together.
+        Name on the plant: ``finger.1``, ``finger.tip``, of several fingers with each one's name in place of ``finger``,
+        or that of a support, whose corners count together.
     how : {"slipped", "parted", "absent"}
         At its friction cone, at a normal force of zero, or so before the lift began.
     time : float
@@ -93,26 +94,31 @@ class Drop:
 
 
 def find_drop(
-    assignment: Assignment, timetable: Timetable, variation: Variation, run: ControlRun, sunk: Array
+    assignments: Sequence[Assignment],
+    timetable: Timetable,
+    variation: Variation,
+    t: Array,
+    contacts: ContactForces,
+    sunk: Array,
 ) -> Drop | None:
     """Why an object fell; None where it did not.
 
-    ``sunk`` (K + 1,) is the height that it lost since the lift began, zero before and from the lowering on [m].
+    ``sunk`` (K + 1,) is the height that it lost since the lift began, zero before and from the lowering on [m], at
+    instants ``t`` (K + 1,) [s]; ``contacts`` are those of all fingers.
     """
     fallen = np.flatnonzero(sunk >= FALLEN)
-    contacts = run.contacts
-    if not fallen.size or contacts is None:
+    if not fallen.size:
         return None
-    end, t = int(fallen[0]), run.t
-    friction = plant_friction(assignment, variation, contacts.names)
+    end = int(fallen[0])
+    friction = plant_friction(assignments[0].mission, variation, contacts.names)
     lift, slips = timetable.span("lift").start, []
-    for name, rows in _bodies(contacts.names).items():
+    for name, rows in _bodies(contacts.names, [one.name for one in assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
         gone = np.all(shear >= _ON_CONE * friction[rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
         firm = np.flatnonzero(~gone[: end + 1])
         begin = int(firm[-1]) + 1 if firm.size else 0
-        own = certified_contact(assignment, name)
+        own = certified_contact(assignments, name)
         if begin > end or (own is None and t[begin] < lift):
             continue  # firm until the end, or nothing that had to hold
         at = max(begin, int(np.searchsorted(t, lift)))
@@ -136,10 +142,11 @@ def find_drop(
     return Drop(float(t[end]), phase, tuple(slips))
 
 
-def _bodies(names: Sequence[str]) -> dict[str, list[int]]:
-    """Contacts by what holds there: each of the finger's for itself, those of a support together; not the table."""
+def _bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
+    """Contacts by what holds there: each of a finger's for itself, those of a support together; not the table."""
     found: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         if not is_table(name):
-            found.setdefault(name if name.startswith("finger.") else name.partition(".")[0], []).append(k)
+            body = name.partition(".")[0]
+            found.setdefault(name if body in fingers else body, []).append(k)
     return found

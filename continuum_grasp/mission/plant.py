@@ -1,4 +1,4 @@
-"""The plant of a mission, with an object that can be dropped, and the timetable by which it is moved and pulled."""
+"""The plant of a mission, finger by finger, with an object that can be dropped, and the timetable of its motions."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Variation:
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
-    """Equations of the plant."""
+    """Equations of the plant of one finger."""
     mission, control = assignment.mission, assignment.control
     if control.object is None:
         raise ValueError("a mission has an object")
@@ -88,7 +88,7 @@ def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
 def mission_plant(
     assignment: Assignment, timetable: Timetable, prediction: Prediction, variation: Variation, equations: PlantModel
 ) -> Plant:
-    """A plant at the start of a mission; its equations are those of ``mission_plant_model``."""
+    """The plant of one finger at the start of a mission; its equations are those of ``mission_plant_model``."""
     own, nominal = assignment.mission.plant, np.array(equations.system.p_nominal)
     # The equations have the factors of the mission's ``plant`` already.
     stiffness = 1.0 if variation.stiffness is None else variation.stiffness / own.stiffness
@@ -96,7 +96,12 @@ def mission_plant(
     of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
     equations.p = nominal * np.array([stiffness, damping, *of_tendons, variation.mass, variation.friction])
     equations.outside = timetable.outside()
-    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, variation.seed)
+    fingers, seed = list(assignment.mission.grasp.named_fingers), variation.seed
+    if (number := fingers.index(assignment.name)) > 0:
+        # Each finger's sensors have noise of their own.
+        drawn = np.random.SeedSequence((own.seed if seed is None else seed, number))
+        seed = int(drawn.generate_state(1)[0])
+    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, seed)
     plant.x = plant.x.copy()
     plant.x[equations.system.object_states][:2] += np.array(variation.shift)
     return plant

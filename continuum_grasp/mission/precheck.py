@@ -107,9 +107,9 @@ def check_mission(
     return exceeded(assign(scene_of(scene, MissionScene), grasp), variation or Variation())
 
 
-def exceeded(assignment: Assignment, variation: Variation) -> tuple[Exceeded, ...]:
+def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[Exceeded, ...]:
     """What of a mission on a plant goes beyond the certificate."""
-    plant = _OnPlant(assignment, variation)
+    plant = _OnPlant(assignments, variation)
     found = (*plant.weight(), *plant.tension())
     # What is dropped at once, or held with less force than certified, leaves pulls nothing to be compared with.
     if any(one.certain or one.name == "tension" for one in found):
@@ -117,18 +117,18 @@ def exceeded(assignment: Assignment, variation: Variation) -> tuple[Exceeded, ..
     return (*found, *plant.pulls())
 
 
-def exceeded_by_trials(assignment: Assignment, drawn: Sequence[Variation]) -> tuple[str, ...]:
+def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variation]) -> tuple[str, ...]:
     """What goes beyond the certificate at the heavy and slippery end of the trials, and on how many plants drawn."""
-    asked = assignment.mission.trials
-    found = exceeded(assignment, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
+    asked = assignments[0].mission.trials
+    found = exceeded(assignments, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
     if not found:
         return ()
-    count = sum(bool(exceeded(assignment, one)) for one in drawn)
+    count = sum(bool(exceeded(assignments, one)) for one in drawn)
     head = f"{count} of {len(drawn)} plants are beyond the certificate"
     return (head, *(f"at the heavy and slippery end of trials: {one.text}" for one in found))
 
 
-def say(assignment: Assignment, found: Sequence[str]) -> None:
+def say(mission: MissionScene, found: Sequence[str]) -> None:
     """Warn before the run; refuse it where the mission says so.
 
     Raises
@@ -136,7 +136,7 @@ def say(assignment: Assignment, found: Sequence[str]) -> None:
     SolverError
         The mission goes beyond its certificate, and ``beyond_certificate`` is ``refuse``.
     """
-    if found and assignment.mission.beyond_certificate == "refuse":
+    if found and mission.beyond_certificate == "refuse":
         raise SolverError(
             "the mission asks for more than its certificate promises",
             status="beyond_certificate",
@@ -150,14 +150,15 @@ def say(assignment: Assignment, found: Sequence[str]) -> None:
 class _OnPlant:
     """The contact forces of a grasp with mass and friction of a plant."""
 
-    def __init__(self, assignment: Assignment, variation: Variation) -> None:
-        self.of, self.mission, grasp = assignment, assignment.mission, assignment.grasp
-        self.mass, self.gravity = plant_mass(assignment, variation), assignment.mission.gravity
+    def __init__(self, assignments: Sequence[Assignment], variation: Variation) -> None:
+        self.fingers, self.of, self.mission = assignments, assignments[0], assignments[0].mission
+        grasp = self.of.grasp
+        self.mass, self.gravity = plant_mass(self.mission, variation), self.mission.gravity
         self.certified_mass, self.names = grasp.scene.object.mass, [contact.name for contact in grasp.contacts]
         self.normal = np.array([contact.normal_force for contact in grasp.contacts])
         self.across = np.array([contact.friction_force for contact in grasp.contacts])
         self.certified_friction = np.array([grasp.scene.friction(name) for name in self.names])
-        self.friction = plant_friction(assignment, variation, self.names)
+        self.friction = plant_friction(self.mission, variation, self.names)
 
     # -- weight -------------------------------------------------------------------------------------------------------
 
@@ -237,17 +238,20 @@ class _OnPlant:
     # -- drives -------------------------------------------------------------------------------------------------------
 
     def tension(self) -> list[Exceeded]:
-        """Whether the drive has the tensions of the grasp."""
-        most = np.array(self.of.control.finger.tension_limits[1])
-        worst = int(np.argmax(self.of.tensions / most))
-        needed, limit = float(self.of.tensions[worst]), float(most[worst])
-        if needed <= limit * (1.0 + _ROUNDING):
-            return []
-        key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
-        text = (
-            f"the drive pulls with {limit:.3g} N at most, the certified grasp takes {needed:.3g} N: it is not reached"
-        )
-        return [Exceeded("tension", key, "N", limit, needed, needed, False, text)]
+        """Whether the drives have the tensions of the grasp."""
+        found = []
+        for finger in self.fingers:
+            most = np.array(finger.control.finger.tension_limits[1])
+            worst = int(np.argmax(finger.tensions / most))
+            needed, limit = float(finger.tensions[worst]), float(most[worst])
+            if needed <= limit * (1.0 + _ROUNDING):
+                continue
+            key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
+            whose = f"the drive of {finger.name}" if len(self.fingers) > 1 else "the drive"
+            takes = f"the certified grasp takes {needed:.3g} N: it is not reached"
+            text = f"{whose} pulls with {limit:.3g} N at most, {takes}"
+            found.append(Exceeded("tension", key, "N", limit, needed, needed, False, text))
+        return found
 
     # -- pulls --------------------------------------------------------------------------------------------------------
 

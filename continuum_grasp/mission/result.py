@@ -15,12 +15,14 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import plant_friction
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
-from continuum_grasp.mission.verdict import Verdict, present
+from continuum_grasp.mission.verdict import Verdict, force_estimate, present
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.results.plain import plain
 from continuum_grasp.results.result import Result
+from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import ContactForces, overlaps
 from continuum_grasp.simulation.trajectory import overlap_text
@@ -33,21 +35,37 @@ _HEAD = """\
 """
 
 
+_OWN = ("t", "object_pose", "contacts")
+"""What belongs to the mission and not to a finger."""
+
+
+def _path(name: str) -> str:
+    """Where a mission has an attribute of a closed loop, dots lead into attributes."""
+    return name if name.partition(".")[0] in _OWN else f"run.{name}"
+
+
+def _source(stored: Stored) -> str:
+    return _path(stored.source or stored.name)
+
+
 @dataclass(frozen=True)
 class MissionRun(MotionResult):
-    """A mission that was carried out."""
+    """A mission that was carried out.
+
+    Of one finger the closed loop is stored with it, of several each one's in a folder of its name.
+    """
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
-        *(replace(one, source=f"run.{one.source or one.name}") for one in ControlRun.stored),
+        *(replace(one, source=_source(one)) for one in ControlRun.stored),
         Stored("force_estimate", "(period,)", "N", "normal force of the held contact as the controller estimated it"),
         Stored("force_std", "(period,)", "N", "standard deviation of that estimate"),
         Stored("friction_use", "(time, contact)", "1", "share of the friction cone that each contact uses"),
-        Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "assignment.pulls"),
+        Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "wrenches"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         *(
-            replace(one, labels=f"run.{one.labels}") if isinstance(one.labels, str) and one.labels else one
+            replace(one, labels=_path(one.labels)) if isinstance(one.labels, str) and one.labels else one
             for one in ControlRun.dimensions
         ),
         Dimension("pull", "pulls, in order", "pull_names"),
@@ -64,18 +82,17 @@ class MissionRun(MotionResult):
     frames: ClassVar[str] = "plotting.mission:mission_frames"
     fps: ClassVar[float] = 25.0
 
-    assignment: Assignment
+    assignments: tuple[Assignment, ...]
+    """What each finger had to do."""
     timetable: Timetable
     variation: Variation
     """How the plant differed from the mission's own."""
-    run: ControlRun
-    """The closed loop."""
-    scene: Scene = field(repr=False)
-    """The plant's finger with object and supports."""
-    force_estimate: Array
-    """Normal force of the held contact as the controller estimated it (K,) [N]."""
-    force_std: Array
-    """Standard deviation of that estimate (K,) [N]."""
+    runs: tuple[ControlRun, ...]
+    """The closed loop of each finger."""
+    scenes: tuple[Scene, ...] = field(repr=False)
+    """Each finger of the plant, with object and supports."""
+    contacts: ContactForces = field(repr=False)
+    """Gaps and forces of all contacts."""
     verdict: Verdict
     exceeded: tuple[Exceeded, ...] = ()
     """What the mission asked beyond its certificate, as it was said before the run."""
@@ -83,7 +100,7 @@ class MissionRun(MotionResult):
     @property
     def name(self) -> str | None:
         """Name of the mission."""
-        return self.assignment.mission.name
+        return self.mission.name
 
     @property
     def outcome(self) -> str:
@@ -91,14 +108,37 @@ class MissionRun(MotionResult):
         return self.verdict.word
 
     @property
+    def mission(self) -> MissionScene:
+        """The mission."""
+        return self.assignments[0].mission
+
+    @property
+    def scene(self) -> Scene:
+        """The first finger of the plant, with object and supports."""
+        return self.scenes[0]
+
+    @property
+    def run(self) -> ControlRun | None:
+        """The closed loop of the only finger; None where there are several."""
+        return self.runs[0] if len(self.runs) == 1 else None
+
+    @property
+    def fingers(self) -> dict[str, ControlRun]:
+        """The closed loops by the fingers' names."""
+        return {one.name: run for one, run in zip(self.assignments, self.runs, strict=True)}
+
+    @property
     def status(self) -> str:
-        """How the closed loop ended."""
-        return self.run.ended
+        """How the closed loops ended: tripped, if one of them did."""
+        ends = [run.ended for run in self.runs]
+        return "tripped" if "tripped" in ends else ends[0]
 
     @property
     def statistics(self) -> Mapping[str, Any]:
-        """Those of the closed loop."""
-        return self.run.statistics
+        """Those of the closed loop, of several by the fingers' names."""
+        if self.run is not None:
+            return self.run.statistics
+        return {name: run.statistics for name, run in self.fingers.items()}
 
     def pairs(self) -> dict[str, str]:
         """Time, and the verdict in numbers."""
@@ -107,12 +147,28 @@ class MissionRun(MotionResult):
     @property
     def t(self) -> Array:
         """Instants (K + 1,) [s]."""
-        return self.run.t
+        return self.runs[0].t
 
     @property
-    def held_contact(self) -> str:
-        """Name of the contact whose force is held; of several the one that presses hardest."""
-        return self.assignment.contact
+    def held_forces(self) -> dict[str, tuple[Array, Array, Array]]:
+        """Of each finger's held contact that presses hardest, by name: setpoint of its normal force (K + 1,), its
+        estimate (K,) and the standard deviation of that (K,) [N].
+        """
+        found = {}
+        for one, run in zip(self.assignments, self.runs, strict=True):
+            wanted = run.r[:, run.r_names.index(f"contact_force_{one.contact} [N]")]
+            found[one.own_name(one.contact)] = (wanted, *force_estimate(one, run))
+        return found
+
+    @property
+    def force_estimate(self) -> Array | None:
+        """Normal force of the held contact as the controller estimated it (K,) [N]; None of several fingers."""
+        return None if self.run is None else force_estimate(self.assignments[0], self.run)[0]
+
+    @property
+    def force_std(self) -> Array | None:
+        """Standard deviation of that estimate (K,) [N]; None of several fingers."""
+        return None if self.run is None else force_estimate(self.assignments[0], self.run)[1]
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -122,7 +178,12 @@ class MissionRun(MotionResult):
     @property
     def pulls(self) -> dict[str, Array]:
         """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the center of mass [N m]."""
-        return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.assignment.pulls)}
+        return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.wrenches)}
+
+    @property
+    def wrenches(self) -> Array:
+        """The same as rows (K, 3)."""
+        return self.assignments[0].pulls
 
     @property
     def pull_names(self) -> list[str]:
@@ -130,14 +191,9 @@ class MissionRun(MotionResult):
         return list(self.pulls)
 
     @cached_property
-    def contacts(self) -> ContactForces:
-        """Gaps and forces of all contacts."""
-        return present(self.run.contacts)
-
-    @cached_property
     def object_pose(self) -> Array:
         """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
-        return present(self.run.object_pose)
+        return present(self.runs[0].object_pose)
 
     @property
     def body(self) -> GraspObject:
@@ -151,7 +207,7 @@ class MissionRun(MotionResult):
     def friction_use(self) -> Array:
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
         contacts = self.contacts
-        limits = plant_friction(self.assignment, self.variation, contacts.names) * contacts.normal_force
+        limits = plant_friction(self.mission, self.variation, contacts.names) * contacts.normal_force
         # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
         found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return found
@@ -161,20 +217,25 @@ class MissionRun(MotionResult):
         """What the user must know: what goes beyond the certificate, that of the closed loop, and of a finger in the
         object between its contacts.
         """
-        run, half = self.run, self.scene.finger.profile.half_thickness
-        known = (*(one.text for one in self.exceeded), *run.warnings)
+        known = [one.text for one in self.exceeded]
+        for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
+            whose = "" if self.run is not None else f"{name}: "
+            half = scene.finger.profile.half_thickness
+            known += [f"{whose}{text}" for text in run.warnings]
 
-        def overlap(indices: NDArray[np.intp]) -> Array:
-            return overlaps(self.body, self.object_pose[indices, :3], run.backbone(indices), half)
+            def overlap(indices: NDArray[np.intp], run: ControlRun = run, half: Curve = half) -> Array:
+                return overlaps(self.body, self.object_pose[indices, :3], run.backbone(indices), half)
 
-        found = overlap_text(run.t, self.contacts, overlap, half)
-        if not found:
-            return known
-        return (*known, f"between its contacts the finger overlaps the object by {found}: add more_contacts")
+            found = overlap_text(run.t, present(run.contacts), overlap, half)
+            if found:
+                known.append(
+                    f"{whose}between its contacts the finger overlaps the object by {found}: add more_contacts"
+                )
+        return tuple(known)
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
-        t, pose, lift = self.run.t, self.object_pose, self.timetable.span("lift")
+        t, pose, lift = self.t, self.object_pose, self.timetable.span("lift")
         found = [("phase", "from", "to", "pulled with", "moved")]
         for span in self.spans:
             if span.start > t[-1]:
@@ -199,7 +260,9 @@ class MissionRun(MotionResult):
         lines += [
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
         ]
-        return "\n".join([*lines, "", self.run.report()])
+        for name, run in self.fingers.items():
+            lines += ["", *([] if self.run is not None else [f"finger {name}"]), run.report()]
+        return "\n".join(lines)
 
     def yaml(self) -> str:
         """What a person wants to read of a mission as YAML, in SI units."""
@@ -209,10 +272,10 @@ class MissionRun(MotionResult):
         return _HEAD + yaml_text(plain({**head, **self.findings()}))
 
     def meta(self, **options: Any) -> dict[str, Any]:
-        """That of the closed loop, with phases and verdict."""
+        """That of the closed loop, with phases and verdict; of several fingers theirs are in their folders."""
         return {
-            **self.run.meta(**options),
-            "mission": self.assignment.mission.model_dump(mode="json"),
+            **(super().meta(**options) if self.run is None else self.run.meta(**options)),
+            "mission": self.mission.model_dump(mode="json"),
             "warnings": list(self.warnings),
             **self.findings(),
             "variation": asdict(self.variation),
@@ -227,8 +290,8 @@ class MissionRun(MotionResult):
         }
 
     def parts(self) -> dict[str, Result]:
-        """The grasp."""
-        return {"grasp": self.assignment.grasp}
+        """The grasp, and of several fingers the closed loop of each."""
+        return {"grasp": self.assignments[0].grasp, **(self.fingers if self.run is None else {})}
 
 
 def verdict_data(verdict: Verdict) -> dict[str, Any]:

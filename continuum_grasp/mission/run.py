@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from os import PathLike
-
-import numpy as np
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.closed_loop.run import FingerLoop, run_fingers, with_result
+from continuum_grasp.closed_loop.schedule import Schedule
+from continuum_grasp.closed_loop.shared_object import SharedModel, SharedPlant
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.errors import Interrupted, NumericalError
+from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded, say
 from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.mission.verdict import judge
+from continuum_grasp.mission.verdict import judge, present
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.simulation.contacts import ContactForces
 
 Progress = Callable[[float], None]
 
@@ -72,44 +73,46 @@ def run_mission(
     >>> run.verdict.held  # doctest: +SKIP
     True
     """
-    assignment = assign(scene_of(scene, MissionScene), grasp)
-    say(assignment, [one.text for one in exceeded(assignment, variation or Variation())])
-    return MissionRunner(assignment).run(variation, progress)
+    assignments = assign(scene_of(scene, MissionScene), grasp)
+    say(assignments[0].mission, [one.text for one in exceeded(assignments, variation or Variation())])
+    return MissionRunner(assignments).run(variation, progress)
 
 
 class MissionRunner:
-    """Controller and plant of a mission, made once for any number of runs."""
+    """Controllers and plant of a mission, made once for any number of runs."""
 
-    def __init__(self, assignment: Assignment) -> None:
-        self.assignment, self.timetable = assignment, Timetable(assignment)
+    def __init__(self, assignments: Sequence[Assignment]) -> None:
+        self.assignments, mission = tuple(assignments), assignments[0].mission
+        self.timetables = [Timetable(one) for one in assignments]
         # Without a deadline of its own a mission never drops a command for being late.
-        self._controller = Controller(assignment.control, deadline=assignment.mission.controller.deadline or math.inf)
-        self._model = mission_plant_model(assignment)
+        deadline = mission.controller.deadline or math.inf
+        self._controllers = [Controller(one.control, deadline=deadline) for one in assignments]
+        self._models = [mission_plant_model(one) for one in assignments]
+        self._shared = SharedModel(self._models) if len(assignments) > 1 else None
 
     def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
-        of, control, asked = self.assignment, self._controller, variation or Variation()
-        plant = mission_plant(of, self.timetable, control.prediction, asked, self._model)
-        schedule = self.timetable.phases(control.stages)
-        try:
-            found = run_closed_loop(of.control, controller=control, plant=plant, schedule=schedule, progress=progress)
-        except (Interrupted, NumericalError) as error:
-            if isinstance(error.result, ControlRun):
-                error.result = self._judged(asked, error.result)
-            raise
+        asked, loops = variation or Variation(), []
+        for one, table, control, model in zip(
+            self.assignments, self.timetables, self._controllers, self._models, strict=True
+        ):
+            plant = mission_plant(one, table, control.prediction, asked, model)
+            loops.append(FingerLoop(one.control, control, plant, Schedule(table.phases(control.stages))))
+        shared = SharedPlant([loop.plant for loop in loops], self._shared)
+        runs, error = run_fingers(loops, shared, loops[0].plan.duration, progress)
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupt.held(quietly=True) as pressed:
-            judged = self._judged(asked, found)
-        if pressed():
-            raise Interrupted("interrupted after the end of the mission", result=judged)
+            judged = self._judged(asked, runs)
+        if pressed() and error is None:
+            error = Interrupted("interrupted after the end of the mission")
+        if error is not None:
+            raise with_result(error, judged) from error
         return judged
 
-    def _judged(self, variation: Variation, run: ControlRun) -> MissionRun:
-        of = self.assignment
-        force = std = np.zeros(0)
-        if run.contact_force_estimate is not None and run.contact_force_std is not None:
-            held = run.touch_names.index(of.contact)
-            force, std = run.contact_force_estimate[:, held], run.contact_force_std[:, held]
-        verdict = judge(of, self.timetable, variation, run, force, std)
+    def _judged(self, variation: Variation, runs: Sequence[ControlRun]) -> MissionRun:
+        of, scenes = self.assignments, tuple(model.scene for model in self._models)
+        found = {one.name: present(run.contacts) for one, run in zip(of, runs, strict=True)}
+        contacts = ContactForces.joined(found)
+        verdict = judge(of, self.timetables[0], variation, runs, contacts)
         beyond = exceeded(of, variation)
-        return MissionRun(of, self.timetable, variation, run, self._model.scene, force, std, verdict, beyond)
+        return MissionRun(of, self.timetables[0], variation, tuple(runs), scenes, contacts, verdict, beyond)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 
 import numpy as np
@@ -93,13 +93,13 @@ def run_trials(
     count = min(cores() if jobs is None else jobs, len(drawn))
     if count < 1:
         raise InputError(f"expected one process at least, got {jobs}", key="jobs")
-    assignment = assign(mission, grasp)
-    known = exceeded_by_trials(assignment, drawn)
-    say(assignment, known)
+    assignments = assign(mission, grasp)
+    known = exceeded_by_trials(assignments, drawn)
+    say(mission, known)
     report = progress or (lambda share: None)
     done: dict[int, Outcome] = {}
     try:
-        for k, outcome in _outcomes(assignment, drawn, count):
+        for k, outcome in _outcomes(assignments, drawn, count):
             done[k] = outcome
             report(len(done) / len(drawn))
     except KeyboardInterrupt:
@@ -108,14 +108,14 @@ def run_trials(
     return TrialsResult(mission, tuple(done[k] for k in range(len(drawn))), warnings=known)
 
 
-def _outcomes(assignment: Assignment, drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
+def _outcomes(assignments: Sequence[Assignment], drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
     """Number and outcome of each plant, in the order in which they end."""
-    first = MissionRunner(assignment)  # compiles once what all processes then load
+    first = MissionRunner(assignments)  # compiles once what all processes then load
     if jobs == 1:
         yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
         return
-    # Each worker makes its controller and plant once, from compiled code that is in the cache by now.
-    pool, finished = ProcessPool(jobs, _start, assignment), False
+    # Each worker makes its controllers and plant once, from compiled code that is in the cache by now.
+    pool, finished = ProcessPool(jobs, _start, assignments), False
     try:
         for k, future in pool.as_completed(_run, drawn):
             lost = pool.lost(future)
@@ -133,11 +133,11 @@ def _outcome(runner: MissionRunner, variation: Variation) -> Outcome:
 
 
 _own: list[MissionRunner] = []
-"""Controller and plant of a worker process."""
+"""Controllers and plant of a worker process."""
 
 
-def _start(assignment: Assignment) -> None:
-    _own.append(MissionRunner(assignment))
+def _start(assignments: Sequence[Assignment]) -> None:
+    _own.append(MissionRunner(assignments))
 
 
 def _run(variation: Variation) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -14,6 +14,7 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import is_table, object_height, plant_friction
 from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -88,42 +89,47 @@ def _percent(share: float) -> str:
 
 
 def judge(
-    assignment: Assignment,
+    assignments: Sequence[Assignment],
     timetable: Timetable,
     variation: Variation,
-    run: ControlRun,
-    force_estimate: Array,
-    force_std: Array,
+    runs: Sequence[ControlRun],
+    contacts: ContactForces,
 ) -> Verdict:
     """The verdict on a closed loop, which may have been stopped early, read off the plant.
 
-    ``force_estimate`` (K,) is the estimated normal force of the held contact [N], ``force_std`` its standard deviation.
+    ``runs`` are those of the fingers, ``contacts`` those of all fingers and supports.
     """
-    contacts, pose, t = present(run.contacts), present(run.object_pose), run.t
+    first, mission = runs[0], assignments[0].mission
+    pose, t = present(first.object_pose), first.t
     lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
     still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
     # Of what was lifted: heights before the lift do not count.
     lost = np.zeros(len(t))
-    height = object_height(assignment, pose)
+    height = object_height(mission, pose)
     lost[carried] = height[carried][:1] - height[carried]
     sunk = float(np.max(lost, initial=0.0))
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
-    held = {
-        name: run.tracked[:, run.r_names.index(f"contact_force_{name} [N]")] / wanted
-        for name, wanted in assignment.forces.items()
-    }
-    window, wanted, force = max(1, round(_SMOOTHED / run.period)), assignment.force, held[assignment.contact]
-    errors = [np.abs(_smoothed(share, window)[still] - 1.0) for share in held.values()]
-    means = [_over(np.mean, share[still] - 1.0) for share in held.values()]
-    fingers = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
+    window = max(1, round(_SMOOTHED / first.period))
+    errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
+    for one, run in zip(assignments, runs, strict=True):
+        for name, wanted in one.forces.items():
+            share = run.tracked[:, run.r_names.index(f"contact_force_{name} [N]")] / wanted
+            errors.append(np.abs(_smoothed(share, window)[still] - 1.0))
+            means.append(_over(np.mean, share[still] - 1.0))
+            if name == one.contact:
+                believed, std = force_estimate(one, run)
+                estimates.append(_over(np.mean, (believed / wanted - share[:-1])[still[:-1]]))
+                stds.append(float(np.sqrt(_over(np.mean, std[still[:-1]] ** 2))) / wanted)
+    worst = int(np.argmax(np.abs(estimates)))
+    fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
     bearing = [k for k, name in enumerate(contacts.names) if not is_table(name)]
     normal, shear = contacts.normal_force[:, bearing], contacts.shear[:, bearing]
-    limits = plant_friction(assignment, variation, [contacts.names[k] for k in bearing]) * normal
+    limits = plant_friction(mission, variation, [contacts.names[k] for k in bearing]) * normal
     margins = 1.0 - shear / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
-    margins[normal < _LOADED * wanted] = 1.0
+    margins[normal < _LOADED * min(one.force for one in assignments)] = 1.0
     calm, pulled = (t >= hold.start) & (t <= hold.end), (t > hold.end) & (t < lower.start)
     return Verdict(
         held=whole and sunk < FALLEN,
@@ -131,14 +137,20 @@ def judge(
         moved=moved,
         force_error=_over(np.max, np.concatenate(errors)),
         force_mean_error=max(means, key=abs),
-        force_estimate_error=_over(np.mean, (force_estimate / wanted - force[:-1])[still[:-1]]),
-        force_estimate_std=float(np.sqrt(_over(np.mean, force_std[still[:-1]] ** 2))) / wanted,
+        force_estimate_error=estimates[worst],
+        force_estimate_std=stds[worst],
         slip_margin=_over(np.min, margins[calm]),
         pulled_margin=_over(np.min, margins[pulled]),
         released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
-        fallbacks=sum(word in _FALLBACKS for word in run.status),
-        drop=find_drop(assignment, timetable, variation, run, lost),
+        fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
+        drop=find_drop(assignments, timetable, variation, t, contacts, lost),
     )
+
+
+def force_estimate(one: Assignment, run: ControlRun) -> tuple[Array, Array]:
+    """Normal force (K,) of a finger's held contact as its controller estimated it, and its standard deviation [N]."""
+    held = run.touch_names.index(one.contact)
+    return present(run.contact_force_estimate)[:, held], present(run.contact_force_std)[:, held]
 
 
 def _smoothed(values: Array, window: int) -> Array:

@@ -55,12 +55,12 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     """
     from matplotlib.lines import Line2D
 
-    run, chosen = mission.run, _instants(mission)
+    chosen = _instants(mission)
     at = np.array(list(chosen))
-    shapes, poses = np.asarray(run.backbone(at, points=60)), mission.object_pose[at, :3]
-    box = _box_of(mission, shapes, poses, 0.06 * run.length)
+    shapes, poses = _backbones(mission, at), mission.object_pose[at, :3]
+    box = _box_of(mission, shapes, poses, 0.06 * mission.length)
     forces = [_acting_forces(mission, int(k)) for k in at]
-    scale = force_scale(chain(*forces), 0.25 * run.length)
+    scale = force_scale(chain(*forces), 0.25 * mission.length)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
     high = _WIDE * (box[3] - box[2]) / (box[1] - box[0])
@@ -74,11 +74,11 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
         bodies.draw_supports(ax, mission.scene.supports)
-        bodies.draw_clamp(ax, shape, run.scene.finger)
+        _draw_clamps(ax, mission, shape)
         _draw_grasp(ax, mission, shape, pose)
         draw_forces(ax, forces[j], scale)
-        _draw_moment(ax, mission, float(run.t[k]), pose)
-        ax.set_title(f"{chosen[int(k)]}\n{run.t[k]:.2f} s", fontsize=8.5, color=INK, loc="left")
+        _draw_moment(ax, mission, float(mission.t[k]), pose)
+        ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=INK, loc="left")
     figure.supxlabel("x [m]", fontsize=9, color=INK)
     figure.supylabel("y [m]", fontsize=9, color=INK)
     figure.suptitle(mission.name or " ", fontsize=10, color=INK, x=0.01, ha="left")
@@ -89,37 +89,37 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
 
 def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
     """Draw a mission frame by frame; as `motion_frames`."""
-    run = mission.run
     unique, back = np.unique(indices, return_inverse=True)
-    shapes, poses = np.asarray(run.backbone(unique, points=60)), mission.object_pose[unique, :3]
+    shapes, poses = _backbones(mission, unique), mission.object_pose[unique, :3]
     forces = [_acting_forces(mission, int(k)) for k in unique]
-    scale = force_scale(chain(*forces), 0.25 * run.length)
-    film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * run.length), width)
+    scale = force_scale(chain(*forces), 0.25 * mission.length)
+    film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
     bodies.draw_supports(ax, mission.scene.supports)
-    bodies.draw_clamp(ax, shapes[0], run.scene.finger)
-    ahead = film.line(color=GREEN, linewidth=1.6, zorder=Z.MASS)
+    _draw_clamps(ax, mission, shapes[0])
+    ahead = [film.line(color=GREEN, linewidth=1.6, zorder=Z.MASS) for _ in mission.runs]
     ax.plot([], [], color=GREEN, linewidth=1.6, label="predicted tip")
     clock = film.clock()
     head(ax, mission.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         at = int(unique[k])
-        t = float(run.t[at])
-        ahead.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)
+        t = float(mission.t[at])
+        for line, run in zip(ahead, mission.runs, strict=True):
+            line.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)
         span = next((span for span in mission.spans if span.start <= t < span.end), mission.spans[-1])
         phase = _pull_words(mission.pulls[span.name]) if span.name in mission.pulls else str(span.name)
         clock.set_text(f"{phase}\n{t:.2f} s")
         passing = _draw_grasp(ax, mission, shapes[k], poses[k], animated=True)
         passing += _draw_moment(ax, mission, t, poses[k], animated=True)
-        return [ahead, clock], passing + draw_forces(ax, forces[k], scale)
+        return [*ahead, clock], passing + draw_forces(ax, forces[k], scale)
 
     return film.frames(back, moving)
 
 
 def _instants(mission: MissionRun) -> dict[int, str]:
     """Index and name of each instant that matters: begin and end of what happens, and the middle of every pull."""
-    t = np.asarray(mission.run.t)
+    t = np.asarray(mission.t)
     wanted: list[tuple[float, str]] = [(t[0], "start")]
     for span in mission.spans:
         if span.name in mission.pulls:
@@ -143,15 +143,29 @@ def _box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float) -> 
     return bend_box([shapes, *chain(*(bodies.object_outlines(mission.body, pose) for pose in poses))], margin)
 
 
-def _draw_grasp(ax: Axes, mission: MissionRun, shape: Array, pose: Array, **style: Any) -> list[Any]:
-    """Draw object and finger; a mark on the object, from its center along its x axis, shows how it turns."""
+def _backbones(mission: MissionRun, at: Array) -> Array:
+    """Backbones (len(at), fingers, points, 2) at some of the instants [m]."""
+    return np.stack([run.backbone(at, points=60) for run in mission.runs], axis=1)
+
+
+def _draw_clamps(ax: Axes, mission: MissionRun, shapes: Array) -> None:
+    for shape, scene in zip(shapes, mission.scenes, strict=True):
+        bodies.draw_clamp(ax, shape, scene.finger)
+
+
+def _draw_grasp(ax: Axes, mission: MissionRun, shapes: Array, pose: Array, **style: Any) -> list[Any]:
+    """Draw object and fingers, with backbones (fingers, points, 2); a mark on the object, from its center along its x
+    axis, shows how it turns.
+    """
     outlines = bodies.object_outlines(mission.body, pose)
     reach = 0.5 * np.linalg.norm(np.concatenate(outlines) - pose[:2], axis=1).min()
     mark = np.array([pose[:2], pose[:2] + reach * np.array([np.cos(pose[2]), np.sin(pose[2])])])
+    drawn: list[Any] = [*bodies.draw_object(ax, outlines, **style)]
+    for shape, scene in zip(shapes, mission.scenes, strict=True):
+        drawn.append(bodies.draw_body(ax, bodies.finger_outline(shape, scene.finger), **style))
+        drawn += ax.plot(*shape.T, color=BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style)
     return [
-        *bodies.draw_object(ax, outlines, **style),
-        bodies.draw_body(ax, bodies.finger_outline(shape, mission.scene.finger), **style),
-        *ax.plot(*shape.T, color=BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style),
+        *drawn,
         *ax.plot(*mark.T, color=EDGE, linewidth=1.2, zorder=Z.MARK, **style),
     ]
 
@@ -166,7 +180,7 @@ def _pull_at(mission: MissionRun, t: float) -> Array:
 
 def _acting_forces(mission: MissionRun, index: int) -> list[Force]:
     """Forces of the contacts and of a pull at one instant, without what is too small to be seen beside the greatest."""
-    pulled = _pull_at(mission, float(mission.run.t[index]))[:2]
+    pulled = _pull_at(mission, float(mission.t[index]))[:2]
     least = _SEEN * float(np.max(mission.contacts.normal_force, initial=0.0))
     found = [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
     return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in found if np.hypot(*force) > least]
@@ -178,7 +192,7 @@ def _draw_moment(ax: Axes, mission: MissionRun, t: float, pose: Array, **style: 
     if not moment:
         return []
     turn = np.sign(moment) * np.linspace(-0.5 * np.pi, 0.9 * np.pi, 60)
-    arc = pose[:2] + 0.12 * mission.run.length * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    arc = pose[:2] + 0.12 * mission.length * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     arrow = draw_arrow(ax, arc[-6], arc[-1], ORANGE, width=1.8, **{"zorder": Z.MOMENT, **style})
     return [*ax.plot(*arc[:-4].T, color=ORANGE, linewidth=1.8, zorder=Z.MOMENT, **style), arrow]
 
@@ -191,9 +205,9 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
     if ax is None:
         ax = new_figure(8.6, 9.4).subplots(5, 1, sharex=True, height_ratios=(0.66, 1.0, 1.35, 1.0, 1.0))
     strip, *rest = ax
-    word, unit = COMMANDS[mission.assignment.control.finger.input_key]
+    word, unit = COMMANDS[mission.assignments[0].control.finger.input_key]
     taken = f"{word} [{unit}]"
-    end = max(float(mission.run.t[-1]), 1e-3)
+    end = max(float(mission.t[-1]), 1e-3)
     for one, (draw, text) in zip(rest, _CURVES, strict=True):
         quiet(one)
         for span in mission.spans:
@@ -216,10 +230,10 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
     ax.set_axis_off()
     ax.set_ylim(0.0, 1.0)
     for span in mission.spans:
-        if span.start >= mission.run.t[-1]:
+        if span.start >= mission.t[-1]:
             break
         ax.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0)
-        stop = min(span.end, float(mission.run.t[-1]))
+        stop = min(span.end, float(mission.t[-1]))
         wide = 7.4 / end * (stop - span.start)  # the axes are 7.4 inch wide
         if wide < _LEAST_INCH or span.name in ("rest", "end"):
             continue
@@ -232,13 +246,15 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
 
 
 def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
-    run = mission.run
-    for column, name, color in zip(run.u.T, run.u_names, colors(len(run.u_names)), strict=True):
-        ax.stairs(column, run.t, color=color, linewidth=1.3, baseline=None, label=words(name))
+    curves = [(finger, run, k) for finger, run in mission.fingers.items() for k in range(len(run.u_names))]
+    for (finger, run, k), color in zip(curves, colors(len(curves)), strict=True):
+        name = run.u_names[k]
+        whose = words(name) if mission.run is not None else f"{finger}: {words(name)}"
+        ax.stairs(run.u[:, k], run.t, color=color, linewidth=1.3, baseline=None, label=whose)
         if name in run.r_names:
             ax.plot(run.t, run.r[:, run.r_names.index(name)], color=color, linewidth=0.9, linestyle="--")
     ax.plot([], [], color=GRAY, linewidth=0.9, linestyle="--", label="setpoint")
-    for limit in np.unique([*run.u_min, *run.u_max]):
+    for limit in np.unique([limit for run in mission.runs for limit in (*run.u_min, *run.u_max)]):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle=":", zorder=1)
     ax.plot([], [], color=GRAY, linewidth=0.9, linestyle=":", label="limit")
 
@@ -250,14 +266,15 @@ def _touching(mission: MissionRun) -> dict[int, Any]:
 
 
 def _draw_normal_forces(ax: Axes, mission: MissionRun) -> None:
-    run, contacts, held = mission.run, mission.contacts, mission.held_contact
+    t, contacts = mission.t, mission.contacts
     for k, color in _touching(mission).items():
-        ax.plot(run.t, contacts.normal_force[:, k], color=color, linewidth=1.3, label=contacts.names[k])
-    wanted = run.r[:, run.r_names.index(f"contact_force_{held} [N]")]
-    ax.plot(run.t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"setpoint of {held}")
-    believed, std = mission.force_estimate, mission.force_std
-    ax.plot(run.t[:-1], believed, color=GRAY, linewidth=0.9, label="its estimate, ± 1 std", zorder=1.9)
-    ax.fill_between(run.t[:-1], believed - std, believed + std, color=GRAY, alpha=0.2, linewidth=0.0, zorder=1.8)
+        ax.plot(t, contacts.normal_force[:, k], color=color, linewidth=1.3, label=contacts.names[k])
+    label: str | None = "its estimate, ± 1 std"
+    for held, (wanted, believed, std) in mission.held_forces.items():
+        ax.plot(t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"setpoint of {held}")
+        ax.plot(t[:-1], believed, color=GRAY, linewidth=0.9, label=label, zorder=1.9)
+        ax.fill_between(t[:-1], believed - std, believed + std, color=GRAY, alpha=0.2, linewidth=0.0, zorder=1.8)
+        label = None
     ax.set_ylim(bottom=0.0)
 
 
@@ -266,20 +283,20 @@ def _draw_friction(ax: Axes, mission: MissionRun) -> None:
     for k, name in enumerate(mission.contacts.names):
         use = mission.friction_use[:, k]
         if np.isfinite(use).any():
-            ax.plot(mission.run.t, use, color=shade.get(k, GRAY), linewidth=1.3, label=name)
+            ax.plot(mission.t, use, color=shade.get(k, GRAY), linewidth=1.3, label=name)
     ax.axhline(1.0, color=GRAY, linewidth=0.9, linestyle=":", zorder=1, label="whole friction cone")
     ax.set_ylim(0.0, 1.08)
 
 
 def _draw_moved(ax: Axes, mission: MissionRun) -> None:
     """Motion since the lift began; before that, the object is slid along the table by the finger."""
-    run = mission.run
+    t = mission.t
     start = next((span.start for span in mission.spans if span.name == "lift"), 0.0)
-    begin = min(int(np.searchsorted(run.t, start - 1e-9)), len(run.t) - 1)
+    begin = min(int(np.searchsorted(t, start - 1e-9)), len(t) - 1)
     moved = 1e3 * (mission.object_pose - mission.object_pose[begin])
     rows = ((0, "x since the lift"), (1, "y"), (3, "height"))[: moved.shape[1] - 1]  # in the plane there is none
     for (k, name), color in zip(rows, colors(len(rows)), strict=True):
-        ax.plot(run.t, moved[:, k], color=color, linewidth=1.3, label=name)
+        ax.plot(t, moved[:, k], color=color, linewidth=1.3, label=name)
 
 
 _CURVES = (

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits, Plant
 from continuum_grasp.scene.estimator import Estimator
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.tendons import TendonList, Tendons
 from continuum_grasp.scene.units import Unit
@@ -49,7 +49,8 @@ class MissionController(Value):
     horizon: Horizon = Horizon(stages=20)
     """Time grid of the prediction."""
     elements: Annotated[tuple[Count, Count], Field(strict=False)] = (2, 2)
-    """Matched clothoids before the first and after the last middle contact; between two there is one."""
+    """Matched clothoids before the first and after the last middle contact; between two there is one. Of a finger
+    without middle contacts together as many."""
     input: InputLimits = InputLimits()
     """Limits of the input."""
     bounds: Bounds = Bounds()
@@ -59,8 +60,9 @@ class MissionController(Value):
     force: Annotated[Positive, Unit("1/N2")] = 1.0
     """Weight of the contact force while the object is held [1/N2]."""
     held: Literal["middle", "tip", "all"] = "middle"
-    """Contact whose normal force is held at that of the grasp. middle: of the middle contacts the one that presses
-    hardest; all: every contact, with equal weights, where one drive holds the best compromise only."""
+    """Contact of each finger whose normal force is held at that of the grasp. middle: of the middle contacts the one
+    that presses hardest, of a finger without one the tip; all: every contact, with equal weights, where one drive holds
+    the best compromise only."""
     speed: Annotated[NonNegative, Unit("s2/rad2")] = 0.05
     """Weight of the bending rates [s2/rad2]."""
     effort: Annotated[Positive, Unit("1/N2")] = 0.001
@@ -95,10 +97,10 @@ class Trials(Value):
 class MissionScene(Value):
     """A grasp that is optimized first, and then carried out by a controller on a plant.
 
-    The controller believes that the object is fixed and touches at the middle contacts of the grasp and at the tip,
-    without friction unless its estimator has ``contact_friction``; in the plant the object moves, has friction and a
-    weight and stands on a table until that sinks away. The table lies below the plane, or with gravity in the plane
-    below the object in it.
+    Each finger has a controller of its own, which knows nothing of the others. It believes that the object is fixed and
+    touches at the finger's middle contacts of the grasp and at its tip, without friction unless its estimator has
+    ``contact_friction``; in the plant the object moves, has friction and a weight and stands on a table until that
+    sinks away. The table lies below the plane, or with gravity in the plane below the object in it.
     """
 
     schema_version: Literal[1] = 1
@@ -106,8 +108,8 @@ class MissionScene(Value):
     name: str | None = None
     """Title of reports and pictures."""
     grasp: GraspScene
-    """The grasp, or the path of its file relative to this file: one finger with a tendon drive and its tip and one
-    middle contact or more on the object."""
+    """The grasp, or the path of its file relative to this file: fingers with tendon drives, each with its tip on the
+    object, and middle contacts as it has them."""
     contact_law: ContactLaw
     """Law of all contacts; the controller knows it but for its friction."""
     controller: MissionController = MissionController()
@@ -119,13 +121,14 @@ class MissionScene(Value):
     tendons: Tendons | TendonList | None = None
     """Tendons of the finger that carries the grasp out, with what drives them; None: those of the grasp."""
     drive_tension: Annotated[Positive, Field(examples=[60.0, "60 N"]), Unit("N")] | None = None
-    """Greatest tension of the drive [N], where the grasp keeps some in reserve; None: that of the grasp."""
+    """Greatest tension of the drives [N], where the grasp keeps some in reserve; None: that of the grasp."""
     object_mass: Annotated[Positive, Unit("kg")] | None = None
     """Mass of the object in the plant [kg]; None: that of the grasp."""
     table_friction: Friction = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
     more_contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """More positions along the plant's finger where it may touch the object, which the controller does not know [m]."""
+    """More positions along each finger where it may touch the object in the plant, which its controller does not know
+    [m]."""
     phases: Phases = Phases()
     """How long each phase lasts."""
     pull_share: Annotated[float, Field(ge=0.0, le=10.0), Unit("1")] = 1.0
@@ -138,21 +141,25 @@ class MissionScene(Value):
 
     def _check(self) -> None:
         fingers = self.grasp.setups
-        if len(fingers) != 1:
-            raise ValueError(f"grasp has {len(fingers)} fingers: a mission is for one")
         if self.grasp.gravity.mode == "none":
             raise ValueError("grasp.gravity must be planar or out_of_plane: a mission lifts the object off a table")
-        if "off" in (*fingers[0].middles, fingers[0].tip) or not (fingers[0].middles or fingers[0].stations):
-            raise ValueError("grasp.contacts must have a middle contact and the tip: a mission closes with both")
-        length = fingers[0].finger.rod.length
-        own = fingers[0].finger if self.tendons is None else fingers[0].finger.replaced(tendons=self.tendons)
+        if any(finger.tip == "off" for finger in fingers):
+            raise ValueError("grasp.contacts must have the tip: a mission closes with it")
         if self.tendons is not None and self.drive_tension is not None:
             raise ValueError("drive_tension has no effect beside tendons, which have a max_tension")
+        if len(fingers) > 1 and self.plant.guides is not None:
+            raise ValueError("plant.guides: a plant of guides has one finger, whose motion is decided step by step")
+        for finger in fingers:
+            self._check_finger(finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{finger.name}")
+
+    def _check_finger(self, setup: FingerSetup, key: str) -> None:
+        length = setup.finger.rod.length
+        own = setup.finger if self.tendons is None else setup.finger.replaced(tendons=self.tendons)
         if not own.winches and any(tendon.time_constant is None for tendon in own.tendon_list):
-            raise ValueError("grasp.finger.tendons needs a time_constant: tensions that jump throw a fine finger")
+            raise ValueError(f"{key}.tendons needs a time_constant: tensions that jump throw a fine finger")
         # The tip is a contact already, and a contact at the clamped base could not move.
         if any(not 0.0 < at < length for at in self.more_contacts):
-            raise ValueError(f"more_contacts must lie between base and tip of the finger, within {length} m")
+            raise ValueError(f"more_contacts must lie between base and tip of each finger, within {length} m")
 
     @property
     def gravity(self) -> float:

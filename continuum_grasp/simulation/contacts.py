@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 class ContactForces:
     """Gaps and forces of C contacts at T instants, as ``STORED`` describes them.
 
-    Names are ``finger.1`` and so on, ``finger.tip``, then the supports.
+    Names are ``finger.1`` and so on, ``finger.tip``, of several fingers with their names in place of ``finger``, then
+    the supports.
     """
 
     names: tuple[str, ...]
@@ -33,12 +35,13 @@ class ContactForces:
     lift: Array = field(repr=False)
     force: Array = field(repr=False)
     point: Array = field(repr=False)
+    fingers: tuple[str, ...] = ("finger",)
 
     @staticmethod
     def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
         """Those of a compiled system at states x (T, nx), inputs u and forces w."""
         found = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
-        wanted = {one.name: np.asarray(found[one.name]) for one in fields(ContactForces)[1:]}
+        wanted: dict[str, Any] = {name: np.asarray(found[name]) for name in _ARRAYS}
         return ContactForces(tuple(core.model.touch_names), **wanted)
 
     @staticmethod
@@ -46,10 +49,30 @@ class ContactForces:
         names: tuple[str, ...], touch: Mapping[str, ca.SX], rows: Callable[[str, ca.SX], Array]
     ) -> ContactForces:
         """Those of outputs of ``System.touch``, where ``rows`` gives the values of an expression over time."""
-        found = {one.name: rows(one.name, ca.vec(touch[one.name])) for one in fields(ContactForces)[1:]}
+        found: dict[str, Any] = {name: rows(name, ca.vec(touch[name])) for name in _ARRAYS}
         for name in ("force", "point"):
             found[name] = found[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
         return ContactForces(names, **found)
+
+    @staticmethod
+    def joined(fingers: Mapping[str, ContactForces]) -> ContactForces:
+        """Those of several fingers by name, each with the supports, which are the same for all."""
+        names: list[str] = []
+        columns: dict[str, list[Array]] = {name: [] for name in _ARRAYS}
+        for finger, contacts in fingers.items():
+            own = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
+            names += [f"{finger}.{contacts.names[k].partition('.')[2]}" for k in own]
+            for name, values in columns.items():
+                values.append(getattr(contacts, name)[..., own])
+        rest = [k for k, name in enumerate(contacts.names) if not contacts.on_finger(name)]
+        for name, values in columns.items():
+            values.append(getattr(contacts, name)[..., rest])
+        whole: dict[str, Any] = {name: np.concatenate(values, axis=-1) for name, values in columns.items()}
+        return ContactForces((*names, *(contacts.names[k] for k in rest)), **whole, fingers=tuple(fingers))
+
+    def on_finger(self, name: str) -> bool:
+        """Whether a contact is one of a finger, and none of a support."""
+        return name.partition(".")[0] in self.fingers
 
     @property
     def shear(self) -> Array:
@@ -60,12 +83,13 @@ class ContactForces:
         """Forces in the plane at one instant: position (2,) [m], force (2,) [N], and on what: finger or object."""
         found = []
         for k, name in enumerate(self.names):
-            on_finger = name.startswith("finger.")
+            on_finger = self.on_finger(name)
             force = self.force[index, :, k] * (-1.0 if on_finger else 1.0)
             found.append((self.point[index, :, k], force, "contact" if on_finger else "support"))
         return found
 
 
+_ARRAYS = ("gap", "normal_force", "friction", "lift", "force", "point")
 _FRICTION = "friction in the plane, on what touches the object, along its normal turned by +90 degrees"
 STORED = tuple(
     Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")

@@ -23,7 +23,7 @@ MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 def plant():
     """Assignment, scene of a heavier and shifted mug, and the text of its chain."""
     mission = load(MUG)
-    of = assign(mission, optimize_grasp(mission.grasp))
+    (of,) = assign(mission, optimize_grasp(mission.grasp))
     scene = scene_of_plant(of, Variation(mass=1.1, friction=0.9, shift=(1e-3, 0.0)))
     return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene, of.control.contacts[0])
 

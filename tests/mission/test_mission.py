@@ -39,7 +39,7 @@ def grasp():
 
 @pytest.fixture(scope="module")
 def assignment(grasp):
-    return assign(load(MUG, QUICK), grasp)
+    return assign(load(MUG, QUICK), grasp)[0]
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def table(assignment):
 
 @pytest.fixture(scope="module")
 def runner(assignment):
-    return MissionRunner(assignment)
+    return MissionRunner([assignment])
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def test_plants_are_drawn_within_their_ranges():
 def test_a_variation_is_that_of_the_equations(assignment, runner):
     """A mug in the air, which falls with its weight and goes with what pushes it, tells its mass."""
     model = mission_plant_model(assignment)
-    system, control = model.system, runner._controller.prediction
+    system, control = model.system, runner._controllers[0].prediction
     nominal = np.array(system.p_nominal)
     w = np.zeros(system.nw)
     w[system.w_names.index("object_force_x [N]")] = 2.0
@@ -167,7 +167,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
     at = system.object_states
 
     def falling(variation):
-        plant = mission_plant(assignment, runner.timetable, control, variation, model)
+        plant = mission_plant(assignment, runner.timetables[0], control, variation, model)
         x = plant.x[: system.nx].copy()
         x[at.start] += 0.01  # clear of the palm
         found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
@@ -208,22 +208,25 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
         names=("finger.1", "palm", "table"),
         normal_force=np.stack([force, force, 0.0 * t], axis=1),
         shear=np.stack([shear + 0.0 * t, shear + 0.0 * t, 9.0 + 0.0 * t], axis=1),
+        on_finger=lambda name: name == "finger.1",
     )
+    # A standard deviation of 0.1 N, in the second half of the hold of 0.2 N.
+    std = np.where((t[:-1] >= 3.0) & (t[:-1] <= 4.05), 0.2, 0.1)
     run = SimpleNamespace(
         t=t,
-        contacts=contacts,
         object_pose=pose,
         tracked=force[:, None],
         r_names=("contact_force_finger.1 [N]",),
         period=0.1,
         status=(status,) * (len(t) - 1),
+        touch_names=("finger.1",),
+        contact_force_estimate=np.full((len(t) - 1, 1), 5.5),
+        contact_force_std=std[:, None],
     )
     control = SimpleNamespace(contacts=(0.1,))
     held = {"contact": "finger.1", "force": 5.0, "forces": {"finger.1": 5.0}, "middles": ("finger.middle",)}
-    work = SimpleNamespace(mission=asked, grasp=certified, control=control, **held)
-    # A standard deviation of 0.1 N, in the second half of the hold of 0.2 N.
-    std = np.where((t[:-1] >= 3.0) & (t[:-1] <= 4.05), 0.2, 0.1)
-    return judge(work, table, Variation(friction=0.8), run, np.full(len(t) - 1, 5.5), std)
+    work = SimpleNamespace(mission=asked, grasp=certified, name="finger", control=control, **held)
+    return judge([work], table, Variation(friction=0.8), [run], contacts)
 
 
 INSTANTS = np.arange(0.0, 8.05, 0.1)
@@ -365,7 +368,7 @@ def test_the_command_keeps_what_there_is(monkeypatch, held, tmp_path):
     assert done.exit_code == 130
     assert read_run(tmp_path / "one").meta["verdict"]["held"]
     outcomes = tuple(Outcome(variation, held.verdict) for variation in trials.variations(Trials(count=3)))
-    some = TrialsResult(held.assignment.mission, outcomes)
+    some = TrialsResult(held.mission, outcomes)
     stop = Interrupted("interrupted after 3 of 100 plants", result=some)
     done = command(monkeypatch, None, "--trials", "all", "--out", tmp_path / "many", "--no-pictures", error=stop)
     assert done.exit_code == 130
@@ -377,7 +380,7 @@ def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
     drawn = trials.variations(Trials(count=3))
     some = [Outcome(variation, held.verdict) for variation in drawn[:2]]
     some.append(Outcome(drawn[2], replace(held.verdict, held=False, sunk=0.05)))
-    found = TrialsResult(held.assignment.mission, tuple(some))
+    found = TrialsResult(held.mission, tuple(some))
     done = command(monkeypatch, found, "--trials", "3", "--out", tmp_path)
     assert done.exit_code == 1
     assert "2 of 3 plants" in done.output
@@ -388,7 +391,7 @@ def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
 
 def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monkeypatch):
     class Runner:
-        def __init__(self, assignment):
+        def __init__(self, assignments):
             self.count = 0
 
         def run(self, variation):
@@ -421,7 +424,6 @@ def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("grasp=../grasp/pinch.yaml", "grasp has 2 fingers"),
         ("grasp.finger.tendons=null", "grasp.finger.tendons"),
         ("grasp.finger.tendons.time_constant=null", "needs a time_constant"),
         ("grasp.gravity={mode: none}", "grasp.gravity must be planar or out_of_plane"),

@@ -146,7 +146,7 @@ def test_all_contacts_of_the_grasp_are_the_controllers_and_can_be_held(grasp):
     arrays["contact_names"] = np.where(np.arange(4) == 3, "finger.station_9", arrays["contact_names"].astype(object))
     arrays["contact_stations"][3], arrays["contact_forces"][3] = 0.12, [1.0, 0.0, 0.0]
     more = replace(grasp, arrays=arrays)
-    both = assign(load(MUG, ["controller.held=all"]), more)
+    (both,) = assign(load(MUG, ["controller.held=all"]), more)
     assert both.control.contacts == (middle.station, 0.12)
     at = middle.station
     expected = [at / 2, at / 2, 0.12 - at, 0.03, 0.03]
@@ -157,12 +157,12 @@ def test_all_contacts_of_the_grasp_are_the_controllers_and_can_be_held(grasp):
     names = tuple(f"contact_force_{name} [N]" for name in both.forces)
     hold = Timetable(both).span("hold").start
     assert Timetable(both).rows(np.array([hold]), names)[0] == pytest.approx(list(both.forces.values()))
-    assert certified_contact(both, "finger.2").normal_force == 1.0
-    assert certified_contact(both, "finger.1").normal_force == middle.normal_force
-    extra = assign(load(MUG, ["more_contacts=[0.03]"]), grasp)
-    assert certified_contact(extra, "finger.1") is None
-    assert certified_contact(extra, "finger.2").normal_force == middle.normal_force
-    assert list(assign(load(MUG, ["controller.held=tip"]), more).forces) == ["finger.tip"]
+    assert certified_contact([both], "finger.2").normal_force == 1.0
+    assert certified_contact([both], "finger.1").normal_force == middle.normal_force
+    (extra,) = assign(load(MUG, ["more_contacts=[0.03]"]), grasp)
+    assert certified_contact([extra], "finger.1") is None
+    assert certified_contact([extra], "finger.2").normal_force == middle.normal_force
+    assert list(assign(load(MUG, ["controller.held=tip"]), more)[0].forces) == ["finger.tip"]
 
 
 # -- after a drop -----------------------------------------------------------------------------------------------------
@@ -170,15 +170,14 @@ def test_all_contacts_of_the_grasp_are_the_controllers_and_can_be_held(grasp):
 
 def drop_of(grasp, *, normal, shear, fallen=5.0, step=0.01):
     """Why an object fell at an instant; forces of middle contact, tip, palm by functions of time, friction of 0.4."""
-    assignment = assign(load(MUG, ["contact_law.friction=0.4"]), grasp)
+    (assignment,) = assign(load(MUG, ["contact_law.friction=0.4"]), grasp)
     table = Timetable(assignment)
     t = np.arange(0.0, table.duration, step)
     forces = [np.stack([f(t) for f in functions] + [0.0 * t], axis=1) for functions in (normal, shear)]
     contacts = SimpleNamespace(
         names=("finger.1", "finger.tip", "palm", "table"), normal_force=forces[0], shear=forces[1]
     )
-    run = SimpleNamespace(t=t, contacts=contacts)
-    return find_drop(assignment, table, Variation(friction=0.75), run, 0.02 * (t >= fallen - 1e-9))
+    return find_drop([assignment], table, Variation(friction=0.75), t, contacts, 0.02 * (t >= fallen - 1e-9))
 
 
 def steps(*pairs):
@@ -214,13 +213,13 @@ def test_a_contact_that_did_not_hold_at_the_lift_is_absent(grasp):
 
 def test_corners_of_a_support_hold_together(grasp):
     """One corner parts and the other bears on: no slip of the palm until that slips too."""
-    assignment = assign(load(MUG), grasp)
+    (assignment,) = assign(load(MUG), grasp)
     table = Timetable(assignment)
     t = np.arange(0.0, table.duration, 0.01)
     corners = np.stack([4.0 * (t < 3.0), 4.0 + 0.0 * t], axis=1)
     shear = np.stack([0.0 * t, 2.0 * (t >= 4.895)], axis=1)
-    run = SimpleNamespace(t=t, contacts=SimpleNamespace(names=("palm.1", "palm.2"), normal_force=corners, shear=shear))
-    (slip,) = find_drop(assignment, table, Variation(), run, 0.02 * (t >= 5.0)).slips
+    contacts = SimpleNamespace(names=("palm.1", "palm.2"), normal_force=corners, shear=shear)
+    (slip,) = find_drop([assignment], table, Variation(), t, contacts, 0.02 * (t >= 5.0)).slips
     assert (slip.contact, slip.time) == ("palm", pytest.approx(4.9))
     assert slip.certified_normal_force == grasp.contact("palm").normal_force
 
@@ -230,7 +229,7 @@ def test_where_tensions_would_be_chosen_anew_a_mission_pulls_with_what_locked_te
     path = str(MUG.parent.parent / "grasp/mug_handle.yaml")
     handle = optimize_grasp(path)
     mission = load(MUG, [f"grasp={path}", "contact_law.friction=0.6"])
-    assignment = assign(mission, handle)
+    (assignment,) = assign(mission, handle)
     assert handle.quality.resistance.tendons == "retensioned"
     assert assignment.resisted.tendons == "locked"
     assert np.all(assignment.resisted.factors > 0.1)

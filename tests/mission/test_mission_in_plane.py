@@ -30,7 +30,7 @@ def grasp():
 
 @pytest.fixture(scope="module")
 def assignment(grasp):
-    return assign(load(CUP, QUICK), grasp)
+    return assign(load(CUP, QUICK), grasp)[0]
 
 
 def test_a_table_in_the_plane_presses_along_its_normal_and_moves_along_it(assignment):
@@ -67,7 +67,7 @@ def test_the_object_stands_on_the_table_where_the_grasp_has_it(assignment):
 
 def test_height_is_measured_against_gravity(assignment):
     pose = np.array([[0.1, 0.2, 0.0], [0.3, 0.15, 1.0]])
-    assert object_height(assignment, pose) == pytest.approx([0.2, 0.15])
+    assert object_height(assignment.mission, pose) == pytest.approx([0.2, 0.15])
 
 
 def test_weight_in_the_plane_is_compared_with_what_the_grasp_carries(grasp):

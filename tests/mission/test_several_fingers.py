@@ -1,0 +1,236 @@
+"""Missions of several fingers: one object between them, a controller for each, names that tell them apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
+from continuum_grasp.mission.precheck import exceeded
+from continuum_grasp.mission.run import MissionRunner, run_mission
+from continuum_grasp.results import read_run
+from continuum_grasp.scene.load import load
+from continuum_grasp.simulation.contacts import ContactForces
+from tests.declared import assert_declared
+
+PINCH = Path(__file__).parents[2] / "configs/mission/pinch.yaml"
+COARSE = ("plant.fidelity={family: clothoid, elements: 2}",)
+
+
+@pytest.fixture(scope="module")
+def grasp():
+    return optimize_grasp(load(PINCH).grasp)
+
+
+@pytest.fixture(scope="module")
+def assignments(grasp):
+    return assign(load(PINCH, COARSE), grasp)
+
+
+@pytest.fixture(scope="module")
+def models(assignments):
+    return [mission_plant_model(one) for one in assignments]
+
+
+def random_state(models, seed):
+    """A common state at which all tips are pressed in, fingers and object move, and contacts have friction."""
+    rng, shared, parts = np.random.default_rng(seed), SharedModel(models), []
+    for model in models:
+        gap, part, n = model.function("gap", gap=model.touch["gap"][0]), model.start.copy(), model.system.n
+        side = 1.0 if model.scene.finger.base.position[1] < 0.0 else -1.0
+        for bend in np.linspace(0.0, 3.0, 600):
+            part[:n] = side * bend * np.ones(n)
+            if float(gap(part, np.zeros(model.nu), model.forces(0.0)[0])) < -1e-3:
+                break
+        part[n : 2 * n] = 0.1 * rng.standard_normal(n)
+        of_contacts = model.system.friction_states
+        part[of_contacts] = 0.3 * rng.standard_normal(of_contacts.stop - of_contacts.start)
+        part[object_rates(model)] = 0.02 * rng.standard_normal(4)
+        parts.append(part)
+    return shared, shared.joined(parts)
+
+
+def object_rates(model):
+    pose = model.system.object_states
+    return slice(pose.stop, 2 * pose.stop - pose.start)
+
+
+@pytest.mark.parametrize("fingers", [(0, 1), (0, 1, 1)])
+def test_the_object_obeys_newton_and_each_finger_its_own_plant(models, fingers):
+    """Rates of the common state beside those of each plant, and the object's beside the sum of all forces on it."""
+    models = [models[k] for k in fingers]
+    shared, x = random_state(models, len(fingers))
+    parts, forces = shared.parts(x), [model.forces(0.0)[0] for model in models]
+    u = np.array([30.0, 2.0, 3.0, 28.0, 4.0, 20.0])[: shared.nu]
+    wrench = np.array([0.3, -0.2, 0.01])
+    for model, w in zip(models, forces, strict=True):
+        w[[model.w_names.index(f"object_{name}") for name in ("force_x [N]", "force_y [N]", "moment [N m]")]] = wrench
+    found = np.array(shared.forward_dynamics(x, u, np.concatenate(forces), shared.p)).ravel()
+    total, lifted, center = np.zeros(3), 0.0, parts[0][models[0].system.object_states][:2]
+    for k, (model, part, w) in enumerate(zip(models, parts, forces, strict=True)):
+        own = np.array(model.forward_dynamics(part, u[2 * k : 2 * k + 2], w, model.p)).ravel()
+        moved = model.system.object_states
+        alone = np.r_[0 : moved.start, model.system.nx : model.nx]
+        assert shared.parts(found)[k][alone] == pytest.approx(own[alone], rel=1e-9, abs=1e-9)
+        touch = model.function("touch", **{name: model.touch[name] for name in ("force", "point", "lift")})
+        force, point, lift = (np.array(v) for v in touch(part, u[2 * k : 2 * k + 2], w))
+        rows = range(force.shape[1]) if k == 0 else [0]  # supports and table count once
+        for row in rows:
+            arm = point[:, row] - center
+            total += [*force[:, row], arm[0] * force[1, row] - arm[1] * force[0, row]]
+            lifted += float(lift[row, 0])
+        assert np.hypot(*force[:, 0]) > 0.5
+    body = models[0].scene.object
+    spin = (total[2] + wrench[2]) / models[0].scene.inertia
+    expected = [*(total[:2] + wrench[:2]) / body.mass, spin, lifted / body.mass - 9.81]
+    rates = shared.parts(found)[0][object_rates(models[0])]
+    assert rates == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_common_state_is_taken_apart_and_put_together(models):
+    shared, x = random_state(models, 3)
+    assert np.array_equal(shared.joined(shared.parts(x)), x)
+    n = models[0].system.n
+    assert np.array_equal(x[: 2 * n], np.concatenate([part[:n] for part in shared.parts(x)]))
+    assert shared.nx == sum(model.nx for model in models) - 8 - sum(
+        not name.startswith("finger.") for name in models[0].system.x_names[models[0].system.friction_states]
+    )
+
+
+def test_each_finger_has_its_own_task(assignments, grasp):
+    lower, upper = assignments
+    assert [one.name for one in assignments] == ["lower", "upper"]
+    for one in assignments:
+        assert one.forces == {"finger.tip": grasp.contact(f"{one.name}.tip").normal_force}
+        assert one.control.contacts == ()
+        assert sum(one.control.fidelity.elements) == pytest.approx(0.09)
+    # The grasp is symmetric, and so is what both have to do.
+    assert lower.held == pytest.approx(upper.held[::-1], rel=1e-4)
+    assert lower.bends == pytest.approx(-upper.bends, abs=1e-6)
+    assert lower.posture == pytest.approx(-upper.posture, abs=1e-4)
+
+
+def test_the_check_before_the_run_names_the_finger(grasp):
+    weak = assign(load(PINCH, ["drive_tension=60"]), grasp)
+    found = exceeded(weak, Variation())
+    assert [one.name for one in found] == ["tension", "tension"]
+    assert "the drive of lower" in found[0].text
+    assert "the drive of upper" in found[1].text
+    heavy = {one.name: one for one in exceeded(assign(load(PINCH, ["object_mass=0.6"]), grasp), Variation())}
+    carried = 0.5 * sum(contact.normal_force for contact in grasp.contacts) / 9.81
+    assert heavy["mass"].resisted == pytest.approx(carried, rel=1e-3)
+    assert heavy["mass"].certain
+
+
+def test_a_drop_names_finger_and_contact(assignments, grasp):
+    table = Timetable(assignments[0])
+    t = np.arange(0.0, table.duration, 0.01)
+    shape = (len(t), 2)
+
+    def contacts(normal, friction):
+        zero = np.zeros((len(t), 2))
+        planar = np.zeros((len(t), 2, 2))
+        return ContactForces(("finger.tip", "table"), zero, normal, friction, zero, planar, planar)
+
+    firm, weak = np.full(shape, 4.0), np.full(shape, 1.0)
+    slipping = np.where(t[:, None] < 3.0, 1.0, 2.0) * np.ones(shape)
+    both = ContactForces.joined({"lower": contacts(firm, weak), "upper": contacts(firm, slipping)})
+    assert both.names == ("lower.tip", "upper.tip", "table")
+    assert [both.on_finger(name) for name in both.names] == [True, True, False]
+    drop = find_drop(assignments, table, Variation(), t, both, 0.02 * (t >= 3.2))
+    assert drop.text.startswith("slipped at upper.tip at 3.00 s: friction 0.50, certificate needs 0.45")
+    own = certified_contact(assignments, "upper.tip")
+    assert own.normal_force == grasp.contact("upper.tip").normal_force
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("plant.guides=20", "plant.guides"),
+        ("grasp.fingers.upper.tendons.time_constant=null", r"grasp.fingers.upper.tendons needs a time_constant"),
+        ("more_contacts=[0.1]", "more_contacts must lie between base and tip of each finger"),
+    ],
+)
+def test_what_makes_no_mission_of_two_fingers_is_named(change, said):
+    with pytest.raises(InputError, match=said):
+        load(PINCH, [change])
+
+
+@pytest.mark.slow
+def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
+    phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+    short = load(PINCH, ["plant.fidelity={family: clothoid, elements: 3}", f"phases={phases}"])
+    runner = MissionRunner(assign(short, grasp))
+    run = runner.run()
+    assert run.verdict.succeeded
+    names, t, hold = run.contacts.names, run.t, run.timetable.span("hold")
+    assert names == ("lower.tip", "upper.tip", "table")
+    during = (t > hold.start) & (t < hold.end)
+    lower, upper = run.contacts.normal_force[during, :2].T
+    assert lower.mean() == pytest.approx(upper.mean(), rel=0.02)
+    assert run.contacts.lift[during, :2].sum(axis=1).mean() == pytest.approx(0.1 * 9.81, rel=0.02)
+    assert run.run is None
+    assert run.force_estimate is None
+    assert list(run.held_forces) == ["lower.tip", "upper.tip"]
+    # Both fingers see one object, and sensors of their own.
+    poses = [one.object_pose for one in run.runs]
+    assert np.array_equal(*poses)
+    assert not np.array_equal(run.runs[0].y[:, 1], -run.runs[1].y[:, 1])
+    run.save(tmp_path)
+    stored = read_run(tmp_path)
+    assert stored.arrays["contact_gap"].shape == (len(t), 3)
+    assert stored.arrays["object_pose"] == pytest.approx(run.object_pose)
+    assert "u" not in stored.arrays
+    assert_declared(run, stored.arrays)
+    for name, one in run.fingers.items():
+        assert np.array_equal(read_run(tmp_path / name).arrays["u"], one.u)
+    report = (tmp_path / "report.txt").read_text()
+    assert "finger lower" in report
+    assert "finger upper" in report
+    assert {path.name for path in run.save_pictures(tmp_path)} == {"timeline.png", "snapshots.png"}
+    assert run.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
+    # Other plants in between leave no trace; half of the friction is too little.
+    dropped = runner.run(Variation(friction=0.2))
+    assert not dropped.verdict.held
+    assert {slip.contact for slip in dropped.verdict.drop.slips} == {"lower.tip", "upper.tip"}
+    again = runner.run()
+    assert all(np.array_equal(a.x, b.x) for a, b in zip(again.runs, run.runs, strict=True))
+
+
+def three_fingers():
+    """The lower finger three times, turned about the tin's center."""
+    own = {
+        "extends": "../fingers/stiff_finger.yaml",
+        "rod": {"length": 0.09, "linear_density": 0.047, "bending_stiffness": 0.0471, "rotary_inertia": 2.6e-7}
+        | {"diameter": 0.002},
+        "damping": {"material": 2.3e-4},
+        "masses": [{"at": 0.09, "mass": 0.002}],
+    }
+    found = {}
+    for name, angle in zip("abc", 2.0 * np.pi * np.arange(3) / 3, strict=True):
+        c, s = float(np.cos(angle)), float(np.sin(angle))
+        x, y = 0.0897 - 0.0897 * c + 0.04 * s, -0.0897 * s - 0.04 * c
+        found[name] = own | {"base": {"position": [x, y], "angle": float(angle) - np.pi / 2}}
+    return f"grasp.fingers={json.dumps(found)}"
+
+
+@pytest.mark.slow
+def test_three_fingers_hold_more_firmly_than_two():
+    phases = "{approach: 0.5, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+    changes = [three_fingers(), "grasp.object.free=null", "grasp.object.position=[0.0897, 0.0]", f"phases={phases}"]
+    changes += ["plant.fidelity={family: clothoid, elements: 4}", "controller.elements=[1, 1]", "pull_share=0.4"]
+    run = run_mission(load(PINCH, changes))
+    assert run.verdict.succeeded
+    assert run.contacts.names == ("a.tip", "b.tip", "c.tip", "table")
+    # Of two fingers it moves by millimeters: three normals span the plane.
+    assert run.verdict.moved < 0.5e-3
+    assert np.all(run.contacts.normal_force[run.t > run.timetable.span("lift").end][:10, :3] > 4.0)
