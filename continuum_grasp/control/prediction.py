@@ -147,7 +147,7 @@ class Prediction(Remade):
         self.x_names = (*system.x_names, *own)
         self.u_names = tuple(system.u_names[: len(scene.input_limits[0])])
         extra = {"missing_tip_moment [N m]": 0.0} if self._couple else {}
-        if self._own_lag is not None and _LAG in scene.parameters:
+        if self._own_lag is not None and _LAG in scene.model_parameters:
             extra[f"{_LAG} [s]"] = self._own_lag
         self.p_names = (*system.p_names, *system.w_names, *extra)
         self.p_nominal = (*system.p_nominal, *[0.0] * system.nw, *extra.values())
