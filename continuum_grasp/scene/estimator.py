@@ -189,7 +189,7 @@ class Estimator(Value):
     """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
     """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
-    object_acceleration_std: Annotated[Positive, Unit("m/s2 s^0.5")] = 1.0
+    object_acceleration_std: Annotated[Positive, Unit("m/s2 s^0.5")] = 0.1
     """Unmodeled acceleration of an object that moves, each coordinate [m/s2 s^0.5]; of its turning, as much at its
     radius of gyration."""
     initial_std: Annotated[Positive, Unit("rad")] = 0.05

@@ -33,7 +33,7 @@ _IMPLICIT_STAGE = 0.29
 _APPROACH = 0.3
 """Speed at which surfaces meet [m/s]: that of configs/mission/mug.yaml, whose setpoints end 3 mm before the touch, with
 what a plan of a few iterations overshoots. Of its plants with contacts of 20 kN/m 5 of 20 held the mug with one step of
-10 ms, TRIALS with what follows from this."""
+10 ms, 16 with what follows from this."""
 
 
 @check_arguments
