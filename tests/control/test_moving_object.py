@@ -223,19 +223,3 @@ def test_setpoints_go_by_name(controller):
     follows = load(BAR, ["controller.cost.object_position=1.0e3", "reference.object_position=[0.05, 0.2]"])
     names = stages_of(follows, controller.prediction).r_names
     assert names[:4] == ("gap_finger.tip [m]", "object_x [m]", "object_y [m]", "object_angle [rad]")
-
-
-def test_the_bar_is_turned_by_30_degrees_and_left_alone(controller):
-    run = cg.run_closed_loop(BAR, controller=controller)
-    angle = np.degrees(run.object_pose[:, 2])
-    assert angle[-1] == pytest.approx(30.0, abs=2.0)
-    assert angle.max() < 32.0
-    assert run.ended == "finished"
-    assert set(run.status) <= {"solved", "row_violated", "iteration_limit"}
-    # It lies still in the end, and the finger is away from it.
-    assert np.ptp(angle[-20:]) < 0.1
-    assert run.contacts.gap[-1, 0] > 0.01
-    # The estimate is nearer than one look of the camera, 0.3 degrees.
-    seen = run.estimate[:, list(run.estimated_names).index("object_angle [rad]")]
-    errors = seen - run.object_pose[: len(seen), 2]
-    assert np.degrees(np.sqrt(np.mean(errors[100:] ** 2))) < 0.3
