@@ -121,7 +121,7 @@ class ChainSystem:
                 self._pairs.append(disc_pair(body, law, disc))
             self._pairs += support_pairs(body, law, scene.walls, scene.pegs)
             if scene.table is not None:
-                self._pairs.append(table_pair(body, law, scene.table.friction))
+                self._pairs.append(table_pair(body, law, scene.table))
         self.touch_names = [pair.name for pair in self._pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
         pose, rates, wrench = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
@@ -195,7 +195,8 @@ class ChainSystem:
             rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
         if self._body is not None:
             given = [(pair.point, pair.force.scaled(-1.0)) for pair in self._pairs]
-            rates += self._body.state_rate(Vec(*self.scene.gravity), given, [pair.lift for pair in self._pairs])
+            lifts, moments = [pair.lift for pair in self._pairs], [pair.moment for pair in self._pairs if pair.arm]
+            rates += self._body.state_rate(Vec(*self.scene.gravity), given, lifts, moments)
         for pair in self._pairs:
             rates += pair.z_rate
         inputs = [self._motion, self._tension, self._others, self._u, self._w, self._p]

@@ -15,7 +15,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.chain_integration import ChainIntegration
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
+from continuum_grasp.control.estimation.model import OBJECT_POSE, torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
@@ -291,6 +291,8 @@ def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:
     if measured.bending is not None:
         angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
         found |= {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
+    if measured.object is not None:
+        found |= zip(OBJECT_POSE, ca.vertsplit(plant.object_pose[:3]), strict=True)
     return found
 
 

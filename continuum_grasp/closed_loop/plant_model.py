@@ -124,6 +124,9 @@ class PlantModel(Remade):
         object_parameters: Sequence[str] = (),
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
+        varies = given is None and scene.object_moves
+        if varies:
+            object_parameters = ("object_mass", "friction_factor")
         finger = self.scene.finger
         tendons = finger.tendon_list
         lags = [t.time_constant for t in tendons] or [scene.plant.time_constant or scene.controller.input.time_constant]
@@ -167,6 +170,9 @@ class PlantModel(Remade):
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
         self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np)
         self.p: Array = np.array(self.system.p_nominal)
+        if varies:
+            # Run-time numbers, so that plants that differ in them share one compiled integrator.
+            self.p[-2:] *= (scene.plant.object_mass, scene.plant.object_friction)
         self.outside: dict[str, Callable[[Array], Array]] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
 
@@ -365,8 +371,16 @@ class PlantModel(Remade):
     @property
     def contact_force(self) -> ca.SX:
         """Normal forces [N] at the contacts that the controller follows, in its order."""
-        rows = [self.system.touch_names.index(self._own_name(name)) for name in self.control.tracked_contacts]
-        return self.touch["normal_force"][rows]
+        return self.touch["normal_force"][self.rows_of(self.control.tracked_contacts)]
+
+    def rows_of(self, contacts: Sequence[str]) -> list[int]:
+        """Where contacts of the controller are among those of the plant."""
+        return [self.system.touch_names.index(self._own_name(name)) for name in contacts]
+
+    @property
+    def object_pose(self) -> ca.SX:
+        """Pose of an object that moves: x, y [m] and angle [rad], and its height [m] where it has one."""
+        return self._x[self.system.object_states]
 
     def _own_name(self, name: str) -> str:
         """The name that a contact of the controller has here, where the finger may have more of them."""
@@ -406,7 +420,7 @@ class PlantModel(Remade):
         around = self.system.surroundings
         if around is None or around.object is None or around.contact_law is None or around.table is None:
             return None
-        if around.table.wall is not None:  # in the plane the pose itself is where it stands
+        if around.table.wall is not None or around.table.stays:  # the pose itself is where it stands
             return None
         # Where the table's spring carries the weight, so that the run begins at rest.
         sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness

@@ -66,6 +66,15 @@ class _PlantQuantities:
     def contact_force(self) -> ca.SX:
         return self.plant.contact_force
 
+    @property
+    def gap(self) -> ca.SX:
+        control = self.plant.control
+        return self.plant.touch["gap"][self.plant.rows_of(control.controller.cost.tracked_gaps(control.contact_names))]
+
+    @property
+    def object_pose(self) -> ca.SX:
+        return self.plant.object_pose
+
     def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
         return self.plant.sections(at)
 

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
-_PRESSED = 10.0
+PRESSED = 10.0
 """Normal force at which the stiffness of closed contacts is taken [N]: twice that of configs/mission/mug.yaml, 5.4 N;
 the damping of a contact, which sets the fastest rate, grows with it."""
 
@@ -279,6 +279,11 @@ class Prediction(Remade):
         return self._function("contact_force", f=ca.vertcat(*forces))
 
     @cached_property
+    def gap(self) -> ca.Function:
+        """Distance of each place where the finger may touch the object from its surface [m], negative if pressed in."""
+        return self._function("gap", gap=self.system.touch(*self.arguments)[0][: len(self.contact_names)])
+
+    @cached_property
     def tensions(self) -> ca.Function:
         """Tension of each tendon at its drive [N], of fingers with tendon friction or winches."""
         x, _, p = self._of_system
@@ -337,7 +342,7 @@ class Prediction(Remade):
         else:
             # As if every contact were pressed, wherever the finger is: open contacts are not stiff.
             gap = self.system.touch(*self.arguments)[0]
-            pressed = gap + (law.rounding + _PRESSED / law.stiffness)
+            pressed = gap + (law.rounding + PRESSED / law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
         linearized = ca.Function("jacobian", given, [jacobian])
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.

@@ -26,6 +26,7 @@ _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP
 _C: dict[int, str] = OPERATORS | {
     ca.OP_INV: "{one} / {0}",
     ca.OP_FABS: "{0} < {zero} ? -{0} : {0}",
+    ca.OP_SIGN: "{0} < {zero} ? -{one} : ({0} > {zero} ? {one} : {zero})",
     ca.OP_FMIN: "{0} < {1} ? {0} : {1}",
     ca.OP_FMAX: "{0} > {1} ? {0} : {1}",
     ca.OP_LT: "{0} < {1} ? {one} : {zero}",
@@ -38,6 +39,7 @@ _VECTORS = {*OPERATORS, ca.OP_INV}
 """Operations that C has for vectors, a literal among the arguments included."""
 _EACH = {
     ca.OP_FABS: ("fabs", 1),
+    ca.OP_SIGN: ("sign", 1),
     ca.OP_FMIN: ("fmin", 2),
     ca.OP_FMAX: ("fmax", 2),
     ca.OP_LT: ("lt", 2),
@@ -59,6 +61,7 @@ _NUMPY: dict[int, Callable[..., Array]] = {
     ca.OP_TWICE: lambda a: a + a,
     ca.OP_INV: lambda a: a.dtype.type(1) / a,
     ca.OP_FABS: lambda a: np.where(a < 0, -a, a),
+    ca.OP_SIGN: lambda a: np.where(a < 0, -a.dtype.type(1), np.where(a > 0, a.dtype.type(1), a.dtype.type(0))),
     ca.OP_FMIN: lambda a, b: np.asarray(np.where(a < b, a, b)),
     ca.OP_FMAX: lambda a, b: np.asarray(np.where(a > b, a, b)),
     ca.OP_LT: lambda a, b: (a < b).astype(a.dtype),

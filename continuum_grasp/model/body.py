@@ -36,11 +36,12 @@ class Body:
         # The moment of inertia grows with the mass: same shape, other density.
         self.inertia: Scalar = around.inertia if mass is None else (around.inertia / described.mass) * mass
         self.moves = around.object_moves
-        self.sinks = around.out_of_plane_gravity > 0.0
+        rests = around.table is not None and around.table.stays
+        self.sinks = around.out_of_plane_gravity > 0.0 and not rests
         """Whether it can slide out of the plane."""
         count = (4 if self.sinks else 3) if self.moves else 0
         self.pose, self.rates = ca.SX.sym("pose", count), ca.SX.sym("rates", count)
-        stands = around.table is not None
+        stands = around.table is not None and not rests
         self.wrench = ca.SX.sym("wrench", (4 if stands else 3) if self.moves else 0)
         """World force, moment about the center of mass, and the height of the table."""
         self.x_names = [*_POSE[:count], *_RATES[:count]]
@@ -71,8 +72,20 @@ class Body:
             return ZERO
         return self.velocity + (at - self.position).perp().scaled(self.omega)
 
-    def state_rate(self, gravity: Vec, forces: Sequence[tuple[Vec, Vec]], lifts: Sequence[Scalar]) -> list[Scalar]:
-        """Rates of pose and rates under gravity in the plane [m/s2], forces (point [m], force [N]) and lifts [N].
+    @property
+    def weight(self) -> Scalar:
+        """Out of the plane [N]."""
+        return self.mass * self._around.out_of_plane_gravity
+
+    def state_rate(
+        self,
+        gravity: Vec,
+        forces: Sequence[tuple[Vec, Vec]],
+        lifts: Sequence[Scalar],
+        moments: Sequence[Scalar] = (),
+    ) -> list[Scalar]:
+        """Rates of pose and rates under gravity in the plane [m/s2], forces (point [m], force [N]), lifts [N], and
+        moments [N m].
 
         Vectors are the world's; lifts act out of the plane.
         """
@@ -84,6 +97,8 @@ class Body:
         for point, force in forces:
             total += force
             moment += (point - center).cross(force)
+        for of in moments:
+            moment += of
         # Newton and Euler about the center of mass; the pose is that of the frame's origin, which its arm carries.
         spin = moment / self.inertia
         back = self.arm.perp().scaled(spin) - self.arm.scaled(self.omega * self.omega)

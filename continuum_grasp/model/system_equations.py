@@ -125,7 +125,8 @@ class SystemEquations(Equations):
         if self.body is None:
             return rates
         forces = [(pair.point, pair.force.scaled(-1.0)) for pair in self.pairs]
-        rates += self.body.state_rate(self._world_gravity, forces, [pair.lift for pair in self.pairs])
+        moments = [pair.moment for pair in self.pairs if pair.arm]
+        rates += self.body.state_rate(self._world_gravity, forces, [pair.lift for pair in self.pairs], moments)
         return rates + [rate for pair in self.pairs for rate in pair.z_rate]
 
     @cached_property

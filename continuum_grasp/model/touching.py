@@ -48,6 +48,8 @@ class Pair:
     is_table: bool = False
     press: ca.SX = field(default_factory=ca.SX)  # what the gap is made smaller by [m]; empty where it is what it is
     share: Scalar | None = None  # of the limit that friction takes in the plane [1]; None: by the law
+    load: Scalar | None = None  # normal force that a weight exerts [N]; None: by the law
+    arm: float = 0.0  # greatest moment of friction per friction force [m]; the last direction of slip is then a turning
 
     def pressed(self) -> Pair:
         """The same with a gap that is smaller by a run-time number ``press``."""
@@ -73,12 +75,12 @@ class Pair:
     @property
     def stored_energy(self) -> Scalar:
         """Of the normal spring [J]."""
-        return stored_energy(self.law, self.gap)
+        return stored_energy(self.law, self.gap) if self.load is None else 0.0
 
     @cached_property
     def normal_force(self) -> Scalar:
         """[N]"""
-        return normal_force(self.law, self.gap, self.gap_rate)
+        return normal_force(self.law, self.gap, self.gap_rate) if self.load is None else self.load
 
     @cached_property
     def _friction(self) -> list[Scalar]:
@@ -96,6 +98,11 @@ class Pair:
         return self._friction[0]
 
     @property
+    def moment(self) -> Scalar:
+        """Moment of friction against turning, on the object [N m]."""
+        return -self.arm * self._friction[2]
+
+    @property
     def lift(self) -> Scalar:
         """Force out of the plane, on the object [N]."""
         if self.is_table:
@@ -106,24 +113,32 @@ class Pair:
     def force(self) -> Vec:
         """Force in the plane on what touches the object, world [N]; the object bears the opposite."""
         if self.is_table:
-            return Vec(*self._friction)
+            return Vec(*self._friction[:2])
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
 
 
-def table_pair(body: Body, law: ContactLaw, friction: float) -> Pair:
-    """The table under an object that can slide out of the plane; its height is a run-time number."""
+def table_pair(body: Body, law: ContactLaw, table: Table) -> Pair:
+    """The table under an object that rests on it, or can slide out of the plane: its height is a run-time number then.
+
+    Force and moment of friction are within one ellipsoid: R. D. Howe, M. R. Cutkosky, Practical force-motion models for
+    sliding manipulation, Int. J. Robotics Research 15 (1996), doi:10.1177/027836499601500603.
+    """
     center = body.position + body.arm
     velocity = body.velocity_at(center)
+    turns = table.friction_radius > 0.0
     return Pair(
         name="table",
-        gap=body.pose[3] - body.wrench[3],
-        gap_rate=body.climb,
+        # One that rests on it touches, whatever the law.
+        gap=-law.rounding if table.stays else body.pose[3] - body.wrench[3],
+        gap_rate=0.0 if table.stays else body.climb,
+        load=body.weight if table.stays else None,
+        arm=table.friction_radius,
         normal=Vec(0.0, 0.0),
         # At the center of mass: the object never tilts, and where on its base the pressure is makes no difference.
         point=center,
-        slip=(velocity.x, velocity.y),
-        words=("slide_x", "slide_y"),
-        friction=friction,
+        slip=(velocity.x, velocity.y, *[table.friction_radius * body.omega] * turns),
+        words=("slide_x", "slide_y", "turn"),
+        friction=table.friction,
         grip=body.grip,
         law=law,
         is_table=True,
@@ -133,7 +148,7 @@ def table_pair(body: Body, law: ContactLaw, friction: float) -> Pair:
 def table_pairs(body: Body, law: ContactLaw, table: Table) -> list[Pair]:
     """The table under an object, out of the plane or in it; its height is a run-time number."""
     if table.wall is None:
-        return [table_pair(body, law, table.friction)]
+        return [table_pair(body, law, table)]
     return [replace(pair, gap=pair.gap - body.wrench[3]) for pair in support_pairs(body, law, [table.wall], [])]
 
 

@@ -79,18 +79,25 @@ def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:
     """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
     wanted = run.tip_reference
     zones = bodies.zone_points(run.scene.controller.bounds.keep_out)
-    return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones]
+    moved = [part for outline in bodies.outlines_at(run, [0, -1]) for part in outline]
+    return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones, *moved]
 
 
-def _draw_surroundings(ax: Axes, run: ControlRun) -> None:
-    """Draw zones, supports, and the object where it is at the start, into axes whose limits are set."""
+def _draw_surroundings(ax: Axes, run: ControlRun, *, moving: bool = False) -> None:
+    """Draw zones, supports, and the object, into axes whose limits are set.
+
+    One that moves is drawn faintly where it is at the start, and in the end unless it is drawn ``moving``.
+    """
     scene = run.scene
     bodies.draw_zones(ax, scene.controller.bounds.keep_out)
     bodies.draw_supports(ax, scene.supports)
-    if scene.object is not None:
-        # a run has no poses of an object that is fixed
-        pose = np.asarray(scene.object.pose if run.object_pose is None else run.object_pose[0, :3])
-        bodies.draw_object(ax, bodies.object_outlines(scene.object, pose))
+    outlines = bodies.outlines_at(run, [0, -1])
+    if outlines:
+        bodies.draw_object(ax, outlines[0], faint=True)
+    if outlines and not moving:
+        bodies.draw_object(ax, outlines[-1])
+    if scene.object is not None and not outlines:  # a run has no poses of an object that is fixed
+        bodies.draw_object(ax, bodies.object_outlines(scene.object, np.asarray(scene.object.pose)))
 
 
 def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -202,8 +209,8 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     unique, back = np.unique(indices, return_inverse=True)
     shapes = np.asarray(run.backbone(unique, points=60))
     film = Film(axes.bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
-    ax = film.ax
-    _draw_surroundings(ax, run)
+    ax, outlines = film.ax, bodies.outlines_at(run, unique)
+    _draw_surroundings(ax, run, moving=True)
     bodies.draw_clamp(ax, shapes[0], run.scene.finger)
     cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
     if wanted is not None:
@@ -220,6 +227,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
         ahead.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)  # nothing is planned at the last instant
         if wanted is not None:
             target.set_data(*wanted[at : at + 1].T)
-        return [ahead, target, *finger(k)], []
+        passing = bodies.draw_object(ax, outlines[k], animated=True) if outlines else []
+        return [ahead, target, *finger(k)], passing
 
     return film.frames(back, moving)

@@ -79,10 +79,16 @@ class ControlScene(FingerScene):
         given.check(cost, "controller.cost")
         if cost.contact_force is not None and self.object is None:
             raise ValueError("controller.cost.contact_force needs an object that is touched")
-        for name in self.tracked_contacts:
-            if name not in self.contact_names:
-                known = ", ".join(self.contact_names)
-                raise ValueError(f"controller.cost.contact_force.of: expected some of {known}, got {name!r:.60}")
+        if cost.gap is not None and self.object is None:
+            raise ValueError("controller.cost.gap needs an object that is touched")
+        for key in ("object_position", "object_angle"):
+            if getattr(cost, key) is not None and not self.object_moves:
+                raise ValueError(f"controller.cost.{key} needs an object that moves: set object_moves")
+        for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
+            for name in names:
+                if name not in self.contact_names:
+                    known = ", ".join(self.contact_names)
+                    raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
             self.finger.rod.check_sections("controller.cost.shape", cost.shape.at)
         self._doubt_reach()
@@ -139,6 +145,12 @@ class ControlScene(FingerScene):
             estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
             self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
+        if self.object_moves != (estimator.measured.object is not None):
+            raise ValueError(
+                "object_moves needs estimator.measured.object, by which the controller knows where it is"
+                if self.object_moves
+                else "estimator.measured.object needs an object that moves: set object_moves"
+            )
         for name in ("bending_stiffness", "tendon_friction"):
             if getattr(estimator.disturbances, name) is not None and name not in self.parameters:
                 raise ValueError(f"estimator.disturbances.{name} needs parameters: [{name}]")

@@ -39,7 +39,7 @@ class ShapeWeight(Weight):
 
 
 class ForceWeight(Weight):
-    """Contacts whose normal forces track setpoints."""
+    """Contacts whose normal forces, or distances from the object, track setpoints."""
 
     of: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
     """Names of the contacts: finger.1 and so on at ``contacts``, finger.tip; None: all of these."""
@@ -63,6 +63,13 @@ class Cost(Value):
     """Bending rate of each element, towards zero [s2/rad2]."""
     contact_force: Annotated[ForcesWeighted, Field(examples=[1.0]), Unit("1/N2")] | None = None
     """Normal force at each place where the finger may touch the object [1/N2]."""
+    gap: Annotated[ForcesWeighted, Field(examples=[1e4]), Unit("1/m2")] | None = None
+    """Distance of each place where the finger may touch the object from its surface, negative where pressed in
+    [1/m2]: what leads the finger to an object and away from it."""
+    object_position: Annotated[Weighted, Field(examples=[1e4]), Unit("1/m2")] | None = None
+    """World position of an object that moves [1/m2]."""
+    object_angle: Annotated[Weighted, Field(examples=[100.0]), Unit("1/rad2")] | None = None
+    """World angle of an object that moves [1/rad2]."""
     effort: Annotated[NonNegative, Field(examples=[1e-3]), Unit("per square of the input's unit")] | None = None
     """Input away from ``reference.input`` [per square of the input's unit], such as 1/N2 of tensions."""
     input_rate: Annotated[NonNegative, Field(examples=[5e-4]), Unit("s2 per square of the input's unit")] | None = None
@@ -82,6 +89,10 @@ class Cost(Value):
     def tracked_contacts(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Names of the contacts whose normal force is tracked, among those there are."""
         return () if self.contact_force is None else self.contact_force.of or names
+
+    def tracked_gaps(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the contacts whose distance from the object is tracked, among those there are."""
+        return () if self.gap is None else self.gap.of or names
 
 
 Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]
@@ -152,13 +163,21 @@ class Reference(Value):
     """World angle of the tip's section, whose tangent is (-sin, cos) of it [rad]; samples have rows of one entry."""
     contact_force: Annotated[Rows, Unit("N")] | None = None
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
+    gap: Annotated[Rows, Unit("m")] | None = None
+    """Distance of each place where the finger may touch the object from its surface, from base to tip [m]."""
+    object_position: Annotated[Vector2 | RowSamples, Unit("m")] | None = None
+    """World position of an object that moves [m]."""
+    object_angle: Annotated[AngleRow | RowSamples, Unit("rad")] | None = None
+    """World angle of an object that moves [rad]; samples have rows of one entry."""
     input: Annotated[Rows, Unit("unit of the input")] | None = None
     """Input that costs no effort: tip moment, tensions, or what drives take [unit of the input]; where not
     given, none, the least tensions, or the pretension of drives."""
 
     def _check(self) -> None:
-        if isinstance(self.tip, RowSamples) and self.tip.width != 2:
-            raise ValueError(f"tip: expected rows of x, y, got {self.tip.width} entries")
+        for name in ("tip", "object_position"):
+            rows = getattr(self, name)
+            if isinstance(rows, RowSamples) and rows.width != 2:
+                raise ValueError(f"{name}: expected rows of x, y, got {rows.width} entries")
 
     def check(self, cost: Cost, key: str) -> None:
         """Refuse, by `ValueError`, tracked quantities without a setpoint and setpoints that nothing tracks.

@@ -32,6 +32,15 @@ class BendingSensors(Value):
     """Standard deviation of a measured angle [rad]."""
 
 
+class ObjectSensor(Value):
+    """A camera that sees the pose of an object that moves."""
+
+    position: Annotated[Positive, Field(examples=[5e-4, "0.5 mm"]), Unit("m")]
+    """Standard deviation of each measured coordinate [m]."""
+    angle: Annotated[Positive, Field(examples=[0.005, "5 mrad"]), Unit("rad")]
+    """Standard deviation of the measured angle [rad]."""
+
+
 class Measured(Value):
     """Measured quantities, each with the standard deviation of its noise."""
 
@@ -42,6 +51,8 @@ class Measured(Value):
     one it is the input itself."""
     bending: BendingSensors | None = None
     """Angles of sections; None: not measured."""
+    object: ObjectSensor | None = None
+    """Pose of an object that moves; None: not measured."""
     length: Annotated[Positive, Field(examples=[2e-5, "20 um"]), Unit("m")] | None = None
     """Of the cable that each winch has wound up, with ``drive.kind: length`` [m]; of an encoder, a step over the root
     of 12."""
@@ -227,6 +238,9 @@ class Estimator(Value):
     """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
     """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
+    object_acceleration_std: Annotated[Positive, Unit("m/s2 s^0.5")] = 0.1
+    """Unmodeled acceleration of an object that moves, each coordinate [m/s2 s^0.5]; of its turning, as much at its
+    radius of gyration."""
     initial_std: Annotated[Positive, Unit("rad")] = 0.05
     """Standard deviation of each bending angle at the start [rad]; of their rates ten times that per second."""
     delay: Annotated[float, Field(ge=0.0, le=1.0), Unit("s")] = 0.0

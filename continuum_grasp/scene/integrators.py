@@ -49,6 +49,9 @@ INTEGRATORS = {
     ),
     "ros2": Integrator("implicit in the finger's own elasticity and damping alone", 2, 2, simulates=False),
     "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
+    "sdirk2_contact": Integrator(
+        "as sdirk2, with a third Newton iteration for stiff contacts", 2, 6, simulates=False, differentiates=True
+    ),
 }
 SIMULATION_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.simulates)
 CONTROL_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.differentiates)

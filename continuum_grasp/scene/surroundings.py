@@ -66,6 +66,13 @@ class Table(Value):
 
     friction: Friction
     """Coulomb friction coefficient between it and the object [1]."""
+    friction_radius: Annotated[NonNegative, Field(examples=[0.02, "20 mm"]), Unit("m")] = 0.0
+    """Greatest moment of friction against turning, per greatest friction force [m], of a table parallel to the plane:
+    2/3 of the radius of a disc that presses evenly, 0.38 of the side of such a square, a quarter of the length of a
+    bar. Force and moment are within one ellipsoid, as of a surface that slides and turns at once. 0: turns freely."""
+    stays: bool = False
+    """Whether the object rests on a table parallel to the plane for good: pressed on it by its weight, without a height
+    that moves. False: the table can sink away."""
     point: Position | None = None
     """A world point of its surface at height zero, where it is perpendicular to the plane [m]."""
     normal_angle: Angle | None = None
@@ -74,6 +81,9 @@ class Table(Value):
     def _check(self) -> None:
         if (self.point is None) != (self.normal_angle is None):
             raise ValueError("point and normal_angle belong together: a table in the plane has both")
+        if self.point is not None and (self.stays or self.friction_radius > 0.0):
+            key = "stays" if self.stays else "friction_radius"
+            raise ValueError(f"{key} is of a table parallel to the plane, without point and normal_angle")
 
     @property
     def wall(self) -> Wall | None:

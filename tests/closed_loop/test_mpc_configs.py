@@ -189,3 +189,17 @@ def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
     assert plain.adapted == {}
     assert "only lag and delay together are observed" in adapted.report()
     assert adapted.details()["adapted"]["bending_stiffness"]["observability"] == "observed"
+
+
+def test_a_bar_is_turned_by_30_degrees_and_left_alone():
+    found = checked(run("turn_bar", 5.5))
+    angle = np.degrees(found.object_pose[:, 2])
+    assert angle[-1] == pytest.approx(30.0, abs=2.0)
+    assert angle.max() < 32.0
+    # It lies still in the end, and the finger is away from it.
+    assert np.ptp(angle[-20:]) < 0.1
+    assert found.contacts.gap[-1, 0] > 0.01
+    # The estimate is nearer than one look of the camera, 0.3 degrees.
+    seen = found.estimate[:, list(found.estimated_names).index("object_angle [rad]")]
+    errors = seen - found.object_pose[: len(seen), 2]
+    assert np.degrees(np.sqrt(np.mean(errors[100:] ** 2))) < 0.3

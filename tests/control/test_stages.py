@@ -50,7 +50,7 @@ def a_state(stages, rng):
 
 
 @pytest.mark.parametrize("name", CASES)
-@pytest.mark.parametrize("method", ["rk4", "sdirk2"])
+@pytest.mark.parametrize("method", ["rk4", "sdirk2", "sdirk2_contact"])
 def test_shapes_and_derivatives_of_a_step(name, method):
     stages = stages_of(CASES[name])
     step = step_function(stages.dynamics, stages.nx, method)
@@ -72,7 +72,7 @@ def test_shapes_and_derivatives_of_a_step(name, method):
             assert np.abs(slope[:, j] - difference).max() <= allowed * max(1.0, np.abs(difference).max())
 
 
-@pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("sdirk2", 2)])
+@pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("sdirk2", 2), ("sdirk2_contact", 2)])
 def test_order_of_a_step(method, order):
     stages = stages_of(CASES["arcs"])
     step = step_function(stages.dynamics, stages.nx, method)

@@ -89,7 +89,21 @@ def expressions():
     """Every operation that kernels have, in one function of three numbers."""
     x = ca.SX.sym("x", 3)
     a, b, c = x[0], x[1], x[2]
-    terms = [a + b, a - b, a * b, a / b, -a, a * a, a + a, 1 / c, ca.fabs(a), ca.fmin(a, b), ca.fmax(a, c), a < b]
+    terms = [
+        a + b,
+        a - b,
+        a * b,
+        a / b,
+        -a,
+        a * a,
+        a + a,
+        1 / c,
+        ca.fabs(a),
+        ca.sign(a),
+        ca.fmin(a, b),
+        ca.fmax(a, c),
+        a < b,
+    ]
     terms += [a <= b, ca.if_else(a < c, b, c), ca.logic_not(a), ca.sqrt(c), ca.exp(a), ca.sin(b), ca.cos(c), 0.0]
     return ca.Function("f", [x], [ca.vertcat(*terms)], ["x"], ["y"])
 

@@ -38,6 +38,8 @@ _DISTURBANCES = (
 """Key in ``estimator.disturbances`` or ``adapt``, the parameters that the disturbances add to, and their names."""
 
 
+OBJECT_POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]")
+"""Names and units of the measured pose of an object."""
 FRICTION = r"(motor_|unknown_contact_)?friction_\w+ \[1\]"
 """Names of friction states, of tendons and of motors, and of friction at contacts, unknown but for its limit."""
 
@@ -280,6 +282,9 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         for k, angle in enumerate(angles):
             name = f"angle_{k + 1} [rad]"
             found.append(_Compared("bending", name, angle, {name: 1.0}))
+    if asked.object is not None:
+        pose = ca.vertsplit(model.x[model.system.object_states][:3])
+        found += [_Compared("object", name, x, {name: 1.0}) for name, x in zip(OBJECT_POSE, pose, strict=True)]
     return found
 
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.estimation.model import Estimation
+from continuum_grasp.control.estimation.model import OBJECT_POSE, Estimation
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED, cost_terms
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
@@ -28,6 +28,9 @@ _DRIVE_AT_START = 0.1
 _MARGIN = 1.5
 """Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""
+_SEEN = 10.0
+"""Greatest distance of an object from the base that a camera may show, in finger lengths [1]: far out of reach, but not
+in millimeters."""
 _FORCES = 100.0
 """Greatest unknown force as a multiple of EI/L2 [1]: 2.5 EI/L2 buckles a clamped rod, so this is far beyond any
 touch."""
@@ -91,6 +94,19 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
         process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / lag**3
         initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / lag) ** 2
+    body = model.system.surroundings
+    if asked.measured.object is not None and body is not None and body.object is not None:
+        pose = model.system.object_states
+        count = pose.stop - pose.start
+        rates = slice(pose.stop, pose.stop + count)
+        gyration = math.sqrt(body.inertia / body.object.mass)
+        per_rate = np.array([1.0, 1.0, 1.0 / gyration, *[0.0] * (count - 3)])
+        process[rates] = (asked.object_acceleration_std * per_rate) ** 2
+        seen = [measurement_std(scene, name) for name in OBJECT_POSE]
+        # It is where the scene has it but for what a camera would show, and nearly at rest: an acceleration of that
+        # size acts on it for a period.
+        initial[pose] = np.square([*seen, *[0.0] * (count - 3)])
+        initial[rates] = process[rates] * scene.controller.step
     process[model.nx :] = estimation.drifts**2
     initial[model.nx :] = estimation.spreads**2
     for at in estimation.friction:
@@ -128,6 +144,9 @@ def measurement_std(scene: ControlScene, name: str) -> float:
     asked = scene.estimator.measured
     if name.startswith("angle_"):
         return asked.bending.std if asked.bending is not None else math.inf
+    if name in OBJECT_POSE:
+        sensor = asked.object
+        return math.inf if sensor is None else sensor.angle if name.startswith("object_angle") else sensor.position
     for start, key in _SENSORS.items():
         if name.startswith(start):
             return getattr(asked, key) or math.inf
@@ -204,6 +223,11 @@ def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tupl
     if name in ("tip_x [m]", "tip_y [m]"):
         base = finger.base.position["xy".index(name[4])]
         return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
+    if name == "object_angle [rad]":
+        return (-UNLIMITED, UNLIMITED)
+    if name in OBJECT_POSE:
+        base = finger.base.position["xy".index(name[7])]
+        return (base - _SEEN * finger.rod.length, base + _SEEN * finger.rod.length)
     if name.startswith("tension_"):
         most = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot

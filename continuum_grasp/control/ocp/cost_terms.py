@@ -39,7 +39,8 @@ class Quantities(Protocol):
     """What terms are computed from: expressions of a controller's model, or of a plant.
 
     Length of the finger [m]; world position of the tip (2) [m]; bending angle of each element of the controller's model
-    [rad] and its rate [rad/s]; normal force at each tracked contact [N]; tip moment [N m] or tensions [N] (nu) and
+    [rad] and its rate [rad/s]; normal force at each tracked contact [N], distance from the object [m] where that is
+    tracked; pose of an object that moves, x, y [m] and angle [rad]; tip moment [N m] or tensions [N] (nu) and
     their change per time; of sections at positions along the finger [m] the world positions (2, K) [m] and angles (K)
     [rad].
     """
@@ -54,6 +55,10 @@ class Quantities(Protocol):
     def bending_rate(self) -> Any: ...
     @property
     def contact_force(self) -> Any: ...
+    @property
+    def gap(self) -> Any: ...
+    @property
+    def object_pose(self) -> Any: ...
     @property
     def input(self) -> Any: ...
     @property
@@ -159,6 +164,21 @@ TERMS = (
         lambda cost, model: cost.tracked_contacts(model.contact_names),
         reference="contact_force",
     ),
+    CostTerm(
+        "gap",
+        "gap_{place} [m]",
+        lambda q, _: q.gap,
+        lambda cost, model: cost.tracked_gaps(model.contact_names),
+        reference="gap",
+    ),
+    CostTerm(
+        "object_position",
+        "object_{axis} [m]",
+        lambda q, _: q.object_pose[:2],
+        reference="object_position",
+        limits=_near_base,
+    ),
+    CostTerm("object_angle", "object_angle [rad]", lambda q, _: q.object_pose[2], _one, "object_angle", _turned),
     CostTerm("speed", "bending_rate_{place} [rad/s]", lambda q, _: q.bending_rate, _elements),
     CostTerm("effort", "{place}", lambda q, _: q.input, lambda _, model: model.u_names, "input", of_state=False),
     CostTerm("input_rate", "{place}", lambda q, _: q.input_rate, _rates, of_state=False),
@@ -225,6 +245,16 @@ class _Predicted(NamedTuple):
         names = self.model.contact_names
         tracked = [names.index(name) for name in self.cost.tracked_contacts(names)]
         return self.model.contact_force(*self._given)[tracked]
+
+    @property
+    def gap(self) -> ca.SX:
+        names = self.model.contact_names
+        gaps: ca.SX = self.model.gap(*self._given)
+        return gaps[[names.index(name) for name in self.cost.tracked_gaps(names)]]
+
+    @property
+    def object_pose(self) -> ca.SX:
+        return self.model.x[self.model.system.object_states]
 
     @property
     def input(self) -> ca.SX:

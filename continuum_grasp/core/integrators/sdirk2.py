@@ -15,22 +15,33 @@ Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
 
 def differentiated_step(
-    name: str, slope: ca.Function, start: ca.MX, others: tuple[ca.MX, ...], h: ca.MX, instants: int
+    name: str,
+    slope: ca.Function,
+    start: ca.MX,
+    others: tuple[ca.MX, ...],
+    h: ca.MX,
+    instants: int,
+    *,
+    between: int = 0,
 ) -> list[ca.MX]:
     """Write the step with its derivatives, exact up to the last Newton correction; see the package.
 
-    Each stage takes two Newton iterations, a number that does not depend on data, so that the code is straight-line and
-    its time is constant. A contact of 20 kN/m that closes within a step of 10 ms leaves the stage equations unsolved;
-    such models need shorter steps. Half the step is a step of its own: an L-stable method has no continuous extension.
+    Each stage takes two Newton iterations and as many as there are ``between`` them, a number that does not depend on
+    data, so that the code is straight-line and its time is constant. With two, a contact of 20 kN/m that closes within
+    a step leaves the stage equations unsolved; ``sdirk2_contact`` has one more. Half the step is a step of its own: an
+    L-stable method has no continuous extension.
     """
     first_guess = predict(f"{name}_predict", slope)
     corrections = [correct(f"{name}_{which}", slope, which == "first", instants > 0) for which in ("first", "last")]
+    again = refine(f"{name}_refine", slope)
     found: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
         # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
         given, base, stage = [h, ca.MX(share)], start, list[ca.MX]()
         for stage_of in corrections:
             k, at = call(first_guess, *given, base, *call(slope, base, *others))
+            for _ in range(between):
+                k, at = call(again, *given, base, *call(slope, at, *others), k)
             base, *stage = call(stage_of, *given, start, *call(slope, at, *others), k, *stage)
         found.append([base, *stage])
     return [found[0][0], *(derivatives for _, *following in found for derivatives in following)]
@@ -50,6 +61,16 @@ def predict(name: str, slope: ca.Function) -> ca.Function:
     start, rate, n = given["start"], given["rate"], slope.size1_out(0)
     k = solve(ca.SX.eye(n) - step * parts(given["jacobian"])[0], rate)
     return straight_function(name, given, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
+
+
+def refine(name: str, slope: ca.Function) -> ca.Function:
+    """A Newton iteration between the first and the last one of a stage."""
+    given, step, _ = _given(slope)
+    start, n = given["start"], slope.size1_out(0)
+    k = ca.SX.sym("k", n)
+    rates = k + solve(ca.SX.eye(n) - step * parts(given["jacobian"])[0], given["rate"] - k)
+    found = {"next": rates, "at": ca.vertcat(start[:n, :] + step * rates, start[n:, :])}
+    return straight_function(name, given | {"k": k}, found)
 
 
 def correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: bool) -> ca.Function:

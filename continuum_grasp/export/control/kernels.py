@@ -15,6 +15,7 @@ _TEXTS = {
     "first": "From the first slope of a step to the next one, with derivatives.",
     "again": "From a later slope of a step to the next one, with derivatives.",
     "predict": "The first Newton iteration of an implicit slope.",
+    "refine": "A Newton iteration of an implicit slope between the first and the last one.",
     "last": "The second Newton iteration of the last slope, and the end of the step, with derivatives.",
     "derivatives": "The end of a step with its derivatives, as the horizon or the filter takes them.",
     "end": "The end of a step.",

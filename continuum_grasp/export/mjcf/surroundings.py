@@ -38,13 +38,13 @@ def add_surroundings(root: ET.Element, world: ET.Element, scene: Scene) -> None:
     y = body.position[1] + sin * body.com[0] + cos * body.com[1]
     one = ET.SubElement(world, "body", name="object", pos=numbers(x, y, 0.0))
     if scene.object_moves:
-        loss = {}
-        if scene.table is not None:
-            loss["frictionloss"] = numbers(scene.table.friction * body.mass * scene.out_of_plane_gravity)
+        most = 0.0 if scene.table is None else scene.table.friction * body.mass * scene.out_of_plane_gravity
         for name, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("angle", "hinge", "0 0 1")):
             joint = ET.SubElement(one, "joint", name=f"object_{name}", type=kind, axis=axis)
-            if kind == "slide":
-                joint.attrib |= loss
+            if kind == "slide" and scene.table is not None:
+                joint.set("frictionloss", numbers(most))
+            elif scene.table is not None and scene.table.friction_radius > 0.0:
+                joint.set("frictionloss", numbers(most * scene.table.friction_radius))
         inertia = numbers(*[scene.inertia] * 3)
         ET.SubElement(one, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
     asset = ET.SubElement(root, "asset")
