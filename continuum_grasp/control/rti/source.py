@@ -25,7 +25,7 @@ the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
 
 Pattern = NDArray[np.bool_]
 
-_ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
+_ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c", "rti_search.c")
 """Templates after the basis and the functions generated for a problem, in their order."""
 
 SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
@@ -79,6 +79,8 @@ int rti_sizeof(int which)
   return (int)sizes[which];
 }}
 int rti_width(void) {{ return RTI_W; }}
+double rti_change(const rti_work *work, const rti_settings *settings) {{ return (double)rti_input_change(work, settings); }}
+int rti_stuck(const rti_work *work) {{ return work->search == RTI_STUCK; }}
 int rti_offset(int which)
 {{
   const size_t offsets[] = {{{offsets}}};
