@@ -67,7 +67,9 @@ class RtiSolver(CompiledController):
             self.period, self.safe, s.stages * s.stage, **{key: whole(key, count) for key, count in counts.items()}
         )
         if start_calls > start_iterations:
-            raise InputError(f"expected start_iterations = {start_iterations} or less, got {start_calls}", key="start_calls")
+            raise InputError(
+                f"expected start_iterations = {start_iterations} or less, got {start_calls}", key="start_calls"
+            )
         self._compile(solver_fields(s, self.calls, self.precision), self.precision, deadline)
         keys, widths = zip(*problem.cost_names, strict=True)
         self.nominal_setpoints = Setpoints(s.r_names, [(width, None) for width in widths], keys)

@@ -136,8 +136,8 @@ class Calls(NamedTuple):
     """How a controller is called: what its C needs beside the problem.
 
     Period [s]; safe input (nu), to which the command goes where there is no plan, and the time in which that ramp
-    crosses the whole range of an input [s]; iterations per call and from a plan at rest, and calls over which the latter
-    are spread; cap of a QP's factorizations.
+    crosses the whole range of an input [s]; iterations per call and from a plan at rest, and calls over which the
+    latter are spread; cap of a QP's factorizations.
     """
 
     period: float

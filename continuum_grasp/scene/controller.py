@@ -227,7 +227,9 @@ class Controller(Value):
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
             raise ValueError(f"period = {self.period} s is longer than the whole horizon")
         if self.start_calls > self.start_iterations:
-            raise ValueError(f"start_calls = {self.start_calls}: expected start_iterations = {self.start_iterations} or less")
+            raise ValueError(
+                f"start_calls = {self.start_calls}: expected start_iterations = {self.start_iterations} or less"
+            )
 
     @property
     def step(self) -> float:

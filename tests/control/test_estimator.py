@@ -398,7 +398,7 @@ def test_what_does_not_fit_is_refused(wrong):
 
 
 def test_an_estimate_that_is_lost_restarts_from_its_last_sound_prediction():
-    """A bent rod under a load that no model survives for one period; twice in a row, it restarts from its first state."""
+    """A load that no model survives for one period; twice in a row, and the filter begins at its first state."""
     estimator = rod()
     estimator.reset()
     bent = np.zeros(len(estimator.names))

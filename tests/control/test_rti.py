@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from continuum_grasp.closed_loop.converged import ShootingProblem
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
@@ -23,7 +22,6 @@ from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.nlp import Budget, Settings, new_solver
 from continuum_grasp.scene import Fidelity
 from tests.control_cases import driven_scene, hand_scene, rod_scene
 from tests.export_cases import loop_scene
@@ -207,26 +205,51 @@ CYCLING = np.array(
 """Bends, rates and moments from which full steps, all or most of them, end in cycles."""
 
 
-def test_a_search_settles_where_full_steps_cycle():
-    """At a point where IPOPT stays."""
-    rti = swinging()
-    s, problem, cycles = rti.stages, ShootingProblem(rti.stages), 0
-    solver = new_solver(Settings(tolerance=1e-8, max_iterations=100))
-    refs = np.zeros(s.nr)
+@pytest.mark.parametrize("k", few(range(len(CYCLING)), 1))
+def test_a_search_settles_where_full_steps_cycle(k):
+    """At a minimum, where IPOPT stays."""
+    rti, x0 = swinging(), CYCLING[k]
+    s, refs = rti.stages, np.zeros(rti.stages.nr)
     refs[:2] = 0.3, 0.4
-    for x0 in CYCLING:
-        rti.reset(x0, x0[4:], rollout=True)
-        for _ in range(60):
-            before = rti.plan[1].copy()
-            rti.step(x0, refs)
-        cycles += np.abs(rti.plan[1] - before).max() > 0.01 * 0.3
-        rti.reset(x0, x0[4:], rollout=True)
-        assert rti.iterate(x0, refs).status in (0, 2)
-        x, u = (part.copy() for part in rti.plan)
-        found = solver.solve(problem.nlp, problem.start(x, u, x0, s.p_nominal, np.tile(refs, (16, 1))), Budget())
-        assert found.converged
-        np.testing.assert_allclose(u, problem.split(found.x)[1], atol=1e-5 * 0.3)
-    assert cycles > 1
+    rti.reset(x0, x0[4:], rollout=True)
+    for _ in range(60):
+        before = rti.plan[1].copy()
+        rti.step(x0, refs)
+    assert np.abs(rti.plan[1] - before).max() > 0.01 * 0.3
+    rti.reset(x0, x0[4:], rollout=True)
+    assert rti.iterate(x0, refs).status in (0, 2)
+    x, u = (part.copy() for part in rti.plan)
+    found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
+    np.testing.assert_allclose(u, found[1], atol=1e-5 * 0.3)
+
+
+def test_the_first_preparation_takes_the_derivatives_of_a_rollout():
+    """They are those of a preparation that computes them again, which other parameters, inputs or steps ask for."""
+    rti = RealTimeIteration(pendulum())
+    found = []
+    for touched in (False, True):
+        rti.reset(START, [0.3], rollout=True)
+        if touched:
+            rti.plan[1][3] = 0.2
+            rti.prepare(REFS)
+            rti.plan[1][3] = 0.3
+        rti.prepare(REFS)
+        found.append(rti.qp())
+    for name in found[0]:
+        np.testing.assert_array_equal(found[0][name], found[1][name], err_msg=name)
+    for p, stage, limit in (([1.1], 0.1, 0.8), ([1.0], 0.11, 0.8), ([1.0], 0.1, 0.25)):
+        plans = []
+        for again in (False, True):
+            rti.settings.stage, rti.settings.u_max = 0.1, 0.8
+            rti.prepare(p=[1.0])
+            rti.reset(START, [0.3], rollout=True)
+            if again:
+                rti.prepare()
+            rti.settings.stage, rti.settings.u_max = stage, limit
+            rti.prepare(p=p)
+            plans.append(rti.qp())
+        for name in plans[0]:
+            np.testing.assert_array_equal(plans[0][name], plans[1][name], err_msg=name)
 
 
 @pytest.mark.parametrize("precision", ["double", "float"])
@@ -434,7 +457,9 @@ def test_the_c_has_no_warning_no_memory_of_its_own_and_no_allocation(stages, rea
         mathematics = {"sin", "cos", "sqrt"} if real == "double" else {"sinf", "cosf", "sqrtf", "sincosf"}
         assert {name for kind, name in symbols if kind == "U"} <= {"memcpy", "memset", "sincos", *mathematics}
         exported = {name for kind, name in symbols if kind == "T"}
-        assert exported == {f"rti_{n}" for n in ("start", "rollout", "extend", "prepare", "feedback", "begin", "continue", "shift")}
+        assert exported == {
+            f"rti_{n}" for n in ("start", "rollout", "extend", "prepare", "feedback", "begin", "continue", "shift")
+        }
 
 
 def test_two_threads_with_memory_of_their_own_do_not_meet():

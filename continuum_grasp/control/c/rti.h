@@ -81,6 +81,9 @@ typedef struct {
 
 typedef struct {
   int ready;
+  /* of a rollout whose derivatives are in M: its substeps, 0: there is none; stage, parameters */
+  int driven;
+  real stage, p[RTI_SIZE(RTI_NP)];
   /* of iterations from one state: their number, changes of the last ones, whether the step length is searched for, whether
    * the last one was a full step, and the cost of the trajectory that the search has reached */
   int taken, search, full;
@@ -117,7 +120,8 @@ typedef struct {
 
 /* Start a plan that stays at a state with an input. */
 void rti_start(rti_plan *plan, const real *x0, const real *u0);
-/* Integrate the inputs of a plan from x0; the plan is not usable if the result is negative. */
+/* Integrate the inputs of a plan from x0, with the derivatives of the stages, which the next preparation takes; the plan is
+ * not usable if the result is negative. */
 int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
 /* The same from a node on, whose state stays. */
 int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);

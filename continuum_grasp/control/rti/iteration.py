@@ -43,8 +43,8 @@ loops a QP takes at most 32 (configs/mpc/keep_out.yaml), in the shipped missions
 
 
 _SETTLED = {"double": 1e-6, "float": 1e-3}
-"""Change of an input by an iteration, relative to its bounds, that counts as none [1]: 100 and 10 times the tolerance of
-the QP's solution."""
+"""Change of an input by an iteration, relative to its bounds, that counts as none [1]: 100 and 10 times the tolerance
+of the QP's solution."""
 
 
 class Report(NamedTuple):

@@ -79,7 +79,7 @@ int rti_sizeof(int which)
   return (int)sizes[which];
 }}
 int rti_width(void) {{ return RTI_W; }}
-double rti_change(const rti_work *work, const rti_settings *settings) {{ return (double)rti_input_change(work, settings); }}
+double rti_change(const rti_work *o, const rti_settings *s) {{ return (double)rti_input_change(o, s); }}
 int rti_stuck(const rti_work *work) {{ return work->search == RTI_STUCK; }}
 int rti_offset(int which)
 {{
@@ -169,14 +169,20 @@ def _row_functions(stages: Stages) -> str:
 
 
 def _stores(stages: Stages) -> str:
-    """Write ``rti_store``, which copies the structural nonzeros of a stage out of its lane."""
-    lines = [f"  o->M[at][{i}][{j}] = RTI_AT(M[{j}][{i}], l);" for i, j in np.argwhere(_reached(stages))]
-    lines += [f"  o->H[at][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
-    lines += [f"  o->C[at][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
-    arguments = "rti_wide (*M)[RTI_NX], rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]"
-    unused = " ".join(f"(void){name};" for name in "olMHC")
-    head = f"static inline void rti_store(rti_work *o, int at, int l, {arguments})"
-    return "\n".join([head, "{", f"  {unused} (void)at;", *lines, "}", ""])
+    """Write ``rti_store_step`` and ``rti_store_cost``: copies of the structural nonzeros of a stage out of its lane."""
+    step = [f"  o->M[at][{i}][{j}] = RTI_AT(M[{j}][{i}], l);" for i, j in np.argwhere(_reached(stages))]
+    cost = [f"  o->H[at][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
+    cost += [f"  o->C[at][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
+    functions = {
+        "step": ("rti_wide (*M)[RTI_NX]", "M", step),
+        "cost": ("rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]", "HC", cost),
+    }
+    lines: list[str] = []
+    for name, (arguments, names, body) in functions.items():
+        unused = " ".join(f"(void){argument};" for argument in f"ol{names}")
+        head = f"static inline void rti_store_{name}(rti_work *o, int at, int l, {arguments})"
+        lines += [head, "{", f"  {unused} (void)at;", *body, "}"]
+    return "\n".join([*lines, ""])
 
 
 _MOST = 1500
