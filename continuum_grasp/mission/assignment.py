@@ -34,7 +34,7 @@ _CLEARANCE = 0.003
 """Distance from the object at which the approach ends [m]."""
 _START_CALLS = 3
 """Calls over which a start is spread [1]: its first one integrates a motion of a stiff model, which takes as long as
-four linearizations. The longest call of configs/mission/mug.yaml takes 0.68 instead of 1.11 ms, with commands within
+four linearizations. The longest call of configs/mission/mug.yaml takes 0.61 instead of 1.11 ms, with commands within
 0.09 N."""
 _MARGIN = 1.5
 """Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
