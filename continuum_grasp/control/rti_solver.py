@@ -47,6 +47,7 @@ class RtiSolver(CompiledController):
         safe: Mapping[str, float] | None = None,
         sqp_iterations: int = 1,
         start_iterations: int = 5,
+        start_calls: int = 1,
         iterations: int = 60,
         precision: str = "double",
         deadline: float = math.inf,
@@ -60,10 +61,15 @@ class RtiSolver(CompiledController):
         self.safe = near_zero if safe is None else named("safe", safe, s.u_names, near_zero)
         if np.any(self.safe < s.u_min) or np.any(self.safe > s.u_max):
             raise InputError("expected inputs within their bounds", key="safe")
-        counts = {"sqp_iterations": sqp_iterations, "start_iterations": start_iterations, "iterations": iterations}
+        counts = {"sqp_iterations": sqp_iterations, "start_iterations": start_iterations}
+        counts |= {"start_calls": start_calls, "iterations": iterations}
         self.calls = Calls(
             self.period, self.safe, s.stages * s.stage, **{key: whole(key, count) for key, count in counts.items()}
         )
+        if start_calls > start_iterations:
+            raise InputError(
+                f"expected start_iterations = {start_iterations} or less, got {start_calls}", key="start_calls"
+            )
         self._compile(solver_fields(s, self.calls, self.precision), self.precision, deadline)
         keys, widths = zip(*problem.cost_names, strict=True)
         self.nominal_setpoints = Setpoints(s.r_names, [(width, None) for width in widths], keys)
@@ -136,6 +142,7 @@ def rti(
     safe: Mapping[str, float] | None = None,
     sqp_iterations: int = 1,
     start_iterations: int = 5,
+    start_calls: int = 1,
     iterations: int = 60,
     precision: str = "double",
     deadline: float = math.inf,
@@ -157,6 +164,8 @@ def rti(
         Input by name that is safe without a plan; what is nearest to zero by default.
     sqp_iterations, start_iterations : int
         Iterations per step from the last plan, and from a plan at rest where there is none.
+    start_calls : int
+        Steps over which the latter are spread, the fewest in the first: no step takes them all.
     iterations : int
         Greatest number of factorizations per QP.
     precision : {"double", "float"}
@@ -200,6 +209,7 @@ def rti(
         safe=safe,
         sqp_iterations=sqp_iterations,
         start_iterations=start_iterations,
+        start_calls=start_calls,
         iterations=iterations,
         precision=precision,
         deadline=deadline,

@@ -131,7 +131,7 @@ def free_ranges(stages: Stages, most: float) -> Ranges:
 def calls_of(scene: ControlScene) -> Calls:
     """How the controller of a scene is called."""
     asked = scene.controller
-    counts = asked.sqp_iterations, asked.start_iterations, asked.iterations
+    counts = asked.sqp_iterations, asked.start_iterations, asked.start_calls, asked.iterations
     return Calls(asked.step, np.array(scene.rest_input), _RAMP, *counts)
 
 
@@ -139,7 +139,8 @@ class Calls(NamedTuple):
     """How a controller is called: what its C needs beside the problem.
 
     Period [s]; safe input (nu), to which the command goes where there is no plan, and the time in which that ramp
-    crosses the whole range of an input [s]; iterations per call and from a plan at rest; cap of the interior point's.
+    crosses the whole range of an input [s]; iterations per call and from a plan at rest, and calls over which the
+    latter are spread; cap of a QP's factorizations.
     """
 
     period: float
@@ -147,6 +148,7 @@ class Calls(NamedTuple):
     ramp: float
     sqp_iterations: int
     start_iterations: int
+    start_calls: int
     iterations: int
 
 
@@ -171,6 +173,7 @@ def _fields(
         Field("x_max", ranges.x[:, 1]),
         Field("sqp_iterations", calls.sqp_iterations, whole=True),
         Field("start_iterations", calls.start_iterations, whole=True),
+        Field("start_calls", calls.start_calls, whole=True),
         *_nested("supervisor", supervisor),
     ]
 

@@ -246,6 +246,9 @@ class Controller(Value):
     strongly nonlinear problem, in as many times the time."""
     start_iterations: Annotated[int, Field(ge=1, le=100)] = 5
     """The same for a command without a previous plan, such as the first one."""
+    start_calls: Annotated[int, Field(ge=1, le=100)] = 1
+    """Commands over which these are spread, where the longest call counts: the first one makes its share, rounded down,
+    after the integration of a motion from which it starts. No more than ``start_iterations``."""
     iterations: Annotated[int, Field(ge=1, le=100)] = 40
     """Greatest number of factorizations per QP, beyond that of its preparation. A QP that is not solved with as many
     ends with an input within its limits and the status ITERATION_LIMIT."""
@@ -265,6 +268,10 @@ class Controller(Value):
         count = len(self.scenarios)
         if count == 1 or count > MOST_SCENARIOS:
             raise ValueError(f"scenarios: expected 2 to {MOST_SCENARIOS} plants, or none, got {count}")
+        if self.start_calls > self.start_iterations:
+            raise ValueError(
+                f"start_calls = {self.start_calls}: expected start_iterations = {self.start_iterations} or less"
+            )
 
     @property
     def step(self) -> float:

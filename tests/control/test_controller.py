@@ -103,6 +103,33 @@ def test_a_command_takes_as_many_linearizations_as_are_set(first, later):
         u = command.u
 
 
+def test_a_start_is_spread_over_calls():
+    """Five iterations over three calls: one after the motion, then two and two, then one per call again."""
+    asked = {"start_iterations": 5, "start_calls": 3}
+    control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
+    states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1], [0.0, 0.3, 0.0, 0.1]])
+    iteration = RealTimeIteration(control.stages)
+    u = [0.05]
+    for again in range(2):
+        control.reset(u=u)
+        for k, (x, count) in enumerate(zip(states, (1, 2, 2, 1), strict=True)):
+            command = control.step(x, REFERENCE, applied=u)
+            whole = np.append(x, u)
+            if k:
+                iteration.shift()
+            else:
+                iteration.reset(whole, u, rollout=True)
+            for _ in range(count):
+                iteration.step(whole, REFERENCE)
+            assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10), (again, k)
+            u = command.u
+
+
+def test_a_start_is_not_spread_over_more_calls_than_it_has_iterations():
+    with pytest.raises(ValueError, match="start_calls = 6: expected start_iterations = 5 or less"):
+        swing_scene(controller={"start_calls": 6}, **GIVEN)
+
+
 def bad(control, **wrong):
     """A step in which all is well but for what is named."""
     usual = {"measurement": given_state(control), "reference": REFERENCE, "p": control.stages.p_nominal}

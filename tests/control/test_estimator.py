@@ -395,3 +395,26 @@ def test_a_saved_state_goes_on_bit_for_bit_and_two_estimators_do_not_mix():
 def test_what_does_not_fit_is_refused(wrong):
     with pytest.raises(InputError):
         wrong(rod())
+
+
+def test_an_estimate_that_is_lost_restarts_from_its_last_sound_prediction():
+    """A load that no model survives for one period; twice in a row, and the filter begins at its first state."""
+    estimator = rod()
+    estimator.reset()
+    bent = np.zeros(len(estimator.names))
+    bent[:2] = 0.5, 0.4
+    expected = estimator.estimation.outputs(bent, [0.1], estimator.prediction.p_nominal)[0]
+    y = np.linalg.pinv(estimator.settings["mixing"]) @ np.array(expected).ravel()
+    for _ in range(300):
+        sound = estimator.step(y, [0.1])
+    np.testing.assert_allclose(sound.then[:2], bent[:2], atol=0.05)
+    lost = estimator.step(y, [1e12])
+    assert Anomaly.ESTIMATE_RESTARTED in lost.anomaly
+    np.testing.assert_allclose(lost.then[:2], sound.then[:2], atol=0.05)
+    np.testing.assert_allclose(lost.std, np.sqrt(estimator.settings["initial"]))
+    again = estimator.step(y, [1e12])
+    assert Anomaly.ESTIMATE_RESTARTED in again.anomaly
+    np.testing.assert_array_equal(again.then[: len(estimator.first)], estimator.first)
+    for _ in range(300):
+        found = estimator.step(y, [0.1])
+    np.testing.assert_allclose(found.then[:2], sound.then[:2], atol=0.05)

@@ -182,6 +182,127 @@ def test_iterations_with_drives_and_tendon_friction_end_at_the_optimum(name):
     np.testing.assert_allclose(ours, best.x, atol=2e-3 * np.abs(ours).max())
 
 
+@lru_cache
+def swinging() -> RealTimeIteration:
+    """A rod with a bounded speed, whose full steps cycle where it swings."""
+    asked = {
+        "horizon": {"stages": 15, "stage": 0.02, "substeps": 4},
+        "cost": {"tip": {"running": 2e3, "terminal": 200.0}, "effort": 0.1},
+        "input": {"moment_max": 0.3, "rate_max": 3.0},
+        "bounds": {"speed": 8.0},
+    }
+    return RealTimeIteration(stages_of(rod_scene(controller=asked)))
+
+
+CYCLING = np.array(
+    [
+        [1.405, 2.629, 15.39, -5.69, -0.1425],
+        [-0.3339, -2.066, 8.655, -11.48, 0.1187],
+        [0.7632, 3.674, -17.85, -48.65, 0.0537],
+        [0.6275, -1.777, -7.559, -4.35, -0.0711],
+    ]
+)
+"""Bends, rates and moments from which full steps, all or most of them, end in cycles."""
+
+
+@pytest.mark.parametrize("k", few(range(len(CYCLING)), 1))
+def test_a_search_settles_where_full_steps_cycle(k):
+    """At a minimum, where IPOPT stays."""
+    rti, x0 = swinging(), CYCLING[k]
+    s, refs = rti.stages, np.zeros(rti.stages.nr)
+    refs[:2] = 0.3, 0.4
+    rti.reset(x0, x0[4:], rollout=True)
+    for _ in range(60):
+        before = rti.plan[1].copy()
+        rti.step(x0, refs)
+    assert np.abs(rti.plan[1] - before).max() > 0.01 * 0.3
+    rti.reset(x0, x0[4:], rollout=True)
+    assert rti.iterate(x0, refs).status in (0, 2)
+    x, u = (part.copy() for part in rti.plan)
+    found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
+    np.testing.assert_allclose(u, found[1], atol=1e-5 * 0.3)
+
+
+def test_the_first_preparation_takes_the_derivatives_of_a_rollout():
+    """They are those of a preparation that computes them again, which other parameters, inputs or steps ask for."""
+    rti = RealTimeIteration(pendulum())
+    found = []
+    for touched in (False, True):
+        rti.reset(START, [0.3], rollout=True)
+        if touched:
+            rti.plan[1][3] = 0.2
+            rti.prepare(REFS)
+            rti.plan[1][3] = 0.3
+        rti.prepare(REFS)
+        found.append(rti.qp())
+    for name in found[0]:
+        np.testing.assert_array_equal(found[0][name], found[1][name], err_msg=name)
+    for p, stage, limit in (([1.1], 0.1, 0.8), ([1.0], 0.11, 0.8), ([1.0], 0.1, 0.25)):
+        plans = []
+        for again in (False, True):
+            rti.settings.stage, rti.settings.u_max = 0.1, 0.8
+            rti.prepare(p=[1.0])
+            rti.reset(START, [0.3], rollout=True)
+            if again:
+                rti.prepare()
+            rti.settings.stage, rti.settings.u_max = stage, limit
+            rti.prepare(p=p)
+            plans.append(rti.qp())
+        for name in plans[0]:
+            np.testing.assert_array_equal(plans[0][name], plans[1][name], err_msg=name)
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_iterations_that_settle_are_full_steps(precision):
+    rti, plans = shared(precision), []
+    for iterate in (False, True):
+        rti.reset(START, rollout=True)
+        if iterate:
+            count = rti.iterate(START, REFS).iterations
+        else:
+            count, change = 0, 1.0
+            while change > {"double": 1e-6, "float": 1e-3}[precision] * 0.8:
+                before = rti.plan[1].copy()
+                count += rti.step(START, REFS).iterations
+                change = np.abs(rti.plan[1] - before).max()
+        plans.append((count, rti.plan[1].copy()))
+    assert plans[0][0] == plans[1][0]
+    np.testing.assert_array_equal(plans[0][1], plans[1][1])
+
+
+def test_iterations_that_do_not_settle_say_so():
+    rti = swinging()
+    rti.reset(CYCLING[0], CYCLING[0][4:], rollout=True)
+    assert STATUS[rti.iterate(CYCLING[0], iterations=3).status] == "iteration limit"
+    with pytest.raises(InputError, match="iterations"):
+        rti.iterate(CYCLING[0], iterations=0)
+    with pytest.raises(SolverError, match="bad input"):
+        rti.iterate([np.nan] * 5)
+
+
+def test_a_search_returns_from_where_the_model_is_not_finite():
+    """The plan of the second iteration is sent to where the model overflows; iterations go on from the first one's."""
+    s, rti = pendulum(), shared()
+    library, given = rti._library, (rti._progress, rti._preparation, rti._answer)
+    rti.reset(START, rollout=True)
+    rti.step(START, REFS)
+    rti.reset(START, rollout=True)
+    library.rti_begin(rti._work_at)
+    assert library.rti_prepare(*given[1]) == 0
+    status = library.rti_feedback(*given[2])
+    assert library.rti_continue(*given[0], status) == status
+    rti.plan[0][7, 1] = 1e308
+    failed = library.rti_prepare(*given[1])
+    assert STATUS[failed] == "bad linearization"
+    assert STATUS[library.rti_continue(*given[0], failed)] == "iteration limit"
+    state = START
+    for k in range(s.stages):  # what the inputs before drive
+        for _ in range(s.substeps):
+            state = np.array(s.step(state, rti.plan[1][k], 1.0, s.stage / s.substeps)[0]).ravel()
+        np.testing.assert_allclose(rti.plan[0][k + 1], state, rtol=1e-12, atol=1e-13)
+    assert rti.iterate(START).status in (0, 2)
+
+
 def test_single_precision_ends_near_the_same():
     for precision in ("double", "float"):
         converged(shared(precision), START, REFS)
@@ -336,7 +457,9 @@ def test_the_c_has_no_warning_no_memory_of_its_own_and_no_allocation(stages, rea
         mathematics = {"sin", "cos", "sqrt"} if real == "double" else {"sinf", "cosf", "sqrtf", "sincosf"}
         assert {name for kind, name in symbols if kind == "U"} <= {"memcpy", "memset", "sincos", *mathematics}
         exported = {name for kind, name in symbols if kind == "T"}
-        assert exported == {f"rti_{n}" for n in ("start", "rollout", "extend", "prepare", "feedback", "shift")}
+        assert exported == {
+            f"rti_{n}" for n in ("start", "rollout", "extend", "prepare", "feedback", "begin", "continue", "shift")
+        }
 
 
 def test_two_threads_with_memory_of_their_own_do_not_meet():

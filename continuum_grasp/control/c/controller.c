@@ -137,7 +137,8 @@ static int controller_iterate(controller_work *work, const rti_settings *o, cons
                               controller_output *out)
 {
   int status = 0;
-  for (int k = 0; k < iterations && status >= 0; ++k) {
+  rti_begin(&work->rti);
+  for (int k = 0; k < iterations && status >= 0 && work->rti.search != RTI_STUCK; ++k) {
     const uint32_t begin = CONTROLLER_TICKS();
     status = rti_prepare(&work->rti, &work->plan, o, out->p, in->setpoints);
     const uint32_t prepared = CONTROLLER_TICKS();
@@ -146,6 +147,8 @@ static int controller_iterate(controller_work *work, const rti_settings *o, cons
       status = rti_feedback(&work->rti, &work->plan, o, out->x, &out->rti);
       out->rti.iterations += before;
     }
+    if (iterations > 1)
+      status = rti_continue(&work->rti, &work->plan, o, out->x, out->p, in->setpoints, status);
     out->ticks[1] += prepared - begin;
     out->ticks[2] += CONTROLLER_TICKS() - prepared;
   }
@@ -162,18 +165,24 @@ static int controller_plan(controller_state *state, controller_work *work, const
                            const controller_input *in, controller_output *out)
 {
   const rti_settings *problem = controller_problem(state, work, o);
+  const int calls = o->start_calls > 0 ? o->start_calls : 1, first = o->start_iterations / calls;
   int planned = 0;
   /* On a copy: where the iteration fails, the last plan is the fallback. */
   if (state->planned) {
     memcpy(&work->plan, &state->plan, sizeof work->plan);
     rti_shift(&work->plan, &o->rti, state->age);
-    planned = controller_iterate(work, problem, in, o->sqp_iterations, out);
+    /* a share of what a start has left */
+    const int share = calls > 1 ? (o->start_iterations - first + calls - 2) / (calls - 1) : 0;
+    const int more = rti_lesser(share, state->pending), count = more > o->sqp_iterations ? more : o->sqp_iterations;
+    planned = controller_iterate(work, problem, in, count, out);
+    state->pending -= more;
   }
   if (!planned) {
     /* A motion of the model makes a better first linearization than a state at rest, where it stays finite. */
     rti_start(&work->plan, out->x, state->u);
     if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
-    planned = controller_iterate(work, problem, in, o->start_iterations, out);
+    planned = controller_iterate(work, problem, in, first > 0 ? first : 1, out);
+    state->pending = planned && first < o->start_iterations ? o->start_iterations - first : 0;
   }
   if (!planned) return 0;
   memcpy(&state->plan, &work->plan, sizeof state->plan);

@@ -105,6 +105,7 @@ typedef struct {
   real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
   int sqp_iterations, start_iterations;         /* from the last plan, and from one at rest */
+  int start_calls;            /* calls over which the latter are spread, the fewest in the first, which integrates a motion too */
   supervisor_settings supervisor;
 #if CONTROLLER_TOUCHES
   contact_settings contact;
@@ -114,6 +115,7 @@ typedef struct {
 typedef struct {
   int started, planned;       /* whether there is a plan */
   int blind;                  /* calls since something was measured */
+  int pending;                /* iterations of its start that are left */
   real age;                   /* of the plan, in stages */
   real u[RTI_NU], p[RTI_SIZE(RTI_NP)];  /* last input that was applied, last good parameters */
   rti_plan plan;

@@ -15,15 +15,20 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
   memset(state, 0, sizeof *state);
   memcpy(state->z, z0, sizeof state->z);
   memcpy(state->first, z0, sizeof state->first);
+  memcpy(state->sound, z0, sizeof state->sound);
   for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
   ekf_reset_covariance(state, settings);
 }
 
-/* Restart from the first state. Full buckets open the gate: after a restart, the estimate is far from any measurement.
- * */
+/* Restart from the last prediction that was plausible, or from the first state where a restart was lately: a
+ * finger in contact is far from where it began, and a filter that begins there again restarts for as long as the contact
+ * lasts. What is wrong with the estimate is not known, so that the covariance is that of the start. Full buckets open the
+ * gate: after a restart, the estimate is far from any measurement. */
 static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
-  memcpy(state->z, state->first, sizeof state->z);
+  if (state->restarted) memcpy(state->sound, state->first, sizeof state->sound);
+  memcpy(state->z, state->sound, sizeof state->z);
+  state->restarted = EKF_PATIENCE;
 #if EKF_NA > 0
   state->age = 0;
   memset(state->motion, 0, sizeof state->motion);
@@ -371,9 +376,15 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
 #endif
   for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
   state->started = 1;
-  if (ekf_plausible(state, settings, report) && ekf_correct(state, work, settings, y, now, p, report)
-      && ekf_plausible(state, settings, report))
-    return EKF_OK;
+  if (ekf_plausible(state, settings, report)) {
+    real predicted[EKF_NZ];
+    memcpy(predicted, state->z, sizeof predicted);
+    if (ekf_correct(state, work, settings, y, now, p, report) && ekf_plausible(state, settings, report)) {
+      memcpy(state->sound, predicted, sizeof state->sound);
+      state->restarted -= state->restarted > 0;
+      return EKF_OK;
+    }
+  }
   report->used = 0;
   /* for the supervisor, a restart contradicts the model as much as anything can */
   for (int sensor = 0; sensor < EKF_NS; ++sensor) report->nis[sensor] = (real)EKF_NIS_CAP;

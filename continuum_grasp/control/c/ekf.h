@@ -52,7 +52,8 @@
 
 enum {                        /* result of a step */
   EKF_OK = 0,
-  EKF_RESTARTED = 1,          /* the estimate was not finite or beyond its limits: restarted from its first state */
+  EKF_RESTARTED = 1,          /* the estimate was not finite or beyond its limits: restarted from its last sound prediction, or
+                                 within EKF_PATIENCE samples of a restart from its first state */
   EKF_BAD_INPUT = -1          /* input or parameters are not finite: nothing has changed */
 };
 
@@ -78,9 +79,11 @@ typedef struct {
 
 typedef struct {
   real z[EKF_NZ], first[EKF_NZ];
+  real sound[EKF_NZ];         /* the last prediction from which a plausible estimate came */
   real U[EKF_NZ][EKF_NZ], D[EKF_NZ];
   real queue[EKF_SIZE(EKF_DELAY)][EKF_NU];    /* inputs applied since the measurement, a ring */
   int oldest, started;
+  int restarted;              /* samples in which another restart begins from the first state */
   real bucket[EKF_NS];        /* of the leaky gate of each sensor: recent outliers */
 #if EKF_NA > 0
   real age;                   /* since the start, up to EKF_MEMORY [s] */

@@ -44,7 +44,8 @@ void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
   }
 }
 
-int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p)
+/* Integrate from a node on; the derivatives of the stages to the workspace, if there is one. */
+static int rti_drive(rti_plan *plan, rti_work *o, const rti_settings *settings, int from, const real *p)
 {
   if (!rti_settings_valid(settings) || from < 0 || !rti_finite(p, RTI_NP)) return RTI_BAD_INPUT;
   const real h = settings->stage / (real)settings->substeps;
@@ -64,17 +65,48 @@ int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const rea
       rti_stage(settings->substeps, x, u, wp, wh, M);
       for (int i = 0; i < RTI_NX; ++i) nodes[k + 1][i] = RTI_AT(x[i], 0);
       if (!rti_finite(nodes[k + 1], RTI_NX)) return RTI_BAD_LINEARIZATION;
+      if (o) rti_store_step(o, b * RTI_N + k, 0, M);
     }
   }
   return RTI_SOLVED;
 }
 
-int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p)
+int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p)
 {
-  (void)work;
+  return rti_drive(plan, 0, settings, from, p);
+}
+
+int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const real *x0, const real *p)
+{
+  o->driven = 0;
   if (!rti_finite(x0, RTI_NX)) return RTI_BAD_INPUT;
   for (int b = 0; b < RTI_SCENARIOS; ++b) memcpy(plan->x[b * (RTI_N + 1)], x0, sizeof plan->x[0]);
-  return rti_extend(plan, settings, 0, p);
+  memset(o->M, 0, sizeof o->M);
+  const int status = rti_drive(plan, o, settings, 0, p);
+  if (status < 0) return status;
+  /* what the derivatives are of: a preparation at the same plan takes them */
+  memcpy(o->x, plan->x, sizeof o->x);
+  memcpy(o->u, plan->u, sizeof o->u);
+#if RTI_NP > 0
+  memcpy(o->p, p, sizeof o->p);
+#endif
+  o->stage = settings->stage;
+  o->driven = settings->substeps;
+  return status;
+}
+
+static int rti_equal(const real *a, const real *b, size_t count)
+{
+  int same = 1;
+  for (size_t i = 0; i < count; ++i) same &= a[i] == b[i];
+  return same;
+}
+
+/* Whether the stages are those of the last rollout, whose derivatives are at hand; its inputs are compared by the caller. */
+static int rti_is_driven(const rti_work *o, const rti_plan *plan, const rti_settings *settings, const real *p)
+{
+  return o->driven == settings->substeps && rti_equal(&o->stage, &settings->stage, 1)
+      && rti_equal(o->x[0], plan->x[0], RTI_NODES * RTI_NX) && rti_equal(o->p, p, RTI_NP);
 }
 
 int rti_prepare(rti_work *o, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs)
@@ -84,14 +116,20 @@ int rti_prepare(rti_work *o, const rti_plan *plan, const rti_settings *settings,
       || !rti_finite(plan->x[0], RTI_NODES * RTI_NX) || !rti_finite(plan->u[0], RTI_STAGES * RTI_NU)
       || !rti_between(plan->moved, 0, RTI_N))
     return RTI_BAD_INPUT;
+  int driven = o->driven && rti_is_driven(o, plan, settings, p);
+  o->driven = 0;
   memcpy(o->x, plan->x, sizeof o->x);
   for (int k = 0; k < RTI_STAGES; ++k) /* the limits may have moved since the plan was made */
-    for (int j = 0; j < RTI_NU; ++j)
-      o->u[k][j] = rti_max(settings->u_min[j], rti_min(settings->u_max[j], plan->u[k][j]));
+    for (int j = 0; j < RTI_NU; ++j) {
+      const real u = rti_max(settings->u_min[j], rti_min(settings->u_max[j], plan->u[k][j]));
+      driven &= o->u[k][j] == u;
+      o->u[k][j] = u;
+    }
 #ifdef RTI_ROBUST
+  driven = 0; /* scenarios come to share their first input */
   rti_share(o, settings);
 #endif
-  rti_linearize(o, settings, p, refs);
+  rti_linearize(o, settings, p, refs, driven);
   for (int b = 0; b < RTI_SCENARIOS; ++b) rti_linearize_end(o, settings, b, p, refs + RTI_N * RTI_NR);
   rti_solve_free(o);
   /* the QP and its feedback in one pass: these members are all real, one after the other */

@@ -34,6 +34,7 @@
 #define RTI_LANES 8                           /* doubles of the widest vector register (AVX-512): rows of the interior point
                                                  are padded to it, so that loops over nodes have no remainder */
 #endif
+#define RTI_MEMORY 3                          /* iterations back with which the change of the plan is compared */
 #ifndef RTI_ROBUST                              /* else how many plants there are, each with RTI_N stages */
 #define RTI_SCENARIOS 1
 #endif
@@ -92,6 +93,13 @@ typedef struct {
 
 typedef struct {
   int ready;
+  /* of a rollout whose derivatives are in M: its substeps, 0: there is none; stage, parameters */
+  int driven;
+  real stage, p[RTI_SIZE(RTI_NP)];
+  /* of iterations from one state: their number, changes of the last ones, whether the step length is searched for, whether
+   * the last one was a full step, and the cost of the trajectory that the search has reached */
+  int taken, search, full;
+  real change[RTI_MEMORY], reached;
   /* the QP: written by rti_prepare, read by rti_feedback */
   real x[RTI_NODES][RTI_NX], u[RTI_STAGES][RTI_NU];
   real M[RTI_STAGES][RTI_NX][RTI_W];              /* [A B] */
@@ -124,7 +132,8 @@ typedef struct {
 
 /* Start a plan that stays at a state with an input. */
 void rti_start(rti_plan *plan, const real *x0, const real *u0);
-/* Integrate the inputs of a plan from x0; the plan is not usable if the result is negative. */
+/* Integrate the inputs of a plan from x0, with the derivatives of the stages, which the next preparation takes; the plan is
+ * not usable if the result is negative. */
 int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
 /* The same from a node on, whose state stays. */
 int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);
@@ -132,6 +141,14 @@ int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const rea
 int rti_prepare(rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs);
 /* Solve for the state x0. If the result is 0 or more, the plan is replaced and its first input is to be applied. */
 int rti_feedback(rti_work *work, rti_plan *plan, const rti_settings *settings, const real *x0, rti_report *report);
+/* Repeated iterations from one state take full steps, which may cycle or leave what can be linearized. rti_begin before
+ * the first one, rti_continue after each, with its status and with what it was given, take a search for the step length to
+ * those, and cost nothing while steps shrink. The result is a status; the iterations are over where work->search is
+ * RTI_STUCK. */
+enum { RTI_FULL_STEPS = 0, RTI_SEARCH = 1, RTI_STUCK = 2 };
+void rti_begin(rti_work *work);
+int rti_continue(rti_work *work, rti_plan *plan, const rti_settings *settings, const real *x0, const real *p,
+                 const real *refs, int status);
 /* Shift the plan by a number of stages, whole or not. */
 void rti_shift(rti_plan *plan, const rti_settings *settings, real stages);
 #endif

@@ -1,8 +1,8 @@
 /* Linearization of the stages. With RTI_VECTOR, several stages at a time in vector lanes, lane l at stage k + l: stages
  * are independent (multiple shooting), and 4 lanes took 10 instead of 28 us for 30 stages.
  *
- *   rti_store(o, at, l, M, H, C)   structural nonzeros of lane l, a generated function: most entries are zero, and copies of
- *                                  whole matrices out of the lanes took a quarter of a preparation
+ *   rti_store_step(o, at, l, M)      structural nonzeros of lane l, generated functions: most entries are zero, and copies of
+ *   rti_store_cost(o, at, l, H, C)   whole matrices out of the lanes took a quarter of a preparation
  */
 
 static inline void rti_wide_step(const rti_wide *x, const rti_wide *u, const rti_wide *p, const rti_wide *h,
@@ -68,12 +68,14 @@ static inline void rti_stage(int substeps, rti_wide *x, const rti_wide *u, const
   memcpy(x, next, sizeof next);
 }
 
-/* All stages; those of scenarios are side by side as those of one are. */
-static void rti_linearize(rti_work *o, const rti_settings *settings, const real *p, const real *refs)
+/* All stages; those of scenarios are side by side as those of one are. `driven`: the plan is the trajectory whose derivatives
+ * rti_rollout has stored, without gaps. */
+static void rti_linearize(rti_work *o, const rti_settings *settings, const real *p, const real *refs, int driven)
 {
   const real step = settings->stage / (real)settings->substeps;
   /* what is structurally zero, or behind the end of a row, is not written below */
-  memset(o->M, 0, sizeof o->M);
+  if (!driven) memset(o->M, 0, sizeof o->M);
+  else memset(o->defect, 0, sizeof o->defect);
   memset(o->g, 0, sizeof o->g);
   memset(o->H, 0, sizeof o->H);
   memset(o->c, 0, sizeof o->c);
@@ -103,12 +105,13 @@ static void rti_linearize(rti_work *o, const rti_settings *settings, const real 
 #endif
     }
     rti_wide_cost(x, u, wp, wr, ww, cost, g, H[0], c, C[0]);
-    rti_stage(settings->substeps, x, u, wp, h, M);
+    if (!driven) rti_stage(settings->substeps, x, u, wp, h, M);
     for (int l = 0; l < rti_lesser(RTI_WIDE, RTI_STAGES - k); ++l) {
       const int at = k + l, node = rti_node(at);
-      rti_store(o, at, l, M, H, C);
+      rti_store_cost(o, at, l, H, C);
+      if (!driven) rti_store_step(o, at, l, M);
       o->l[node] = RTI_AT(cost[0], l);
-      for (int i = 0; i < RTI_NX; ++i) o->defect[at][i] = RTI_AT(x[i], l) - o->x[node + 1][i];
+      for (int i = 0; !driven && i < RTI_NX; ++i) o->defect[at][i] = RTI_AT(x[i], l) - o->x[node + 1][i];
       for (int i = 0; i < RTI_NZ; ++i) o->g[node][i] = RTI_AT(g[i], l);
       for (int i = 0; i < RTI_NC; ++i) o->c[node][i] = RTI_AT(c[i], l);
       for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[node][j][j] += settings->regularization;

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.precision import precision_of
@@ -27,7 +27,7 @@ STATUS = {
 }
 """Names of the statuses; those from 0 on give a usable plan, the others leave the plan as it was."""
 
-_VIOLATED = 2
+_UNSETTLED, _VIOLATED = 1, 2
 
 _ADVICE = {
     -1: "state, parameters, setpoints, plan and settings must be finite, and no lower bound above its upper one",
@@ -40,6 +40,11 @@ _ADVICE = {
 _ITERATIONS = 60
 """Default for the greatest number of factorizations of a QP [1], which bounds the time of a call; in the shipped closed
 loops a QP takes at most 32 (configs/mpc/keep_out.yaml), in the shipped missions 35."""
+
+
+_SETTLED = {"double": 1e-6, "float": 1e-3}
+"""Change of an input by an iteration, relative to its bounds, that counts as none [1]: 100 and 10 times the tolerance
+of the QP's solution."""
 
 
 class Report(NamedTuple):
@@ -165,7 +170,9 @@ class RealTimeIteration:
         head = self._work_at, self._plan_at, self._settings_at
         self._preparation = *head, self._p_at, _address(self._refs)
         self._answer = *head, self._x0_at, ctypes.byref(self._record)
-        self._prepare, self._feedback = library.rti_prepare, library.rti_feedback
+        self._progress = *head, self._x0_at, self._p_at, _address(self._refs)
+        self._prepare, self._feedback, self._continue = library.rti_prepare, library.rti_feedback, library.rti_continue
+        library.rti_change.restype = ctypes.c_double
 
     def __reduce__(self) -> NoReturn:
         raise TypeError(
@@ -230,18 +237,79 @@ class RealTimeIteration:
         self.prepare(refs, p)
         return self.feedback(x0)
 
+    def iterate(
+        self, x0: ArrayLike, refs: ArrayLike | None = None, p: ArrayLike | None = None, *, iterations: int = 60
+    ) -> Report:
+        """Iterate from one state until the inputs settle, to the optimum of the nonlinear problem.
+
+        Where full steps do not settle, or lead to where the model is not finite, a search for the step length along
+        integrated trajectories takes over.
+
+        Parameters
+        ----------
+        x0, refs, p
+            As in ``step``.
+        iterations : int
+            Most linearizations.
+
+        Returns
+        -------
+        Report
+            Of the last iteration, with all factorizations; its status is that of ``iteration limit`` where the inputs
+            still changed by more than 1e-6 (single precision: 1e-3) of their bounds.
+
+        Raises
+        ------
+        InputError
+            If shapes do not fit.
+        SolverError
+            If no iteration from the plan is finite, or the search leaves what is.
+
+        Examples
+        --------
+        >>> import continuum_grasp as cg
+        >>> from continuum_grasp.control import RealTimeIteration, stages_of
+        >>> stages = stages_of(cg.load("configs/mpc/steady_tip.yaml"))
+        >>> rti = RealTimeIteration(stages)
+        >>> rti.reset([0.0] * stages.nx)
+        >>> rti.iterate([0.0] * stages.nx).status
+        0
+        """
+        self._given(refs, p)
+        self._take(self._x0, "x0", x0)
+        self._library.rti_begin(self._work_at)
+        settled, factorizations = _SETTLED[self.precision], 0
+        for _ in range(whole("iterations", iterations)):
+            status = self._prepare(*self._preparation)
+            if status >= 0:
+                status = self._feedback(*self._answer)
+                factorizations += self._record.iterations
+            status = self._continue(*self._progress, status)
+            self._must(status)
+            change = self._library.rti_change(self._work_at, self._settings_at)
+            if change <= settled or self._library.rti_stuck(self._work_at):
+                break
+        report = self._report()
+        return report._replace(iterations=factorizations, status=report.status if change <= settled else _UNSETTLED)
+
     def prepare(self, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> None:
         """Linearize at the plan, before the state is known; see ``step``."""
+        self._given(refs, p)
+        self._must(self._prepare(*self._preparation))
+
+    def _given(self, refs: ArrayLike | None, p: ArrayLike | None) -> None:
         if refs is not None:
             self._take(self._refs, "refs", refs)
         if p is not None:
             self._take(self._p, "p", p)
-        self._must(self._prepare(*self._preparation))
 
     def feedback(self, x0: ArrayLike) -> Report:
         """Solve for a state, and replace the plan; see ``step``."""
         self._take(self._x0, "x0", x0)
         self._must(self._feedback(*self._answer))
+        return self._report()
+
+    def _report(self) -> Report:
         record = self._record
         names = zip(self.stages.c_names, record.violated, strict=False) if record.status == _VIOLATED else ()
         violated = tuple(name for name, excess in names if excess > 0.0)

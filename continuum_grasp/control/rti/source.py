@@ -25,7 +25,7 @@ the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
 
 Pattern = NDArray[np.bool_]
 
-_ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c")
+_ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c", "rti_search.c")
 """Templates after the basis and the functions generated for a problem, in their order."""
 
 SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
@@ -79,6 +79,8 @@ int rti_sizeof(int which)
   return (int)sizes[which];
 }}
 int rti_width(void) {{ return RTI_W; }}
+double rti_change(const rti_work *o, const rti_settings *s) {{ return (double)rti_input_change(o, s); }}
+int rti_stuck(const rti_work *work) {{ return work->search == RTI_STUCK; }}
 int rti_offset(int which)
 {{
   const size_t offsets[] = {{{offsets}}};
@@ -179,15 +181,21 @@ def _row_functions(stages: Stages) -> str:
 
 
 def _stores(stages: Stages) -> str:
-    """Write ``rti_store``, which copies the structural nonzeros of a stage out of its lane."""
-    lines = [f"  o->M[at][{i}][{j}] = RTI_AT(M[{j}][{i}], l);" for i, j in np.argwhere(_reached(stages))]
+    """Write ``rti_store_step`` and ``rti_store_cost``: copies of the structural nonzeros of a stage out of its lane."""
+    step = [f"  o->M[at][{i}][{j}] = RTI_AT(M[{j}][{i}], l);" for i, j in np.argwhere(_reached(stages))]
     node = "at" if stages.scenarios is None else "rti_node(at)"
-    lines += [f"  o->H[{node}][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
-    lines += [f"  o->C[{node}][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
-    arguments = "rti_wide (*M)[RTI_NX], rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]"
-    unused = " ".join(f"(void){name};" for name in "olMHC")
-    head = f"static inline void rti_store(rti_work *o, int at, int l, {arguments})"
-    return "\n".join([head, "{", f"  {unused} (void)at;", *lines, "}", ""])
+    cost = [f"  o->H[{node}][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
+    cost += [f"  o->C[{node}][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
+    functions = {
+        "step": ("rti_wide (*M)[RTI_NX]", "M", step),
+        "cost": ("rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]", "HC", cost),
+    }
+    lines: list[str] = []
+    for name, (arguments, names, body) in functions.items():
+        unused = " ".join(f"(void){argument};" for argument in f"ol{names}")
+        head = f"static inline void rti_store_{name}(rti_work *o, int at, int l, {arguments})"
+        lines += [head, "{", f"  {unused} (void)at;", *body, "}"]
+    return "\n".join([*lines, ""])
 
 
 _MOST = 1500
