@@ -24,7 +24,6 @@ void rti_begin(rti_work *o)
   o->search = RTI_FULL_STEPS;
 }
 
-#ifndef RTI_ROBUST
 /* Largest change of an input by the last QP, per scale. */
 static real rti_input_change(const rti_work *o, const rti_settings *s)
 {
@@ -36,6 +35,7 @@ static real rti_input_change(const rti_work *o, const rti_settings *s)
   return most;
 }
 
+#ifndef RTI_ROBUST
 /* An input of a candidate. */
 static inline real rti_candidate(const rti_work *o, const rti_settings *s, int k, int j, real length)
 {
@@ -145,7 +145,6 @@ int rti_continue(rti_work *o, rti_plan *plan, const rti_settings *s, const real 
   o->full = !(length < 1) && !(length > 1);
   return rti_rollout(plan, o, s, x0, p) < 0 ? RTI_BAD_LINEARIZATION : status;
 }
-
 #else
 /* Plans of scenarios take full steps. */
 int rti_continue(rti_work *o, rti_plan *plan, const rti_settings *s, const real *x0, const real *p, const real *refs,
