@@ -1,0 +1,89 @@
+"""Generalized forces that a model misses, learned from logs, as expressions of its state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.learned_residual import LearnedResidual
+
+if TYPE_CHECKING:
+    from continuum_grasp.model.structure import Structure
+
+FADED = 1.5
+"""Distance from the logs at which a residual has faded to zero, per that up to which it is trusted [1]. Half the region
+again: narrower, its derivative by the state would be that of a wall, and plans would bounce off it."""
+
+
+def check_residual(residual: LearnedResidual, made: Structure) -> None:
+    """Raise InputError where a residual was learned for another model."""
+    lengths = residual.elements
+    same = len(lengths) == len(made.lengths) and all(
+        abs(a - b) <= 1e-6 * made.length for a, b in zip(lengths, made.lengths, strict=False)
+    )
+    if residual.family != made.family_name or not same:
+        own, other = ((family, *(f"{h:.6g}" for h in of)) for family, of in _models(residual, made))
+        raise InputError(
+            f"it was learned for elements {', '.join(own[1:])} m of family {own[0]}, this model has "
+            f"{', '.join(other[1:])} m of family {other[0]}: learn it anew, or state that family and these elements",
+            key="residual",
+        )
+    known = {*made.x_names, *made.u_names}
+    unknown = [name for name in residual.features if name not in known]
+    if unknown:
+        raise InputError(
+            f"{unknown[0]!r} is neither a state nor an input of this model: expected some of "
+            f"{', '.join(dict.fromkeys((*made.x_names, *made.u_names)))}",
+            key=f"residual.features[{residual.features.index(unknown[0])}]",
+        )
+    if len(residual.weights) != made.n:
+        raise InputError(
+            f"expected a row per coordinate ({', '.join(made.q_names)}), got {len(residual.weights)}",
+            key="residual.weights",
+        )
+
+
+def _models(residual: LearnedResidual, made: Structure) -> tuple[tuple[str, Sequence[float]], ...]:
+    return (residual.family, residual.elements), (made.family_name, made.lengths)
+
+
+def scaled(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:
+    """Features in standard deviations from their mean."""
+    parts = zip(features, residual.center, residual.scale, strict=True)
+    return [(1.0 / scale) * (value - center) for value, center, scale in parts]
+
+
+def distance(residual: LearnedResidual, features: Sequence[Scalar]) -> Scalar:
+    """Square of the distance from the logs per that up to which the residual is trusted [1]: above one, it fades."""
+    z, total = scaled(residual, features), ca.SX(0.0)
+    for i, row in enumerate(residual.metric):
+        part = sum((row[j] / residual.radius * z[j] for j in range(i, len(z)) if row[j] != 0.0), ca.SX(0.0))
+        total += part * part
+    return total
+
+
+def terms(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:
+    """What the weights multiply: one, the scaled features, and the kernels."""
+    z = scaled(residual, features)
+    square = sum((one * one for one in z), ca.SX(0.0))
+    found: list[Scalar] = [1.0, *z]
+    for center in residual.kernels:
+        # |z - c|^2 by its products: half the instructions, since the square of z is that of all kernels.
+        product = sum((2.0 / residual.width**2 * c * one for c, one in zip(center, z, strict=True)), ca.SX(0.0))
+        inside = 1.0 - sum(c * c for c in center) / residual.width**2 + product - square / residual.width**2
+        base = ca.fmax(inside, 0.0)
+        found.append(base * base * base)
+    return found
+
+
+def residual_force(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:
+    """The forces (n), exactly zero from ``FADED`` on."""
+    beyond = ca.fmax(FADED**2 - distance(residual, features), 0.0)
+    share = ca.fmin((1.0 / (FADED**2 - 1.0)) * beyond, 1.0)
+    fade, own = share * share * (3.0 - 2.0 * share), terms(residual, features)
+    forces = [sum((w * term for w, term in zip(row, own, strict=True)), ca.SX(0.0)) for row in residual.weights]
+    return [fade * force for force in forces]
