@@ -629,10 +629,12 @@ class Equations:
     @property
     def _features(self) -> list[Scalar]:
         """What the learned forces depend on."""
-        made = self._structure
+        made, learned = self._structure, self._structure.residual
+        if learned is None:
+            return []
         # A tension that lags is a state of the same name as its command: what acts comes first.
         found = dict(zip([*made.u_names, *made.x_names], ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
-        return [] if made.residual is None else [found[name] for name in made.residual.features]
+        return [*ca.vertsplit(self.q), *ca.vertsplit(self.qd), *(found[name] for name in learned.drives)]
 
     @cached_property
     def force_at_rest(self) -> list[Scalar]:

@@ -18,6 +18,12 @@ FADED = 1.5
 """Distance from the logs at which a residual has faded to zero, per that up to which it is trusted [1]. Half the region
 again: narrower, its derivative by the state would be that of a wall, and plans would bounce off it."""
 
+_TURN = 0.3
+"""Rate at which the direction of a motion is 71 % of its greatest value, per standard deviation of the rate in the logs
+[1]. Friction turns at once; a model that does is too stiff for the steps of a plan, and estimated rates are as wrong."""
+_LEAST_PULL = 0.2
+"""Pull below which its magnitude is rounded off, per standard deviation in the logs [1]."""
+
 
 def check_residual(residual: LearnedResidual, made: Structure) -> None:
     """Raise InputError where a residual was learned for another model."""
@@ -32,19 +38,17 @@ def check_residual(residual: LearnedResidual, made: Structure) -> None:
             f"{', '.join(other[1:])} m of family {other[0]}: learn it anew, or state that family and these elements",
             key="residual",
         )
-    known = {*made.x_names, *made.u_names}
-    unknown = [name for name in residual.features if name not in known]
-    if unknown:
+    if list(residual.coordinates) != list(made.q_names):
         raise InputError(
-            f"{unknown[0]!r} is neither a state nor an input of this model: expected some of "
-            f"{', '.join(dict.fromkeys((*made.x_names, *made.u_names)))}",
-            key=f"residual.features[{residual.features.index(unknown[0])}]",
+            f"it was learned for coordinates {', '.join(residual.coordinates)}, this model has "
+            f"{', '.join(made.q_names)}",
+            key="residual.coordinates",
         )
-    if len(residual.weights) != made.n:
-        raise InputError(
-            f"expected a row per coordinate ({', '.join(made.q_names)}), got {len(residual.weights)}",
-            key="residual.weights",
-        )
+    known = list(dict.fromkeys((*made.x_names[2 * made.n :], *made.u_names)))
+    for k, name in enumerate(residual.drives):
+        if name not in known:
+            message = f"{name!r} is neither a state of a drive nor an input here: expected some of {', '.join(known)}"
+            raise InputError(message, key=f"residual.drives[{k}]")
 
 
 def _models(residual: LearnedResidual, made: Structure) -> tuple[tuple[str, Sequence[float]], ...]:
@@ -67,13 +71,20 @@ def distance(residual: LearnedResidual, features: Sequence[Scalar]) -> Scalar:
 
 
 def terms(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:
-    """What the weights multiply: one, the scaled features, and the kernels."""
-    z = scaled(residual, features)
-    square = sum((one * one for one in z), ca.SX(0.0))
-    found: list[Scalar] = [1.0, *z]
+    """What the weights multiply."""
+    n, z = len(residual.coordinates), scaled(residual, features)
+    rates = zip(features[n : 2 * n], residual.scale[n : 2 * n], strict=True)
+    directions = [rate / ca.sqrt(rate * rate + (_TURN * scale) ** 2) for rate, scale in rates]
+    pulls = [(1.0 / scale) * pull for pull, scale in zip(features[2 * n :], residual.scale[2 * n :], strict=True)]
+    pulls = [ca.sqrt(pull * pull + _LEAST_PULL**2) for pull in pulls]
+    found: list[Scalar] = [1.0, *z[: 2 * n], *directions, *(s * pull for s in directions for pull in pulls)]
+    if not residual.kernels:
+        return found
+    y = [*z[:n], *directions, *z[2 * n :]]
+    square = sum((one * one for one in y), ca.SX(0.0))
     for center in residual.kernels:
-        # |z - c|^2 by its products: half the instructions, since the square of z is that of all kernels.
-        product = sum((2.0 / residual.width**2 * c * one for c, one in zip(center, z, strict=True)), ca.SX(0.0))
+        # |y - c|^2 by its products: half the instructions, since the square of y is that of all kernels.
+        product = sum((2.0 / residual.width**2 * c * one for c, one in zip(center, y, strict=True)), ca.SX(0.0))
         inside = 1.0 - sum(c * c for c in center) / residual.width**2 + product - square / residual.width**2
         base = ca.fmax(inside, 0.0)
         found.append(base * base * base)
