@@ -15,9 +15,7 @@ from continuum_grasp.identification.table import Table, read_table
 Log = ControlLog | str | PathLike[str]
 
 
-def read_logs(
-    given: Sequence[Log], u_names: Sequence[str], y_names: Sequence[str], period: float
-) -> list[ControlLog]:
+def read_logs(given: Sequence[Log], u_names: Sequence[str], y_names: Sequence[str], period: float) -> list[ControlLog]:
     """Logs, those that are files read: of every input and every measurement a column, at every period.
 
     Raises

@@ -17,7 +17,7 @@ from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.settings import delay_periods
-from continuum_grasp.core.calls import call, straight_function
+from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model.planar import solve_ldl
@@ -31,6 +31,8 @@ _DRIFTS = (0.005, 0.02, 0.05, 0.1, 0.3)
 _DRIVES = (1.0, 0.1, 0.01)
 """Shares of the estimator's noise of drives [1], of which the likeliest is taken: it allows for drives that the model
 hardly knows, and would take forces on the finger for theirs."""
+_CHOSEN = 800
+"""Periods by which both are chosen [1], spread over the logs; they take a millisecond each and a value."""
 _SURE = 1e-6
 """Standard deviation of coordinates per period, per their range [1], and of rates per range and period: nearly none,
 since the unknown forces explain what the model does not."""
@@ -152,8 +154,9 @@ class Smoother:
 
     def choose_noise(self, logs: Sequence[ControlLog]) -> None:
         """Take the drift of the unknown forces, and the noise of the drives, by which the logs are likeliest."""
+        cut = [_head(log, _CHOSEN // len(logs)) for log in logs]
         for key, values in (("drift", _DRIFTS), ("drives", _DRIVES)):
-            found = [self._likelihood(logs, key, value) for value in values]
+            found = [self._likelihood(cut, key, value) for value in values]
             setattr(self, key, values[int(np.argmax(found))])
 
     def _likelihood(self, logs: Sequence[ControlLog], key: str, value: float) -> float:
@@ -242,3 +245,9 @@ class Smoother:
         ends, slopes = zip(*(self._step(row, command) for row, command in zip(z, u, strict=True)), strict=True)
         predicted, by = np.array(ends).reshape(len(u), -1), np.array([np.array(s) for s in slopes])
         return Steps(states[:-1], states[1:], u, predicted, by[:, :, self.nx :])
+
+
+def _head(log: ControlLog, count: int) -> ControlLog:
+    """The first periods of a log."""
+    part = slice(max(count, 2))
+    return ControlLog(log.t[part], log.u[part], log.y[part], log.u_names, log.y_names, log.name)

@@ -75,9 +75,7 @@ class Table:
         at = self.index(heading)
         return np.array([self._number(k, at, gaps) for k in range(len(self.rows))])
 
-    def in_si(
-        self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False
-    ) -> Array:
+    def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False) -> Array:
         """A column (rows,) less ``zero`` of its own unit, in an SI unit.
 
         ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.

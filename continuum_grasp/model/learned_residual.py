@@ -19,8 +19,8 @@ FADED = 1.5
 again: narrower, its derivative by the state would be that of a wall, and plans would bounce off it."""
 
 _TURN = 0.3
-"""Rate at which the direction of a motion is 71 % of its greatest value, per standard deviation of the rate in the logs
-[1]. Friction turns at once; a model that does is too stiff for the steps of a plan, and estimated rates are as wrong."""
+"""Rate at which the direction of a motion is 71 % of its greatest value, per standard deviation of the rate in logs
+[1]. Friction turns at once; a model that does is too stiff for the steps of a plan, and rates are not known so well."""
 _LEAST_PULL = 0.2
 """Pull below which its magnitude is rounded off, per standard deviation in the logs [1]."""
 
