@@ -130,10 +130,13 @@ class ResidualFit(Result):
 
     def pairs(self) -> dict[str, str]:
         """One-step errors of each log, without and with the residual."""
+        names = [one.log for one in self.errors]
         return {
-            one.log: f"tip {1e3 * one.position:.3g} -> {1e3 * one.position_with:.3g} mm, "
+            (
+                one.log if names.count(one.log) == 1 else f"{one.log} {k + 1}"
+            ): f"tip {1e3 * one.position:.3g} -> {1e3 * one.position_with:.3g} mm, "
             f"{1e3 * one.velocity:.3g} -> {1e3 * one.velocity_with:.3g} mm/s{', held out' if one.holdout else ''}"
-            for one in self.errors
+            for k, one in enumerate(self.errors)
         }
 
     def apply(self, scene: Any = None) -> Any:

@@ -1,0 +1,129 @@
+"""Residuals from logs of a controller: the algebra by numpy, a log of tendons that rub, and logs that are not as stated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from continuum_grasp.control.log import ControlLog
+from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.identification import learn_residual
+from continuum_grasp.identification.control_logs import read_logs
+from continuum_grasp.identification.residual import RidgeProblem
+from continuum_grasp.scene.load import load
+
+FOLDER = Path(__file__).parents[2] / "configs/mpc"
+U, Y = ("tension_1 [N]", "tension_2 [N]"), ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load(FOLDER / "rubbing.yaml")
+
+
+@pytest.fixture(scope="module")
+def log() -> ControlLog:
+    return read_logs([FOLDER / "rubbing_log.csv"], U, Y, 0.01)[0]
+
+
+def part(log: ControlLog, rows: slice, name: str) -> ControlLog:
+    return ControlLog(log.t[rows], log.u[rows], log.y[rows], log.u_names, log.y_names, name)
+
+
+def test_ridge_weights_are_those_of_a_least_squares_with_rows_for_the_ridge():
+    rng = np.random.default_rng(0)
+    factors, slopes, targets = rng.normal(size=(60, 4)), rng.normal(size=(60, 3, 2)), rng.normal(size=(60, 3))
+    problem, ridge = RidgeProblem.of(factors, slopes, targets), 0.03
+    columns = np.einsum("kmn,ks->kmns", slopes, factors).reshape(180, 8)
+    unit = np.sqrt(np.mean(columns**2, axis=0))
+
+    def solved(rows):
+        a = np.vstack([columns[rows] / unit, np.sqrt(ridge * rows.sum()) * np.eye(8)])
+        return np.linalg.lstsq(a, np.append(targets.ravel()[rows], np.zeros(8)), rcond=None)[0] / unit
+
+    assert problem.weights(ridge) == pytest.approx(solved(np.ones(180, dtype=bool)), rel=1e-9)
+    fold = np.repeat(np.arange(5), 36)
+    assert problem.without(ridge, 2) == pytest.approx(solved(fold != 2), rel=1e-9)
+
+
+def test_what_is_learned_from_sums_of_sines_halves_one_step_errors_on_steps(scene, log):
+    fit = learn_residual(scene, [part(log, slice(0, 505), "sines")], holdout=[part(log, slice(505, 1000), "steps")])
+    assert fit.status == "learned" and fit.residual is not None
+    steps = fit.errors[1]
+    assert steps.holdout and steps.log == "steps"
+    assert steps.position_with < 0.5 * steps.position
+    assert steps.velocity_with < 0.5 * steps.velocity
+    assert fit.scene.fidelity.residual is None
+    assert fit.apply(scene).fidelity.residual == fit.residual
+    lengths = fit.without.shape, fit.with_residual.shape, fit.distance.shape
+    assert lengths == ((sum(one.steps for one in fit.errors), 4),) * 2 + ((len(fit.without),),)
+    # None of what it was learned from is beyond it.
+    assert fit.distance[: fit.errors[0].steps].max() == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_the_shipped_residual_is_what_its_log_gives(scene):
+    found = learn_residual(scene, [FOLDER / "rubbing_log.csv"]).residual
+    shipped = scene.fidelity.residual
+    assert found.kernels == shipped.kernels and found.training.ridge == shipped.training.ridge
+    assert np.array(found.weights) == pytest.approx(np.array(shipped.weights), rel=1e-5, abs=1e-12)
+    assert found.radius == pytest.approx(shipped.radius, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_from_a_plant_that_is_the_model_nothing_is_learned(scene):
+    from continuum_grasp.closed_loop import run_closed_loop
+
+    plain = scene.changed({"fidelity.residual": None, "duration": 6.0, "plant.guides": None})
+    plain = plain.changed({"plant": {"fidelity": {"family": "matched_clothoid", "elements": 2}, "seed": 1}})
+    fit = learn_residual(plain, [run_closed_loop(plain).log])
+    assert fit.status == "nothing_learned" and fit.residual is None
+    assert any("nothing was learned" in text for text in fit.warnings)
+    with pytest.raises(InputError, match="nothing was learned"):
+        fit.apply()
+
+
+def test_a_log_is_read_as_it_was_written(log, tmp_path):
+    y = log.y.copy()
+    y[3, :2] = np.nan
+    gaps = ControlLog(log.t, log.u, y, log.u_names, log.y_names)
+    (tmp_path / "log.csv").write_text(gaps.text())
+    (found,) = read_logs([tmp_path / "log.csv"], U, Y, 0.01)
+    assert np.array_equal(np.isnan(found.y), np.isnan(y))
+    assert found.u == pytest.approx(log.u, rel=1e-6) and found.t == pytest.approx(log.t)
+    (tmp_path / "mm.csv").write_text(gaps.text().replace("tip_x [m]", "tip_x [mm]"))
+    scaled = read_logs([tmp_path / "mm.csv"], U, Y, 0.01)[0]
+    assert scaled.y[10, 0] == pytest.approx(1e-3 * log.y[10, 0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("commanded_tension_2", "tension_3"), "no column 'commanded_tension_2'"),
+        (lambda text: "\n".join(text.splitlines()[::2]), "expected a row per control period of 0.01 s"),
+        (lambda text: "\n".join(text.splitlines()[:300]), "expected 500 periods or more"),
+        (lambda text: text.replace("\n0.05,", "\n0.053,"), "evenly spaced"),
+    ],
+)
+def test_logs_that_do_not_fit_are_refused(scene, log, change, message, tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text(change(log.text()))
+    with pytest.raises(InputError, match=message):
+        learn_residual(scene, [file])
+
+
+def test_logs_of_nothing_or_of_another_finger_are_refused(scene, log):
+    with pytest.raises(InputError, match="expected a log"):
+        learn_residual(scene, [])
+    with pytest.raises(InputError, match="finite commands"):
+        ControlLog(log.t, np.full_like(log.u, np.nan), log.y, U, Y)
+    with pytest.raises(InputError, match="u_names: expected tension_1"):
+        learn_residual(scene, [ControlLog(log.t, log.u[:, :1], log.y, U[:1], Y)])
+    grasped = scene.changed({"estimator": None})
+    with pytest.raises(InputError, match="needs an `estimator:` section"):
+        learn_residual(grasped, [log])
+    huge = ControlLog(log.t, 1e7 * log.u, log.y, U, Y, "newtons")
+    with pytest.raises(NumericalError, match="newtons: the model does not follow the log"):
+        learn_residual(scene, [huge])
