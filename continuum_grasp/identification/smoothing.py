@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 _DRIFTS = (0.005, 0.02, 0.05, 0.1, 0.3)
 """Changes of the unknown forces in a second, standard deviation per that force which bends the finger over its range
-[1], of which the likeliest is taken: on logs of tendons that rub, 0.02 to 0.05."""
+[1], of which the likeliest is taken: on logs of tendons with friction, 0.02 to 0.05."""
 _DRIVES = (1.0, 0.1, 0.01)
 """Shares of the estimator's noise of drives [1], of which the likeliest is taken: it allows for drives that the model
 hardly knows, and would take forces on the finger for theirs."""

@@ -22,9 +22,9 @@ class ResidualTraining(Value):
     rows: Annotated[int, Field(ge=0)] = 0
     """Number of steps in them."""
     ridge: Annotated[float, Field(ge=0.0), Unit("1")] = 0.0
-    """Weight of the squared weights, per that of the errors [1]; chosen by cross-validation."""
+    """Weight of the squared weights, per that of the errors [1]."""
     error_share: Annotated[float, Field(ge=0.0), Unit("1")] = 0.0
-    """Error of predictions over ten periods in cross-validation, per that of the model without the residual [1]."""
+    """Error of predictions over ten periods, per that of the model without the residual [1]."""
 
 
 class LearnedResidual(Value):

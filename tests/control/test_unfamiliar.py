@@ -17,7 +17,7 @@ from continuum_grasp.scene.load import load
 from tests.control.test_controller import GENERATED, STRICT
 from tests.marks import few
 
-CONFIG = Path(__file__).parents[2] / "configs/mpc/rubbing.yaml"
+CONFIG = Path(__file__).parents[2] / "configs/mpc/learned_friction.yaml"
 
 
 def scenes():

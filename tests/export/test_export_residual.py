@@ -1,4 +1,4 @@
-"""A package of a controller with a learned residual: its kernels to the bit, its commands and anomalies those of Python."""
+"""A package of a controller with a learned residual: kernels to the bit, commands and anomalies those of Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from continuum_grasp.scene.load import load
 from tests.export.test_export_control import reference, values
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library
 
-CONFIG = Path(__file__).parents[2] / "configs/mpc/rubbing.yaml"
+CONFIG = Path(__file__).parents[2] / "configs/mpc/learned_friction.yaml"
 STATE = np.array([2.0, 1.8, 5.0, 4.0, 0.012, 0.0])
 
 

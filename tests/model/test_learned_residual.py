@@ -15,7 +15,7 @@ from continuum_grasp.scene import Scene
 from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.load import load
 
-CONFIG = Path(__file__).parents[2] / "configs/mpc/rubbing.yaml"
+CONFIG = Path(__file__).parents[2] / "configs/mpc/learned_friction.yaml"
 
 
 @pytest.fixture(scope="module")
