@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
@@ -11,13 +10,12 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.learned_residual import LearnedResidual
 
-if TYPE_CHECKING:
-    from continuum_grasp.model.structure import Structure
-
 FADED = 1.5
 """Distance from the logs at which a residual has faded to zero, per that up to which it is trusted [1]. Half the region
 again: narrower, its derivative by the state would be that of a wall, and plans would bounce off it."""
 
+_SAME = 1e-6
+"""Difference of elements that is none, per length of the finger [1]: of lengths that were rounded in a file."""
 _TURN = 0.3
 """Rate at which the direction of a motion is 71 % of its greatest value, per standard deviation of the rate in logs
 [1]. Friction turns at once; a model that does is too stiff for the steps of a plan, and rates are not known so well."""
@@ -25,34 +23,31 @@ _LEAST_PULL = 0.2
 """Pull below which its magnitude is rounded off, per standard deviation in the logs [1]."""
 
 
-def check_residual(residual: LearnedResidual, made: Structure) -> None:
-    """Raise InputError where a residual was learned for another model."""
-    lengths = residual.elements
-    same = len(lengths) == len(made.lengths) and all(
-        abs(a - b) <= 1e-6 * made.length for a, b in zip(lengths, made.lengths, strict=False)
-    )
-    if residual.family != made.family_name or not same:
-        own, other = ((family, *(f"{h:.6g}" for h in of)) for family, of in _models(residual, made))
+def check_residual(
+    residual: LearnedResidual, family: str, lengths: Sequence[float], coordinates: Sequence[str], known: Sequence[str]
+) -> None:
+    """Raise InputError where a residual was learned for another model: of a family and elements of these lengths [m].
+
+    ``coordinates`` are the names of its coordinates, ``known`` those of states of drives and of inputs.
+    """
+    own, length = residual.elements, sum(lengths)
+    same = len(own) == len(lengths) and all(abs(a - b) <= _SAME * length for a, b in zip(own, lengths, strict=True))
+    if residual.family != family or not same:
+        learned, here = (", ".join(f"{h:.6g}" for h in of) for of in (own, lengths))
         raise InputError(
-            f"it was learned for elements {', '.join(own[1:])} m of family {own[0]}, this model has "
-            f"{', '.join(other[1:])} m of family {other[0]}: learn it anew, or state that family and these elements",
+            f"it was learned for elements {learned} m of family {residual.family}, this model has {here} m of family "
+            f"{family}: learn it anew, or state that family and these elements",
             key="residual",
         )
-    if list(residual.coordinates) != list(made.q_names):
+    if list(residual.coordinates) != list(coordinates):
         raise InputError(
-            f"it was learned for coordinates {', '.join(residual.coordinates)}, this model has "
-            f"{', '.join(made.q_names)}",
+            f"it was learned for coordinates {', '.join(residual.coordinates)}; here are {', '.join(coordinates)}",
             key="residual.coordinates",
         )
-    known = list(dict.fromkeys((*made.x_names[2 * made.n :], *made.u_names)))
     for k, name in enumerate(residual.drives):
         if name not in known:
             message = f"{name!r} is neither a state of a drive nor an input here: expected some of {', '.join(known)}"
             raise InputError(message, key=f"residual.drives[{k}]")
-
-
-def _models(residual: LearnedResidual, made: Structure) -> tuple[tuple[str, Sequence[float]], ...]:
-    return (residual.family, residual.elements), (made.family_name, made.lengths)
 
 
 def scaled(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:

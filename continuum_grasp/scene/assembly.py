@@ -107,9 +107,9 @@ def _put_in_files(document: Document, main: Path) -> None:
     for path in ((), ("grasp",)):
         if path == () or isinstance(document.value.get("grasp"), dict):
             _put_in_fingers(document, path, main)
-    for path in (("fidelity", "residual"), ("plant", "fidelity", "residual")):
-        if document.has(path) and isinstance(document.get(path), str):
-            _put_in_residual(document, path, main)
+    for where in (("fidelity", "residual"), ("plant", "fidelity", "residual")):
+        if document.has(where) and isinstance(document.get(where), str):
+            _put_in_residual(document, where, main)
 
 
 def _put_in_residual(document: Document, path: KeyPath, main: Path) -> None:

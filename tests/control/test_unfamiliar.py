@@ -42,7 +42,8 @@ def test_beyond_the_logs_it_is_reported_and_the_command_is_that_without():
     assert elsewhere.statistics["anomalies"]["unfamiliar"] == 1
     # A finger that is flung out of the logs, and back into them.
     far = own.step(state * [4.0, -4.0, 1.0, 1.0, 1.0, 1.0], setpoints)
-    assert Anomaly.UNFAMILIAR in far.anomaly and Anomaly.UNFAMILIAR not in own.step(state, setpoints).anomaly
+    assert Anomaly.UNFAMILIAR in far.anomaly
+    assert Anomaly.UNFAMILIAR not in own.step(state, setpoints).anomaly
 
 
 @pytest.mark.parametrize("real", few(["double", "float"], 1))

@@ -46,9 +46,11 @@ def test_ridge_weights_are_those_of_a_least_squares_with_rows_for_the_ridge():
 
 def test_what_is_learned_from_sums_of_sines_halves_one_step_errors_on_steps(scene, log):
     fit = learn_residual(scene, [part(log, slice(0, 505), "sines")], holdout=[part(log, slice(505, 1000), "steps")])
-    assert fit.status == "learned" and fit.residual is not None
+    assert fit.status == "learned"
+    assert fit.residual is not None
     steps = fit.errors[1]
-    assert steps.holdout and steps.log == "steps"
+    assert steps.holdout
+    assert steps.log == "steps"
     assert steps.position_with < 0.5 * steps.position
     assert steps.velocity_with < 0.5 * steps.velocity
     assert fit.scene.fidelity.residual is None
@@ -63,7 +65,8 @@ def test_what_is_learned_from_sums_of_sines_halves_one_step_errors_on_steps(scen
 def test_the_shipped_residual_is_what_its_log_gives(scene):
     found = learn_residual(scene, [FOLDER / "learned_friction_log.csv"]).residual
     shipped = scene.fidelity.residual
-    assert found.kernels == shipped.kernels and found.training.ridge == shipped.training.ridge
+    assert found.kernels == shipped.kernels
+    assert found.training.ridge == shipped.training.ridge
     assert np.array(found.weights) == pytest.approx(np.array(shipped.weights), rel=1e-5, abs=1e-12)
     assert found.radius == pytest.approx(shipped.radius, rel=1e-6)
 
@@ -75,7 +78,8 @@ def test_from_a_plant_that_is_the_model_nothing_is_learned(scene):
     plain = scene.changed({"fidelity.residual": None, "duration": 6.0, "plant.guides": None})
     plain = plain.changed({"plant": {"fidelity": {"family": "matched_clothoid", "elements": 2}, "seed": 1}})
     fit = learn_residual(plain, [run_closed_loop(plain).log])
-    assert fit.status == "nothing_learned" and fit.residual is None
+    assert fit.status == "nothing_learned"
+    assert fit.residual is None
     assert any("nothing was learned" in text for text in fit.warnings)
     with pytest.raises(InputError, match="nothing was learned"):
         fit.apply()
@@ -88,7 +92,8 @@ def test_a_log_is_read_as_it_was_written(log, tmp_path):
     (tmp_path / "log.csv").write_text(gaps.text())
     (found,) = read_logs([tmp_path / "log.csv"], U, Y, 0.01)
     assert np.array_equal(np.isnan(found.y), np.isnan(y))
-    assert found.u == pytest.approx(log.u, rel=1e-6) and found.t == pytest.approx(log.t)
+    assert found.u == pytest.approx(log.u, rel=1e-6)
+    assert found.t == pytest.approx(log.t)
     (tmp_path / "mm.csv").write_text(gaps.text().replace("tip_x [m]", "tip_x [mm]"))
     scaled = read_logs([tmp_path / "mm.csv"], U, Y, 0.01)[0]
     assert scaled.y[10, 0] == pytest.approx(1e-3 * log.y[10, 0], rel=1e-6)
