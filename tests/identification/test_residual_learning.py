@@ -28,10 +28,6 @@ def log() -> ControlLog:
     return read_logs([FOLDER / "learned_friction_log.csv"], U, Y, 0.01)[0]
 
 
-def part(log: ControlLog, rows: slice, name: str) -> ControlLog:
-    return ControlLog(log.t[rows], log.u[rows], log.y[rows], log.u_names, log.y_names, name)
-
-
 def test_ridge_weights_are_those_of_a_least_squares_with_rows_for_the_ridge():
     rng = np.random.default_rng(0)
     factors, slopes, targets = rng.normal(size=(60, 4)), rng.normal(size=(60, 3, 2)), rng.normal(size=(60, 3))
@@ -44,31 +40,28 @@ def test_ridge_weights_are_those_of_a_least_squares_with_rows_for_the_ridge():
     assert problem.weights(ridge) == pytest.approx(expected, rel=1e-9)
 
 
-def test_what_is_learned_from_sums_of_sines_halves_one_step_errors_on_steps(scene, log):
-    fit = learn_residual(scene, [part(log, slice(0, 505), "sines")], holdout=[part(log, slice(505, 1000), "steps")])
-    assert fit.status == "learned"
-    assert fit.residual is not None
-    steps = fit.errors[1]
-    assert steps.holdout
-    assert steps.log == "steps"
-    assert steps.position_with < 0.5 * steps.position
-    assert steps.velocity_with < 0.5 * steps.velocity
-    assert fit.scene.fidelity.residual is None
-    assert fit.apply(scene).fidelity.residual == fit.residual
-    lengths = fit.without.shape, fit.with_residual.shape, fit.distance.shape
-    assert lengths == ((sum(one.steps for one in fit.errors), 4),) * 2 + ((len(fit.without),),)
-    # None of what it was learned from is beyond it.
-    assert fit.distance[: fit.errors[0].steps].max() == pytest.approx(1.0)
-
-
 @pytest.mark.slow
-def test_the_shipped_residual_is_what_its_log_gives(scene):
-    found = learn_residual(scene, [FOLDER / "learned_friction_log.csv"]).residual
-    shipped = scene.fidelity.residual
+def test_the_shipped_residual_is_what_its_log_gives_and_halves_one_step_errors_on_another_motion(scene):
+    from continuum_grasp.closed_loop import run_closed_loop
+
+    plain = scene.changed({"fidelity.residual": None, "duration": 1.5})
+    fit = learn_residual(scene, [FOLDER / "learned_friction_log.csv"], holdout=[run_closed_loop(plain).log])
+    assert fit.status == "learned"
+    found, shipped = fit.residual, scene.fidelity.residual
     assert found.kernels == shipped.kernels
     assert found.training.ridge == shipped.training.ridge
     assert np.array(found.weights) == pytest.approx(np.array(shipped.weights), rel=1e-5, abs=1e-12)
     assert found.radius == pytest.approx(shipped.radius, rel=1e-6)
+    held = fit.errors[1]
+    assert held.holdout
+    assert held.position_with < 0.5 * held.position
+    assert held.velocity_with < 0.5 * held.velocity
+    assert fit.scene.fidelity.residual is None
+    assert fit.apply(scene).fidelity.residual == fit.residual
+    rows = sum(one.steps for one in fit.errors)
+    assert (fit.without.shape, fit.with_residual.shape, fit.distance.shape) == ((rows, 4), (rows, 4), (rows,))
+    # None of what it was learned from is beyond it.
+    assert fit.distance[: fit.errors[0].steps].max() == pytest.approx(1.0)
 
 
 @pytest.mark.slow
