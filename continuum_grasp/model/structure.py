@@ -89,8 +89,8 @@ class Structure:
         self._name_entries()
         self.residual = choices.residual()
         if self.residual is not None:
-            known = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
-            check_residual(self.residual, self.family_name, self.lengths, self.q_names, known)
+            driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
+            check_residual(self.residual, self.family_name, self.lengths, self.q_names, driven)
         for k, load in enumerate(self.loads):
             if not 0.0 <= load.at <= self.length * (1 + 1e-9):
                 message = f"position {load.at} m is not on the finger of {self.length} m"
