@@ -460,13 +460,22 @@ def _tried(
     far = np.sqrt(np.array(function.map(len(values))(values.T)).ravel())
     predicted = steps.predicted + np.einsum("kij,kj->ki", steps.by_force, force)
     without, with_residual = (tip.between(x, steps.after, steps.u) for x in (steps.predicted, predicted))
-    sizes = [
-        float(np.sqrt(np.mean(np.sum(rows[:, part] ** 2, axis=1))))
-        for part in (slice(0, 2), slice(2, 4))
-        for rows in (without, with_residual)
-    ]
-    found = OneStepError(name, len(values), *sizes, beyond=float(np.mean(far > 1.0)), holdout=holdout)
+    found = OneStepError(
+        log=name,
+        steps=len(values),
+        position=_size(without[:, :2]),
+        position_with=_size(with_residual[:, :2]),
+        velocity=_size(without[:, 2:]),
+        velocity_with=_size(with_residual[:, 2:]),
+        beyond=float(np.mean(far > 1.0)),
+        holdout=holdout,
+    )
     return found, without, with_residual, far
+
+
+def _size(rows: Array) -> float:
+    """Root mean square of the lengths of rows (K, 2)."""
+    return float(np.sqrt(np.mean(np.sum(rows**2, axis=1))))
 
 
 def _warnings(status: str, errors: Sequence[OneStepError]) -> tuple[str, ...]:
