@@ -389,7 +389,7 @@ def _kernels(z: Array, count: int) -> Array:
         nearest = ((z[:, None] - found) ** 2).sum(axis=2).argmin(axis=1)
         for k in np.unique(nearest):
             found[k] = z[nearest == k].mean(axis=0)
-    return found
+    return np.asarray(found)
 
 
 def _terms(residual: LearnedResidual, values: Array) -> Array:
