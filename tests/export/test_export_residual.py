@@ -30,11 +30,12 @@ def test_commands_and_anomalies_are_those_of_python(tmp_path):
     row = np.append([-0.05, 0.165], np.zeros(control.stages.nr - 2))
     rows, seen = np.tile(row, (7, 1)), set()
     for k in range(8):
-        state = STATE * (1.0 if k % 3 else (4.0, -4.0, 1.0, 1.0, 1.0, 1.0))
+        # Bent against its moment: a tenth beyond the logs, where the residual fades.
+        state = STATE * (1.0 if k % 3 != 2 else (-1.0, -1.0, 1.0, 1.0, 3.0, 1.0))
         command, found = control.step(state, rows), other.step(finger.Measurement(*state), reference(finger, rows))
         assert values(found) == pytest.approx(command.u, rel=1e-9, abs=1e-9)
         said = bool(other.diagnosis().anomalies & Anomaly.UNFAMILIAR)
-        assert said == (Anomaly.UNFAMILIAR in command.anomaly) == (k % 3 == 0)
+        assert said == (Anomaly.UNFAMILIAR in command.anomaly) == (k % 3 == 2)
         seen.add(said)
     assert seen == {True, False}
 
