@@ -11,6 +11,8 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Length, Positive, Real, Value
 
 _Row = Annotated[tuple[Annotated[Real, Unit("1")], ...], Field(strict=False)]
+_Features = Annotated[tuple[Annotated[Real, Unit("unit of the feature")], ...], Field(strict=False, min_length=1)]
+_Forces = Annotated[tuple[Annotated[Real, Unit("unit of the force")], ...], Field(strict=False)]
 _Rows = Annotated[tuple[_Row, ...], Field(strict=False)]
 
 
@@ -45,8 +47,8 @@ class LearnedResidual(Value):
     """Names and units of that model's coordinates (n)."""
     drives: Annotated[tuple[str, ...], Field(strict=False, max_length=16)] = ()
     """Names and units of the states or inputs that say how drives pull (k)."""
-    center: Annotated[_Row, Field(min_length=1)]
-    """Mean of coordinates, rates and pulls in the logs (2 n + k), each in its unit."""
+    center: _Features
+    """Mean of coordinates, rates and pulls in the logs (2 n + k) [unit of the feature]."""
     scale: Annotated[tuple[Annotated[Positive, Unit("unit of the feature")], ...], Field(strict=False, min_length=1)]
     """Their standard deviations (2 n + k) [unit of the feature]."""
     metric: _Rows
@@ -57,7 +59,7 @@ class LearnedResidual(Value):
     """Centers of the kernels (m, 2 n + k) [1]."""
     width: Annotated[Positive, Unit("1")] = 6.0
     """Distance from its center at which a kernel ends [1]."""
-    weights: _Rows
+    weights: Annotated[tuple[_Forces, ...], Field(strict=False)]
     """Of each generalized force (n, 1 + 3 n + n k + m), in the order above [unit of the force]."""
     training: ResidualTraining | None = None
     """How it was learned."""
