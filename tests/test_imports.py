@@ -55,6 +55,7 @@ ALLOWED = {
     "identification": {
         "identification",
         "accuracy",
+        "control",
         "rod",
         "simulation",
         "core",

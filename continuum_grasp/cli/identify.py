@@ -12,6 +12,7 @@ from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
+    from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.identify import IdentifyScene
 
 _SHOWN = 12
@@ -36,6 +37,12 @@ def identify(
             help="Write this configuration with the estimates in it, beside the result; repeatable.",
         ),
     ] = None,
+    holdout: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--holdout", metavar="FILE", help="Log of a controller on which a residual is tried alone; repeatable."
+        ),
+    ] = None,
     out: Out = None,
     changes: Set = None,
     pictures: Pictures = True,
@@ -43,15 +50,24 @@ def identify(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Estimate parameters from measurements, with confidence intervals, or design the commands to measure."""
+    """Estimate parameters from measurements, with confidence intervals, or design the commands to measure.
+
+    For a closed loop (its configuration has a controller) it learns from logs what the controller's model misses.
+    """
     from continuum_grasp.results.atomic import write_text
     from continuum_grasp.results.yaml_text import yaml_text
+    from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.simulate import FingerScene
 
     output = Output(as_json, quiet, verbose)
     scene = load(config, changes or ())
+    if isinstance(scene, ControlScene):
+        _learn(scene, config, data, holdout, excitation, apply, out, output, pictures)
+        return
+    if holdout:
+        raise InputError("is for logs of a controller; here data have use: holdout", key="--holdout")
     if not isinstance(scene, IdentifyScene):
         raise InputError("expected a scene with parameters to estimate: [{name: ...}] and data", file=str(config))
     if excitation == bool(data) or (excitation and apply):
@@ -127,3 +143,53 @@ def _design(scene: IdentifyScene, folder: Path, output: Output, pictures: bool) 
     )
     output.pairs(saved_in(folder, files))
     output.result(status=plan.status, folder=folder, files=files, warnings=plan.warnings, **plan.details())
+
+
+def _learn(
+    scene: ControlScene,
+    config: Path,
+    data: list[Path] | None,
+    holdout: list[Path] | None,
+    excitation: bool,
+    apply: list[Path] | None,
+    out: Path | None,
+    output: Output,
+    pictures: bool,
+) -> None:
+    """Learn what the model of a controller misses."""
+    from continuum_grasp.identification import learn_residual
+    from continuum_grasp.results.atomic import write_text
+    from continuum_grasp.results.yaml_text import yaml_text
+    from continuum_grasp.scene.control import ControlScene as Kind
+    from continuum_grasp.scene.load import scene_of
+
+    if excitation or not data:
+        raise InputError("expected --data LOG of the controller", key="data")
+    targets = [(path, scene_of(path, Kind)) for path in apply or ()]
+    folder = run_folder(out, config, "identify")
+    with output.busy("learning") as report:
+        fit = learn_residual(scene, data, holdout=holdout or (), progress=report)
+    files = output.save(fit, folder, pictures)
+    for path, target in targets if fit.residual is not None else ():
+        plain = fit.apply(target).model_dump(mode="json", exclude_unset=True)
+        name = folder / f"{path.stem}_identified.yaml"
+        files.append(write_text(yaml_text({"schema_version": 1, **plain}, exact=True), name))
+    output.warn(fit.warnings)
+    output.table(
+        ("one-step errors of", "tip", "with residual", "tip's velocity", "with residual", "beyond the logs"),
+        *(
+            (
+                f"{one.log}{' (held out)' if one.holdout else ''}",
+                f"{1e3 * one.position:.3g} mm",
+                f"{1e3 * one.position_with:.3g} mm",
+                f"{1e3 * one.velocity:.3g} mm/s",
+                f"{1e3 * one.velocity_with:.3g} mm/s",
+                f"{100.0 * one.beyond:.1f} %",
+            )
+            for one in fit.errors
+        ),
+    )
+    output.pairs(saved_in(folder, files))
+    output.statistics(fit.statistics)
+    own = {"status": fit.status, "folder": folder, "files": files, "warnings": fit.warnings}
+    output.result(**own, statistics=fit.statistics, **fit.details())

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.closed_loop.metrics import Metrics, rms, times_of, tracking_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
+from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
@@ -89,7 +90,10 @@ class ControlRun(MotionResult):
         POSE,
         CONTACT,
     )
-    texts: ClassVar[tuple[File, ...]] = (File("report.txt", "closed_loop.result:ControlRun.report"),)
+    texts: ClassVar[tuple[File, ...]] = (
+        File("report.txt", "closed_loop.result:ControlRun.report"),
+        File("log.csv", "closed_loop.result:log_text"),
+    )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("path", "plotting.control:plot_control_path"),
         Picture("inputs", "plotting.control:plot_inputs"),
@@ -323,6 +327,11 @@ class ControlRun(MotionResult):
         """Amount by which each bound was exceeded (bounds, K + 1)."""
         return np.array([bound.excess for bound in self.bounds])
 
+    @property
+    def log(self) -> ControlLog:
+        """What was measured and commanded, from which a residual of the controller's model is learned."""
+        return ControlLog(self.t[:-1], self.u, self.y, self.u_names, self.y_names, self.scene.name or "run")
+
     def details(self) -> dict[str, Any]:
         """Metrics, events, and the names of all columns; ``status`` is how the run ended."""
         keys = ("x", "u", "y", "r", "p", "estimated", "phase")
@@ -362,3 +371,8 @@ def _parameter(name: str) -> str:
     """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
     name = name.removesuffix(_RELATIVE).removesuffix(_OF_MASS)
     return name.removeprefix("unknown_").split(" [")[0]
+
+
+def log_text(run: ControlRun) -> str:
+    """Commands and measurements of a run as CSV; the headings alone where it was stopped within two periods."""
+    return run.log.text() if len(run.u) > 1 else ""

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from continuum_grasp.control.estimation.contact_detector import ContactDetector as ContactDetector
     from continuum_grasp.control.estimation.contact_detector import DetectedContact as DetectedContact
     from continuum_grasp.control.estimation.estimator import Estimator as Estimator
+    from continuum_grasp.control.log import ControlLog as ControlLog
     from continuum_grasp.control.ocp.bounds import Row as Row
     from continuum_grasp.control.ocp.control_problem import ControlProblem as ControlProblem
     from continuum_grasp.control.ocp.residual import Residual as Residual

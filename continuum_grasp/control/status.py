@@ -79,6 +79,7 @@ class Anomaly(IntFlag):
     RATE_LIMITED = 8192
     FROZEN = 16384
     BEYOND_LIMIT = 32768
+    UNFAMILIAR = 65536
 
 
 class Verdict(IntEnum):
@@ -112,6 +113,7 @@ _OF_THE_REST = {
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
     Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
     Anomaly.BEYOND_LIMIT: "the command is beyond a limit that was moved past it, and approaches it as fast as allowed",
+    Anomaly.UNFAMILIAR: "the state is beyond the logs of the learned residual, which fades to zero",
 }
 
 

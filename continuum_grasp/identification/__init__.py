@@ -6,6 +6,7 @@ from continuum_grasp.identification.excitation import ExcitationPlan, design_exc
 from continuum_grasp.identification.fit import Error, Fit
 from continuum_grasp.identification.fitting import identify
 from continuum_grasp.identification.read import data_folder, read_data
+from continuum_grasp.identification.residual import OneStepError, ResidualFit, learn_residual
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 
@@ -17,14 +18,17 @@ __all__ = [
     "Fit",
     "Frequencies",
     "IdentifyScene",
+    "OneStepError",
     "Poses",
     "Reading",
+    "ResidualFit",
     "Table",
     "TipPath",
     "data_folder",
     "design_excitation",
     "fit_damped_sine",
     "identify",
+    "learn_residual",
     "read_data",
     "read_table",
 ]

@@ -75,10 +75,10 @@ class Table:
         at = self.index(heading)
         return np.array([self._number(k, at, gaps) for k in range(len(self.rows))])
 
-    def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0) -> Array:
+    def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False) -> Array:
         """A column (rows,) less ``zero`` of its own unit, in an SI unit.
 
-        ``unit`` is that of the data where its heading does not say it.
+        ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.
         """
         at = self.index(heading)
         own = self.units[at]
@@ -88,7 +88,7 @@ class Table:
             factor = factor_to_si(unit or own or si, si)
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
-        return factor * (self.numbers(heading) - zero)
+        return factor * (self.numbers(heading, gaps=gaps) - zero)
 
     def error(self, message: str, at: int, row: int | None = None) -> InputError:
         """An error at a cell, or at the heading of a column."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 from continuum_grasp.scene.simulate import Scene
 
@@ -30,11 +31,12 @@ class ModelOptions(TypedDict, total=False):
     loads: Sequence[Load] | None
     tip_force: bool | None
     input_rates: bool | None
+    residual: LearnedResidual | None
 
 
 _IN_SCENE = {
     **{name: name for name in ("contacts", "gravity", "parameters", "loads")},
-    **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy")},
+    **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy", "residual")},
 }
 """Path in a scene of what is also an option."""
 
@@ -120,6 +122,13 @@ class Choices:
         if value is not None and not isinstance(value, bool | np.bool_):
             raise InputError(f"expected True or False, got {value!r:.60}", key=name)
         return None if value is None else bool(value)
+
+    def residual(self) -> LearnedResidual | None:
+        """What was learned from logs."""
+        value = self["residual"]
+        if value is not None and not isinstance(value, LearnedResidual):
+            raise InputError(f"expected a LearnedResidual, got {value!r:.60}", key="residual")
+        return value
 
     def loads(self) -> tuple[Load, ...]:
         """Point loads."""

@@ -19,6 +19,7 @@ from continuum_grasp.model.bending_friction import BendingFriction
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.layout import place_at
+from continuum_grasp.model.learned_residual import distance, residual_force
 from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
@@ -609,7 +610,31 @@ class Equations:
         net = []
         for k in range(self._structure.n):
             net.append(motion[k] - bending[k] - self.damping[k] - self.known_inertia_force[k])
+        if self._structure.residual is not None:
+            net = [f + r for f, r in zip(net, self.residual_force, strict=True)]
         return net
+
+    @cached_property
+    def residual_force(self) -> list[Scalar]:
+        """Generalized forces that were learned from logs; none without."""
+        learned = self._structure.residual
+        return [] if learned is None else residual_force(learned, self._features)
+
+    @property
+    def residual_distance(self) -> Scalar:
+        """Square of the distance from these logs, per that up to which they are trusted [1]; zero without."""
+        learned = self._structure.residual
+        return 0.0 if learned is None else distance(learned, self._features)
+
+    @property
+    def _features(self) -> list[Scalar]:
+        """What the learned forces depend on."""
+        made, learned = self._structure, self._structure.residual
+        if learned is None:
+            return []
+        # A tension that lags is a state of the same name as its command: what acts comes first.
+        found = dict(zip([*made.u_names, *made.x_names], ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
+        return [*ca.vertsplit(self.q), *ca.vertsplit(self.qd), *(found[name] for name in learned.drives)]
 
     @cached_property
     def force_at_rest(self) -> list[Scalar]:
@@ -617,7 +642,11 @@ class Equations:
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
         friction = self.dry_friction_at_rest.force
         bending = [b + f for b, f in zip(self._bending_force(self.actuation_at_rest), friction, strict=False)]
-        return [acting[k] - bending[k] for k in range(self._structure.n)]
+        net = [acting[k] - bending[k] for k in range(self._structure.n)]
+        if self._structure.residual is not None:
+            still = ca.substitute([ca.SX(r) for r in self.residual_force], [self.qd], [ca.SX.zeros(self.qd.numel())])
+            net = [f + r for f, r in zip(net, still, strict=True)]
+        return net
 
     @cached_property
     def state_rate(self) -> list[Scalar]:

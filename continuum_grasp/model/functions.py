@@ -110,6 +110,13 @@ class Functions(Remade, Summarized):
         value = ca.cse(ca.densify(column(eq.drive_rates)))
         return ca.Function("drive_rates", [eq.x, eq.u, eq.p], [value], ["x", "u", "p"], ["lagging"])
 
+    @property
+    def residual_distance(self) -> ca.Function:
+        """(x, u) -> square of the distance from the logs of a learned residual, per that from which on it fades [1]."""
+        eq = self._equations
+        value = ca.cse(ca.densify(ca.SX(eq.residual_distance)))
+        return ca.Function("residual_distance", [eq.x, eq.u], [value], ["x", "u"], ["share"])
+
     def _implicit_drive_rates(self, x: ca.MX, u: ca.MX, p: ca.MX, part: ca.MX, rates: ca.MX) -> ca.MX:
         """The same in a step that is implicit in ``part``, by accelerations of the coordinates."""
         eq, step = self._equations, ca.SX.sym("part")

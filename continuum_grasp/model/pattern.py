@@ -69,6 +69,8 @@ def why_dense(made: Structure) -> str:
         return f"fewer than {FEWEST_ELEMENTS} elements"
     if made.parameters.is_runtime("element_lengths"):
         return "element_lengths at run time"
+    if made.residual is not None:
+        return "a learned residual"
     if made.has_quadratic_damping:
         return "quadratic damping"
     if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:

@@ -16,6 +16,7 @@ from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Family, Mesh, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
+from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.model.winches import winches_of
@@ -86,6 +87,10 @@ class Structure:
         self.bending_cells = self._bending_cells()
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
+        self.residual = choices.residual()
+        if self.residual is not None:
+            driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
+            check_residual(self.residual, self.family_name, self.lengths, self.q_names, driven)
         for k, load in enumerate(self.loads):
             if not 0.0 <= load.at <= self.length * (1 + 1e-9):
                 message = f"position {load.at} m is not on the finger of {self.length} m"

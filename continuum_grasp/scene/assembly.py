@@ -91,7 +91,7 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
 
 
 def _put_in_files(document: Document, main: Path) -> None:
-    """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
+    """Put in place what stands in other files: the grasp of a mission or plan, fingers, its own too, and residuals."""
     target = document.value.get("grasp")
     if isinstance(target, str):
         place = document.place(("grasp",))
@@ -107,6 +107,22 @@ def _put_in_files(document: Document, main: Path) -> None:
     for path in ((), ("grasp",)):
         if path == () or isinstance(document.value.get("grasp"), dict):
             _put_in_fingers(document, path, main)
+    for where in (("fidelity", "residual"), ("plant", "fidelity", "residual")):
+        if document.has(where) and isinstance(document.get(where), str):
+            _put_in_residual(document, where, main)
+
+
+def _put_in_residual(document: Document, path: KeyPath, main: Path) -> None:
+    """Put in place a learned residual that stands in another file."""
+    place = document.place(path)
+    file = place.beside(document.get(path), main)
+    if not file.is_file():
+        raise place.error(f"no such file of a learned residual: {os.path.normpath(file)}", path)
+    inner = read_yaml(file, name=os.path.normpath(file))
+    if not isinstance(inner.value, dict) or "weights" not in inner.value:
+        raise inner.places[()].error("expected a learned residual (family, elements, features, weights, ...)")
+    take_version(inner)
+    document.put(path, inner)
 
 
 def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:

@@ -370,6 +370,8 @@ class GraspScene(Value):
             )
         if isinstance(fidelity.elements, tuple):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
+        if fidelity.residual is not None:
+            raise ValueError("fidelity.residual is not for grasps, whose elements are sought")
         if fidelity.frequencies != Fidelity().frequencies:
             raise ValueError("fidelity.frequencies is not for grasps, which do not move")
         if all(m == "off" for m in setup.middles) and setup.tip == "off":

@@ -13,6 +13,7 @@ from continuum_grasp.scene.units import QUANTITIES, to_si
 _Node = dict[str, Any]
 _SUFFIX = "Changes"
 _VERSION = {"const": 1, "description": "Format of this file."}
+_RESIDUAL = {"type": "string", "description": "Path of a learned residual, relative to this file."}
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
@@ -42,6 +43,9 @@ def json_schema(kind: str) -> _Node:
             grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
         if "finger" in schema["properties"]:
             _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
+    if "Fidelity" in definitions:
+        residual = definitions["Fidelity"]["properties"]["residual"]
+        residual["anyOf"] = [_RESIDUAL, *residual["anyOf"]]
     # Of files alone: values that are made in Python need none.
     schema["properties"]["schema_version"] = _VERSION
     schema["required"].insert(0, "schema_version")

@@ -10,6 +10,7 @@ from pydantic import Field
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
+from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
@@ -54,6 +55,13 @@ class Fidelity(Value):
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
+    residual: LearnedResidual | None = None
+    """Forces that this model misses, learned from logs by ``continuum-grasp identify``; they belong to one family and
+    its elements. In a file also the path of the file that it wrote."""
+
+    def _check(self) -> None:
+        if self.residual is not None and self.tolerance is not None:
+            raise ValueError("residual belongs to one model: give its family and elements in place of a tolerance")
 
 
 class Initial(Value):

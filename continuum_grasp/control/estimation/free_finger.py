@@ -50,6 +50,7 @@ class FreeFinger:
             elements=scene.fidelity.elements,
             bending_range=scene.fidelity.bending_range,
             accuracy=scene.fidelity.accuracy,
+            residual=scene.fidelity.residual,
             gravity=scene.gravity,
             parameters=parameters,
             loads=[],

@@ -40,6 +40,7 @@ ANOMALIES = {
     "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
     "FROZEN": "a reading does not move: it counts as missing until it does",
     "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
+    "UNFAMILIAR": "the state is beyond the logs of the learned residual, which fades to zero",
 }
 
 
@@ -78,6 +79,8 @@ class _Writer:
             found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
             sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
             sizes["TOUCHES"] = int(loop.contact is not None)
+            if loop.distance is not None:
+                found.append("#define CONTROLLER_LEARNS 1")
             sizes["NS"] = 0 if e is None else len(e.sensor_names)
             # Plain C has no vectors: one lane.
             found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
