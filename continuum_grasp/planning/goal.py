@@ -137,6 +137,6 @@ def _stiffness(motion: Motion) -> Array:
     )
     by_x, by_u = (np.abs(np.array(slope)) for slope in slopes(*given))
     unit = motion.first_duration / of_x
-    return np.sqrt(
-        np.maximum(1.0, unit * np.maximum((by_x * of_x).max(axis=1), (by_u * of_u).max(axis=1, initial=0.0)))
-    )
+    greatest = np.maximum((by_x * of_x).max(axis=1), (by_u * of_u).max(axis=1, initial=0.0))
+    # Its square root: an acceleration counts as the velocity that it has reached when the stiffness turns it around.
+    return np.asarray(np.sqrt(np.maximum(1.0, unit * greatest)))
