@@ -107,6 +107,7 @@ def test_plan_that_a_fine_simulation_does_not_reproduce_is_none():
     [
         (0.0, "winches", {"method": "collocation"}, "not for tendons with friction, winches or motors"),
         (0.15, None, {"method": "multiple_shooting"}, "not for tendons with friction, winches or motors"),
+        (0.0, "torques", {}, "not for motors under commanded torques or currents"),
         (0.15, None, {"solver": {"method": "sqp", "hessian": "gauss_newton"}}, "has its own"),
     ],
 )
