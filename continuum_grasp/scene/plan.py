@@ -222,11 +222,11 @@ class PlanScene(FingerScene):
                 "change within 0.02 mm; leave it out, or take single_shooting"
             )
         if any(drive.key in ("torques", "currents") for drive in self.finger.winches):
-            # Measured on two motors, with friction and without: 25 and 31 steps, 50 and 89 mm from a goal that position
-            # servos reach in 7.
+            # Measured on two motors, with friction and without: 25 and 31 steps, 50 and 89 mm from a goal; position
+            # servos reach one like it in 7.
             raise ValueError(
-                "finger.tendons.drive: plans are not for motors under commanded torques or currents, whose plans end far "
-                "from goals within reach; give position_gain, and follow the planned angles"
+                "finger.tendons.drive: plans are not for motors under commanded torques or currents, whose plans end "
+                "far from goals within reach; give position_gain, and follow the planned angles"
             )
         if self.object is not None and self.transcription == "single_shooting":
             raise ValueError(
