@@ -150,6 +150,17 @@ class Assembly(Constraints):
         return _gathered(entries, blocks, self.size, self.size)
 
     @cached_property
+    def first_order(self) -> ca.Function:
+        """(w) -> gradient of the objective (a row) above the Jacobian of the constraints."""
+        return ca.Function("first_order", [self._w], [self._slopes()])
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """(w) -> objective, constraints."""
+        nlp = self.nlp
+        return ca.Function("values", [nlp.x], [nlp.f, nlp.g])
+
+    @cached_property
     def nlp(self) -> NLP:
         """The problem with its derivatives."""
         w, p = self._w, ca.MX.sym("p", 0)

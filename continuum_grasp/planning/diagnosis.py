@@ -23,6 +23,7 @@ _TEXTS = {
     "input rate": ("the input's rate limit stops it", "raise input.rate_max"),
     "duration": ("the duration stops it", "allow a longer duration"),
     "curvature": ("the curvature limit stops it", "allow more curvature (bounds.curvature, fidelity.bending_range)"),
+    "tension": ("a limit of the tensions stops it", "raise finger.tendons.max_tension or lower bounds.least_tension"),
     "speed": ("the speed limit stops it", "raise bounds.speed"),
 }
 """What the message says of a limit, and what to try."""

@@ -19,7 +19,7 @@ from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.problem import PlanProblem
-from continuum_grasp.planning.result import Deviation, Plan
+from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
 from continuum_grasp.scene.plan import PlanScene
 
 Array = NDArray[np.float64]
@@ -38,6 +38,8 @@ _OUTSIDE = 1e-3
 """Share of a bound's scale from which on there is a warning."""
 _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
+_HELD = 0.1
+"""Time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles."""
 _ROUNDS = 5
 """Most rounds of tightening; shipped plans need up to three."""
 _EXCESS = 2e-4
@@ -116,6 +118,8 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     try:
         states = simulated(scene, model, path, plan.x[0])
     except NumericalError as error:
+        if scene.transcription == "single_shooting":
+            return replace(plan, status=PlanStatus.NOT_SOLVED, message=f"no plan: {error}")
         return replace(plan, warnings=(*warnings, f"{error}: take more intervals or sub-steps, or collocation"))
     found = _deviation("the plan's model, finely integrated", model, plan, states)
     if found.tip > scene.check.tolerance * plan.length:
@@ -123,6 +127,10 @@ def checked(plan: Plan, motion: Motion) -> Plan:
             f"a fine simulation is up to {1e3 * found.tip:.3g} mm off the plan ({1e3 * found.final_tip:.3g} mm at the "
             "end): take more intervals, or more solver.substeps"
         )
+    reason = _not_reproduced(plan, model, states, found)
+    if reason:
+        advice = "take more solver.substeps, or more intervals"
+        return replace(plan, status=PlanStatus.NOT_SOLVED, message=reason, advice=advice, deviation=found)
     hard = excess_over_intervals(motion, states)[:, motion.hard]
     if hard.max(initial=0.0) > _OUTSIDE:
         name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
@@ -133,6 +141,24 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         finer, found_there = _on_finer(scene, plan, path)
         warnings += found_there
     return replace(plan, deviation=found, finer=finer, warnings=tuple(warnings))
+
+
+def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviation) -> str:
+    """Why a plan in the inputs alone is none on the finely integrated model; empty where it is one."""
+    scene, most = plan.scene, plan.scene.check.tolerance * plan.length
+    if scene.transcription != "single_shooting":
+        return ""
+    if found.tip > most:
+        return f"no plan: a fine simulation of its inputs is up to {1e3 * found.tip:.3g} mm off"
+    if scene.goal.end != "held" or not scene.finger.has_tendon_friction:
+        return ""
+    # Rest is asked of the drives alone: the finger has to follow.
+    u, p = plan.u[-1], np.array(model.p_nominal)
+    path = Path(plan.x[-2:], np.tile(u, (2, 1)), _HELD)
+    ends = states[-1], simulated(scene, model, path, states[-1], 1)[-1]
+    first, last = (np.array(model.tip(x, u, p)).ravel() for x in ends)
+    drift = float(np.hypot(*(last - first)))
+    return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > most else ""
 
 
 def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Deviation:

@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 _STILL_WHEN_RELAXED = 1e4
 """Weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest too."""
 
+_SETTLED = 1e4
+"""Weight of rest of a finger whose tendons have friction [units of the problem]: it comes to rest by itself once its
+drives do, which they have to, within some 10 ms; what is asked exactly of friction leads to steps of micrometers."""
+
 
 @dataclass(frozen=True)
 class GoalPart:
@@ -99,8 +103,40 @@ def goal_parts(motion: Motion) -> list[GoalPart]:
             chosen = [k for k, name in enumerate(all_names) if "_rate " in name]
             value = x[chosen]
         else:
-            chosen, value = list(range(model.nx)), model.dynamics(x, u, p)
-            scale = scale / motion.first_duration
-        names, zero = tuple(all_names[chosen].tolist()), np.zeros(len(chosen))
-        found.append(GoalPart(goal.end, "goal.end", "state", names, zero, scale[chosen], None, value))
+            # Friction states beyond their range return to it, by which no force changes.
+            chosen = [k for k, name in enumerate(all_names) if "friction_" not in name]
+            value, scale = model.dynamics(x, u, p)[chosen], scale / motion.first_duration
+            if motion.scene.transcription == "single_shooting":
+                scale = scale * _stiffness(motion)
+        settles = [motion.scene.finger.has_tendon_friction and k < 2 * model.system.n for k in chosen]
+        for rows, weight in ((np.flatnonzero(~np.array(settles)), None), (np.flatnonzero(settles), _SETTLED)):
+            if not rows.size:
+                continue
+            names, zero, own = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]
+            unit = scale[chosen][rows]
+            if weight is None:
+                found.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, own))
+            else:
+                name, ones = f"{goal.end}, finger", np.ones(rows.size)
+                share = weight * motion.scales.objective
+                found.append(GoalPart(name, "goal.end", "1", names, zero, ones, share, own / ca.DM(unit)))
     return found
+
+
+def _stiffness(motion: Motion) -> Array:
+    """Greatest change (nx) of each rate of the straight finger, in its unit, by one unit of a state or input; or one.
+
+    Accelerations that a micrometer of a stiff cable brings would count for more than all else.
+    """
+    model, (of_x, of_u) = motion.prediction, (motion.scales.x, motion.scales.u)
+    u = np.array(motion.scene.initial_input)
+    given = model.at_rest(np.zeros(model.system.n), u), u, model.p_nominal
+    rate = model.dynamics(model.x, model.u, model.p)
+    slopes = ca.Function(
+        "slopes", [model.x, model.u, model.p], [ca.jacobian(rate, model.x), ca.jacobian(rate, model.u)]
+    )
+    by_x, by_u = (np.abs(np.array(slope)) for slope in slopes(*given))
+    unit = motion.first_duration / of_x
+    greatest = np.maximum((by_x * of_x).max(axis=1), (by_u * of_u).max(axis=1, initial=0.0))
+    # Its square root: an acceleration counts as the velocity that it has reached when the stiffness turns it around.
+    return np.asarray(np.sqrt(np.maximum(1.0, unit * greatest)))

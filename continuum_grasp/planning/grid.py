@@ -22,6 +22,9 @@ _LONGER = 2.0
 """How much longer than where the search begins a duration is expected to be."""
 _TARGET = 0.6
 """Product of sub-step and fastest rate, where the Runge-Kutta method is accurate to some 1e-4 of the fastest mode."""
+_TARGET_OF_INPUTS = 1.5
+"""The same where inputs alone are unknowns: half of where the method is unstable. What is that fast is overdamped, and
+a finer simulation checks the plan."""
 _PARTS = 4
 """Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
@@ -55,11 +58,17 @@ def default_substeps(motion: Motion) -> int:
     scene = motion.scene
     rate = motion.prediction.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
     longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
-    return max(1, math.ceil(longest / scene.intervals * rate / _TARGET))
+    target = _TARGET_OF_INPUTS if scene.transcription == "single_shooting" else _TARGET
+    return max(1, math.ceil(longest / scene.intervals * rate / target))
 
 
-def add_shooting(assembly: Assembly, motion: Motion, grid: Grid, substeps: int, weight: float) -> None:
-    """The end of each interval is the next node; the running objective is weighted by ``weight``."""
+def add_shooting(
+    assembly: Assembly, motion: Motion, grid: Grid, substeps: int, weight: float
+) -> tuple[Term, list[ca.DM]]:
+    """The end of each interval is the next node; the running objective is weighted by ``weight``.
+
+    Returns the motion over an interval, and the numbers that it reads in each.
+    """
     intervals = grid.intervals
     term = shooting_interval(motion.flow, motion.ns, intervals, substeps)
     rows = _defects(assembly, motion, intervals)
@@ -68,6 +77,7 @@ def add_shooting(assembly: Assembly, motion: Motion, grid: Grid, substeps: int, 
     data = _numbers(motion, instants / intervals)
     assembly.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), weight))
     assembly.add_linear(rows, grid.s[1:], -1.0)
+    return term, [ca.DM(each.T) for each in data]
 
 
 def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:

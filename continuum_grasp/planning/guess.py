@@ -123,7 +123,10 @@ def _driven(motion: Motion, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
     finger = motion.prediction.system.finger_model
     if not finger.structure.winches:
         return x
-    drives = finger.drives_at_rest()(q, ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel())), finger.p_nominal)[0]
+    inputs = ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel()))
+    # Of tendons that have not slid.
+    history = [ca.SX.zeros(len(finger.friction_names) + 1)] if finger.friction_names else []
+    drives = finger.drives_at_rest()(q, inputs, finger.p_nominal, *history)[0]
     x[2 * finger.n : 2 * finger.n + drives.numel()] = drives
     return x
 

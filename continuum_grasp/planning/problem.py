@@ -39,11 +39,11 @@ class PlanProblem:
         weight = _EFFORT_WHEN_RELAXED if relaxed else 1.0
         scene = motion.scene
         self.substeps = 0
-        if scene.method == "collocation":
+        if scene.transcription == "collocation":
             add_collocation(self.assembly, motion, self.grid, weight)
         else:
             self.substeps = scene.solver.substeps or default_substeps(motion)
-            add_shooting(self.assembly, motion, self.grid, self.substeps, weight)
+            self.interval = add_shooting(self.assembly, motion, self.grid, self.substeps, weight)
         self.bounds = StateBounds(self.assembly, motion, self.grid, relaxed)
         self._add_rate_limit()
         self._add_goal()
@@ -64,7 +64,7 @@ class PlanProblem:
             limits = [-most / motion.scales.rate, most / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
         v = assembly.variables(intervals, motion.nu, *limits)
-        degree = scene.solver.degree if scene.method == "collocation" else 0
+        degree = scene.solver.degree if scene.transcription == "collocation" else 0
         inner = assembly.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
         self.grid = Grid(time, s, v, inner)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp import interrupt
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
+from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
 from continuum_grasp.planning.guess import Hint, Path, Posture, final_posture, first_state_of_plan, smooth_path
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
+FEASIBLE_MOTION = 1e-5
+"""The same where inputs alone are unknowns [1]: a micrometer of a finger of 1 m, and rates of 1e-5 of their range."""
 _SIDES = (0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 1.5, -1.5)
 """Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
 _STARTS_WITH_ZONES = 5
@@ -48,6 +51,7 @@ class Search:
         self.diagnosis: Diagnosis | None = None
         self.interrupted, self.tightened = False, 0
         self.motion = Motion(scene)
+        self.feasible = FEASIBLE_MOTION if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
         self.budget, options = Budget.of(scene.solver), scene.solver
@@ -136,7 +140,7 @@ class Search:
         """Solve from a start; whether that gave a plan."""
         attempt = self._solved(self.problem, w, multipliers, barrier)
         self.attempts.append((name, attempt))
-        feasible = attempt.violation < FEASIBLE
+        feasible = attempt.violation <= self.feasible
         if feasible and (self.best is None or _rank(attempt) < _rank(self.best)):
             self.best = attempt
         return feasible
@@ -147,7 +151,13 @@ class Search:
         """Run the solver; Ctrl-C leaves the last iterate."""
         assembly = problem.assembly
         with interrupt.held(quietly=True) as pressed:
-            attempt = self._solver.solve(assembly.nlp, assembly.start(w, multipliers, barrier), self.budget)
+            if self.scene.transcription == "single_shooting":
+                options = self.scene.solver
+                attempt = Condensed(problem, max(options.tolerance, 1e-5), self.feasible).solve(
+                    w, self.budget, options.max_iterations
+                )
+            else:
+                attempt = self._solver.solve(assembly.nlp, assembly.start(w, multipliers, barrier), self.budget)
         self.interrupted |= pressed()
         return attempt
 
@@ -160,7 +170,7 @@ class Search:
         """How near the goal can be reached; if it can, the search goes on from there."""
         problem = self._near_goal
         attempt = self._solved(problem, problem.start(path))
-        if not attempt.violation < FEASIBLE:
+        if not attempt.violation <= self.feasible:
             return
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)

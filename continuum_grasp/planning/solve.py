@@ -18,7 +18,7 @@ from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Constraint, Plan, PlanStatus
-from continuum_grasp.planning.search import FEASIBLE, Search
+from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.plan import PlanScene
 
@@ -119,6 +119,8 @@ def _result(search: Search) -> Plan:
     elif search.budget.cut:
         status = PlanStatus.FEASIBLE
         message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
+    elif scene.finger.has_tendon_friction:
+        message = "solved; inputs are optimal for tendon friction as it acts in this motion"
     path, multipliers = problem.path(attempt.x), attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []
@@ -181,7 +183,7 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     if found is not None and not search.budget.stopped:
         return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
     last = search.attempts[-1][1]
-    broken = [c for c in _constraints(search.problem, last).values() if c.excess > FEASIBLE]
+    broken = [c for c in _constraints(search.problem, last).values() if c.excess > search.feasible]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
     advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
     if search.scene.object is not None:
@@ -206,6 +208,8 @@ def _stopped(search: Search, attempt: Attempt) -> str:
         return _cut(search)
     return {
         "Maximum_Iterations_Exceeded": "the iterations were used up",
+        "Search_Direction_Becomes_Too_Small": "steps lowered the objective by less than 1 % in 10 iterations",
+        "Restoration_Failed": "the solver ended where no step lowers what is violated",
         "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
     }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")
 

@@ -14,7 +14,7 @@ from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Length, Position, Positive, Ratio, Value
+from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value
 
 
 def _exact(value: Any) -> Any:
@@ -125,6 +125,9 @@ class PlanBounds(Bounds):
     """Zones by name."""
     penalty: Penalty | Literal["hard"] = "hard"
     """Of violations of curvature and speed; hard: there is none, or no plan."""
+    least_tension: Annotated[NonNegative, Unit("N")] | None = None
+    """Least tension of tendons under winches or motors at the nodes [N]; None: half their pretension. Of two tendons
+    the cheapest plan leaves one just about slack, where its tension is hardly defined."""
 
 
 class PlanSolver(SolverOptions):
@@ -200,22 +203,39 @@ class PlanScene(FingerScene):
     """How long the motion takes, or between which bounds that is found [s]."""
     intervals: Annotated[int, Field(ge=2, le=5000)] = 50
     """Number of intervals of the time grid."""
-    method: Literal["multiple_shooting", "collocation"] = "multiple_shooting"
+    method: Literal["multiple_shooting", "collocation", "single_shooting"] | None = None
     """multiple_shooting: Runge-Kutta steps over each interval; collocation: polynomials that satisfy the equations of
-    motion at some points of it."""
+    motion at some points of it; single_shooting: inputs are the only unknowns, states are simulated; None:
+    single_shooting where tendons have friction or are wound up, else multiple_shooting."""
     solver: PlanSolver = PlanSolver()
     """Options of the solver."""
     check: FineCheck = FineCheck()
     """How the plan is tried on a finer model."""
 
     def _check(self) -> None:
-        if self.finger.has_tendon_friction:
-            # Measured on winches and on commanded tensions: 200 iterations of IPOPT do not solve them, at 25 times the
-            # usual presliding neither.
+        if self._sudden and self.transcription != "single_shooting":
+            # Measured on two winches without friction, with both methods and stiffnesses of 1e4 to 1e5 N/m: IPOPT
+            # solves them or not by rounding; with friction not in 200 iterations, at 25 times the usual presliding
+            # neither.
             raise ValueError(
-                "finger.tendons.friction: plans have no friction of tendons, whose states jump within 0.02 mm of "
-                "sliding; plan with friction: 0 and follow the plan by a controller, which predicts friction"
+                f"method: {self.transcription} is not for tendons with friction, winches or motors, whose forces "
+                "change within 0.02 mm; leave it out, or take single_shooting"
             )
+        if any(drive.key in ("torques", "currents") for drive in self.finger.winches):
+            # Measured on two motors, with friction and without: 25 and 31 steps, 50 and 89 mm from a goal; position
+            # servos reach one like it in 7.
+            raise ValueError(
+                "finger.tendons.drive: plans are not for motors under commanded torques or currents, whose plans end "
+                "far from goals within reach; give position_gain, and follow the planned angles"
+            )
+        if self.object is not None and self.transcription == "single_shooting":
+            raise ValueError(
+                "object: plans with contact are not for method: single_shooting, nor for tendons with friction, "
+                "winches or motors, which need it: its explicit steps are too long for stiff contacts; plan without "
+                "the object"
+            )
+        if self.transcription == "single_shooting" and self.solver.method != "ipopt":
+            raise ValueError("solver.method has no effect on method: single_shooting, which has its own; leave it out")
         self.initial.check_history(self.finger)
         self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
@@ -277,6 +297,23 @@ class PlanScene(FingerScene):
             for value, (least, most) in zip(row, limits, strict=True):
                 if not least <= value <= most:
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
+
+    @property
+    def _sudden(self) -> bool:
+        """Whether forces of tendons change within micrometers."""
+        return self.finger.has_tendon_friction or bool(self.finger.winches)
+
+    @property
+    def least_tension(self) -> float:
+        """Least tension of tendons that are wound up [N]."""
+        drives = self.finger.winches
+        given = self.bounds.least_tension
+        return given if given is not None else 0.5 * min((drive.pretension for drive in drives), default=0.0)
+
+    @property
+    def transcription(self) -> str:
+        """Method that is taken."""
+        return self.method or ("single_shooting" if self._sudden else "multiple_shooting")
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
