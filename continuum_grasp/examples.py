@@ -65,7 +65,8 @@ class Example:
     @property
     def arguments(self) -> tuple[str, ...]:
         """What follows ``continuum-grasp`` to run it in a folder that has its files."""
-        data = [file.parent.as_posix() for file in self.files if file.suffix == ".csv"]
+        read = self.files if self.kind == "identify" else ()
+        data = [file.parent.as_posix() for file in read if file.suffix == ".csv"]
         options = [word for folder in dict.fromkeys(data) for word in ("--data", folder)]
         return (self.verb, self.files[0].as_posix(), *options)
 

@@ -120,7 +120,9 @@ def _result(search: Search) -> Plan:
         status = PlanStatus.FEASIBLE
         message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
     elif scene.finger.has_tendon_friction:
-        message = "solved; inputs are optimal for tendon friction as it acts in this motion"
+        # Slopes do not know how friction would change with the motion.
+        status = PlanStatus.FEASIBLE
+        message = "all constraints are satisfied; inputs are optimal for tendon friction as it acts in this motion"
     path, multipliers = problem.path(attempt.x), attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []

@@ -164,7 +164,7 @@ def test_numbers_that_do_not_fit_are_refused(scene, change, message):
 def test_a_tolerance_and_grasps_take_none(scene):
     with pytest.raises(InputError, match="belongs to one model"):
         scene.changed({"fidelity.tolerance": 0.01})
-    grasp = load(CONFIG.parents[1] / "grasp/mug.yaml")
+    grasp = load(CONFIG.parents[1] / "grasp" / "mug.yaml")
     with pytest.raises(InputError, match="not for grasps"):
         grasp.changed({"fidelity.residual": scene.fidelity.residual})
 
