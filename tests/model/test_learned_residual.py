@@ -14,6 +14,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.load import load
+from tests.grasp_scenes import CONFIGS as GRASPS
 
 CONFIG = Path(__file__).parents[2] / "configs/mpc/learned_friction.yaml"
 
@@ -164,7 +165,7 @@ def test_numbers_that_do_not_fit_are_refused(scene, change, message):
 def test_a_tolerance_and_grasps_take_none(scene):
     with pytest.raises(InputError, match="belongs to one model"):
         scene.changed({"fidelity.tolerance": 0.01})
-    grasp = load(CONFIG.parents[1] / "grasp" / "mug.yaml")
+    grasp = load(GRASPS / "mug.yaml")
     with pytest.raises(InputError, match="not for grasps"):
         grasp.changed({"fidelity.residual": scene.fidelity.residual})
 
