@@ -225,12 +225,12 @@ def save_film(source: Path, film: Film) -> None:
 
 def read_record() -> dict[str, Any]:
     """What earlier runs found."""
-    return json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {"scenes": {}, "times": {}}
+    return json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {"scenes": {}, "times": []}
 
 
 def write_record(record: dict[str, Any]) -> None:
     """Store it, and write the page."""
-    for part in (record["scenes"], record["times"].get("seconds", {})):
+    for part in (record["scenes"], *(times["seconds"] for times in record["times"])):
         for name in set(part) - {one.name for one in shown()}:
             del part[name]
     write_text(json.dumps(record, indent=1, sort_keys=True, ensure_ascii=False) + "\n", RECORD)
@@ -269,10 +269,13 @@ def measure(record: dict[str, Any], wanted: Iterable[str]) -> None:
     """Time every example, from start to end of its process, with an empty cache and, where it fills that, once more."""
     from benchmarks.machine import describe
 
-    machine, known = describe(), record["times"]
-    same = known and all(known["machine"][key] == machine[key] for key in ("cpu", "cores", "compiler"))
-    times = {"machine": machine, "date": date.today().isoformat(), "seconds": known["seconds"] if same else {}}
-    record["times"] = times
+    machine, same = describe(), ("cpu", "cores", "compiler")
+    times: dict[str, Any] = {"seconds": {}}
+    for known in record["times"]:
+        if all(known["machine"][key] == machine[key] for key in same):
+            times = known
+    times |= {"machine": machine, "date": date.today().isoformat()}
+    record["times"] = [times, *(known for known in record["times"] if known is not times)]
     for one in [one for one in shown() if not wanted or one.name in wanted]:
         with TemporaryDirectory() as work:
             cache, data = Path(work) / "cache", data_of(one, Path(work) / "releases")
@@ -281,19 +284,23 @@ def measure(record: dict[str, Any], wanted: Iterable[str]) -> None:
             if any(path.is_file() for path in cache.rglob("*")):
                 seconds.append(run(one, Path(work) / "second", data, cache=cache)[2])
         print(f"{one.name:32s}", *(f"{value:.1f} s" for value in seconds), flush=True)
+        for known in record["times"]:
+            known["seconds"].pop(one.name, None)
         times["seconds"][one.name] = [round(value, 2) for value in seconds]
+        record["times"].sort(key=lambda known: -len(known["seconds"]))
         write_record(record)
 
 
 def page(record: dict[str, Any]) -> str:
     """The page of a record."""
-    scenes, times = record["scenes"], record["times"].get("seconds", {})
+    scenes, machines = record["scenes"], [times for times in record["times"] if times["seconds"]]
+    times = {name: (k, seconds) for k, one in enumerate(machines) for name, seconds in one["seconds"].items()}
     parts = [
         "# Gallery",
         "Every configuration that is shipped, run by its command. A picture is the main one that the command draws, a "
         "moving one comes with `--animate gif`; all are in the run folder. "
         "`continuum-grasp new DIR --example grasp/mug` copies one with all that it needs.",
-        _times_text(record["times"]),
+        _times_text(machines),
     ]
     for kind, part in KINDS.items():
         mine = [one for one in shown() if one.kind == kind and one.name in scenes]
@@ -310,15 +317,24 @@ def page(record: dict[str, Any]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _times_text(times: dict[str, Any]) -> str:
-    if not times:
+def _times_text(machines: list[dict[str, Any]]) -> str:
+    if not machines:
         return "Times are not measured yet."
-    machine = times["machine"]
+    where = [
+        f"{'' if k == 0 else f'those with {_mark(k)} '}on {m['machine']['cpu']} with {m['machine']['cores']} cores, "
+        f"{m['machine']['compiler']}, {m['date']}"
+        for k, m in enumerate(machines)
+    ]
     return (
-        f"Times are those of the whole command, from the start of its process to its end, pictures included, on "
-        f"{machine['cpu']} with {machine['cores']} cores, {machine['compiler']}, {times['date']}. The first run "
-        "compiles the C code that later ones take from the cache; where there is one time only, nothing is compiled."
+        "Times are those of the whole command, from the start of its process to its end, pictures included, "
+        f"{'; '.join(where)}. The first run compiles the C code that later ones take from the cache; where there is one "
+        "time only, nothing is compiled."
     )
+
+
+def _mark(machine: int) -> str:
+    """What stands behind times of another machine than the first."""
+    return "*" * machine
 
 
 def _pictures(mine: list[Example], scenes: dict[str, Any]) -> str:
@@ -332,16 +348,17 @@ def _pictures(mine: list[Example], scenes: dict[str, Any]) -> str:
     return "\n".join(["| " * COLUMNS + "|", "|:---:" * COLUMNS + "|", *(f"| {line} |" for line in lines)])
 
 
-def _row(one: Example, scene: dict[str, Any], seconds: list[float] | None) -> str:
+def _row(one: Example, scene: dict[str, Any], measured: tuple[int, list[float]] | None) -> str:
     link = f"[{one.path.stem}](../{one.files[0].as_posix()})"
     data = Path(DATA) / scene["data"] if "data" in scene else None
     words = " ".join(command(one, data))
-    first, again = ([f"{value:.1f} s" for value in seconds] + [""])[:2] if seconds else ("", "")
+    machine, seconds = measured or (0, [])
+    first, again = ([f"{value:.1f} s{_cell(_mark(machine))}" for value in seconds] + ["", ""])[:2]
     return f"| {link} | {_cell(one.summary)}<br>`{words}` | {_cell(scene['status'])} | {first} | {again} |"
 
 
 def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("[", "\\[").replace("]", "\\]")
+    return text.replace("|", "\\|").replace("[", "\\[").replace("]", "\\]").replace("*", "\\*")
 
 
 def main() -> None:
