@@ -164,6 +164,12 @@ for (let k = 0; k < 10; ++k) {
   const commands = [short.step({ tip_y: 0.18 }, wish), whole.step(expected, { ...finger.begin("reference"), ...wish })];
   same.push(JSON.stringify(commands[0]) === JSON.stringify(commands[1]));
 }
+const io = finger.new_controller().direct(), plain = finger.new_controller(), equal = [];
+for (let k = 0; k < 10; ++k) {
+  io.measurement[finger.layout("measurement").tip_y.at] = 0.18 - 0.002 * k;
+  const code = io.call(), other = plain.step({ tip_y: 0.18 - 0.002 * k });
+  equal.push(code === other.code && Object.values(other.command).every((value, i) => value === io.command[i]));
+}
 short.late();
 short.applied({ tension_1: 0, tension_2: 0 });
 const late = short.step({ tip_y: 0.18 });
@@ -173,7 +179,7 @@ const filter = finger.new_estimator();
 const estimate = filter.step({ tip_y: 0.18 }, { tension_1: 0, tension_2: 0 });
 filter.start(beside.estimate, { tension_1: 0, tension_2: 0 });
 const filtered = { code: estimate.code, variance: filter.variance(), anomalies: filter.anomalies() };
-console.log(JSON.stringify({ answers, refused, missing, same, beside, filtered, begin: finger.begin("reference") }));
+console.log(JSON.stringify({ answers, refused, missing, same, equal, moved: io.command[0], beside, filtered, begin: finger.begin("reference") }));
 """
     )
     said = run("node", tmp_path / "test.mjs")
@@ -186,6 +192,8 @@ console.log(JSON.stringify({ answers, refused, missing, same, beside, filtered, 
         assert "out of its range (-3)" in used["refused"]
         assert used["missing"] == "command: tension_2 missing"
         assert used["same"] == [True] * 10
+        assert used["equal"] == [True] * 10
+        assert used["moved"] > 1.0
         assert used["beside"]["code"] == Code.WARN_PREVIOUS_PLAN
         assert used["beside"]["diagnosis"]["anomalies"] == 1024 + 1
         assert used["beside"]["estimate"]["theta_1"] != 0.0
