@@ -327,8 +327,8 @@ def _times_text(machines: list[dict[str, Any]]) -> str:
     ]
     return (
         "Times are those of the whole command, from the start of its process to its end, pictures included, "
-        f"{'; '.join(where)}. The first run compiles the C code that later ones take from the cache; where there is one "
-        "time only, nothing is compiled."
+        f"{'; '.join(where)}. The first run compiles the C code that later ones take from the cache; where there is "
+        "one time only, nothing is compiled."
     )
 
 

@@ -59,14 +59,15 @@ def export_fmu(
         raise InputError(f"--fmi: expected 2, 3 or both, got {fmi!r:.60}")
     from continuum_grasp.export import export_fmu as write
     from continuum_grasp.export.fmu.write import identifier_of
-    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
 
     output = Output(as_json, quiet)
-    scene = load(config, changes or ())
+    scene = scene_of(config, (Scene, ControlScene), changes or ())
     with output.busy("writing the FMUs"):
         units = write(
-            scene,  # type: ignore[arg-type]
+            scene,
             Path("runs/export-fmu") / config.stem if out is None else out,
             what=None if what is None else [word.strip() for word in what.split(",")],
             fmi=("2", "3") if fmi == "both" else (fmi,),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -28,10 +28,12 @@ def export_web(
 ) -> None:
     """Write a page in which a finger, and its controller, run as WebAssembly: one file that needs no network."""
     from continuum_grasp.export import export_web as write
-    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.load import scene_of
+    from continuum_grasp.scene.simulate import Scene
 
     output = Output(as_json, quiet)
-    scene: Any = load(config, changes or ())  # scenes of other kinds are refused with what was expected
+    scene = scene_of(config, (Scene, ControlScene), changes or ())
     with output.busy("compiling for the browser"):
         page = write(scene, out if out is not None else Path("runs/export-web") / f"{config.stem}.html")
     modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())

@@ -114,24 +114,36 @@ def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Do
 def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
 @overload
 def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
+@overload
+def scene_of(given: Any, kind: tuple[type, ...], overrides: Overrides = ()) -> Any: ...
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
-    """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`."""
+    """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`.
+
+    ``kind`` is a class, or classes of which one will do.
+    """
     if isinstance(given, kind):
         return given
     if not isinstance(given, (str, os.PathLike)):
-        raise InputError(f"expected a {kind.__name__} or the path of its file, got {given!r:.80}")
+        names = " or ".join(one.__name__ for one in _each(kind))
+        raise InputError(f"expected a {names} or the path of its file, got {given!r:.80}")
     loaded = load(Path(given), overrides)
     if not isinstance(loaded, kind):
         raise other_kind(given, kind, loaded)
     return loaded
 
 
-def other_kind(file: str | os.PathLike[str], wanted: type, loaded: Loaded) -> InputError:
-    """The error that a file is of another kind than the one wanted, and which command takes it."""
-    asked = next(kind for kind in _KINDS.values() if kind.model == wanted.__name__)
+def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:
+    return kind if isinstance(kind, tuple) else (kind,)
+
+
+def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: Loaded) -> InputError:
+    """The error that a file is of another kind than those wanted, and which command takes it."""
+    names = [one.__name__ for one in _each(wanted)]
+    asked = [kind for kind in _KINDS.values() if kind.model in names]
     got = _KINDS[kind_of_scene(loaded)]
     advice = f" (continuum-grasp {got.command})" if got.command else ""
-    return InputError(f"expected {asked.words} ({asked.keys}, ...), got {got.words}{advice}", file=os.fspath(file))
+    expected = " or ".join(f"{kind.words} ({kind.keys}, ...)" for kind in asked)
+    return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
 
 
 def kind_of_scene(loaded: Loaded) -> str:

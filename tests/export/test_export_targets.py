@@ -179,7 +179,8 @@ const filter = finger.new_estimator();
 const estimate = filter.step({ tip_y: 0.18 }, { tension_1: 0, tension_2: 0 });
 filter.start(beside.estimate, { tension_1: 0, tension_2: 0 });
 const filtered = { code: estimate.code, variance: filter.variance(), anomalies: filter.anomalies() };
-console.log(JSON.stringify({ answers, refused, missing, same, equal, moved: io.command[0], beside, filtered, begin: finger.begin("reference") }));
+const begun = finger.begin("reference"), direct = { equal, moved: io.command[0] };
+console.log(JSON.stringify({ answers, refused, missing, same, direct, beside, filtered, begin: begun }));
 """
     )
     said = run("node", tmp_path / "test.mjs")
@@ -192,8 +193,8 @@ console.log(JSON.stringify({ answers, refused, missing, same, equal, moved: io.c
         assert "out of its range (-3)" in used["refused"]
         assert used["missing"] == "command: tension_2 missing"
         assert used["same"] == [True] * 10
-        assert used["equal"] == [True] * 10
-        assert used["moved"] > 1.0
+        assert used["direct"]["equal"] == [True] * 10
+        assert used["direct"]["moved"] > 1.0
         assert used["beside"]["code"] == Code.WARN_PREVIOUS_PLAN
         assert used["beside"]["diagnosis"]["anomalies"] == 1024 + 1
         assert used["beside"]["estimate"]["theta_1"] != 0.0

@@ -178,7 +178,7 @@ def test_scenes_that_no_page_shows_are_refused(config, changes, message, tmp_pat
 
 
 def test_files_of_scenes_that_no_page_shows_are_refused(tmp_path):
-    with pytest.raises(InputError, match="a scene of simulate or of mpc"):
+    with pytest.raises(InputError, match=r"expected .* or .*\(continuum-grasp grasp\)"):
         cg.export_web("configs/grasp/mug.yaml", tmp_path / "page.html")
 
 

@@ -33,7 +33,7 @@ from continuum_grasp.export.source import chosen, count_of, names_of, prefix_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.results import replacing
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
 WHAT = ("plant", "controller")
@@ -136,7 +136,7 @@ def export_fmu(
     >>> unit.file.name, unit.outputs[-4:]
     ('tendon_step_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
     """
-    scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
+    scene = scene_of(given, (Scene, ControlScene))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
     units = _units(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
@@ -170,8 +170,6 @@ def _units(
         if preview:
             raise InputError("is for a controller, of a closed loop", key="preview")
         return {"plant": finger_unit(scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
-    if not isinstance(scene, ControlScene):
-        raise InputError(f"expected a simulated scene or a closed loop, got {type(scene).__name__}", key="given")
     for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
         if value:
             raise InputError("is for a simulated scene: a closed loop has its own", key=key)

@@ -26,7 +26,7 @@ from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -99,9 +99,7 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     ...     page = cg.export_web("configs/simulate/hanging.yaml", tempfile.mkdtemp() + "/page.html")
     ...     assert list(page.modules) == ["plant"]
     """
-    scene: Any = load(Path(given)) if isinstance(given, (str, os.PathLike)) else given
-    if not isinstance(scene, (Scene, ControlScene)):
-        raise InputError(f"a page shows a scene of simulate or of mpc, got one of another kind: {type(scene).__name__}")
+    scene = scene_of(given, (Scene, ControlScene))
     missing = [tool for tool in TOOLS if shutil.which(tool) is None]
     if missing:
         raise InputError(f"a page needs {' and '.join(missing)} to make WebAssembly (Debian: clang, lld)")
