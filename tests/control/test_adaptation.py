@@ -371,7 +371,9 @@ def test_compilers_have_nothing_to_say(precision, tmp_path):
 
 
 def test_commands_report_what_is_adapted():
-    command = controller().step([0.0, 0.18, 1.0, 1.0])
+    control = controller()
+    control.reset()
+    command = control.step([0.0, 0.18, 1.0, 1.0])
     assert list(command.adapted) == list(NAMES)
     one = command.adapted["tip_mass"]
     assert (one.value, one.initial_std, one.unit) == pytest.approx((0.002, 0.003, "kg"))

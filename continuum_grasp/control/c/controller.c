@@ -123,7 +123,7 @@ static uint32_t controller_sensor_anomalies(const controller_output *out)
 /* Whether the state is among those from which the residual was learned; one that is not finite is not. */
 static int controller_familiar(const controller_state *state, const controller_output *out)
 {
-  real share;
+  real share = 0;
   const real *arg[] = {out->x, state->u};
   real *res[] = {&share};
   residual_distance(arg, res);

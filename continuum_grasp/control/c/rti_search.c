@@ -73,7 +73,7 @@ static void rti_candidate_costs(const rti_work *o, const rti_settings *s, const 
     rti_stage(s->substeps, x, u, wp, h, M);
   }
   for (int l = 0; l < RTI_WIDE; ++l) {
-    real end[RTI_NX], cost, g[RTI_NX], H[RTI_NX * RTI_NX], c[RTI_SIZE(RTI_NS)] = {0}, C[RTI_NX * RTI_SIZE(RTI_NS)];
+    real end[RTI_NX], cost = 0, g[RTI_NX], H[RTI_NX * RTI_NX], c[RTI_SIZE(RTI_NS)] = {0}, C[RTI_NX * RTI_SIZE(RTI_NS)] = {0};
     for (int i = 0; i < RTI_NX; ++i) end[i] = RTI_AT(x[i], l);
     const real *in[] = {end, p, refs + RTI_N * RTI_NR, s->terminal_weights};
     real *out[] = {&cost, g, H, c, C};
@@ -150,7 +150,8 @@ int rti_continue(rti_work *o, rti_plan *plan, const rti_settings *s, const real 
 int rti_continue(rti_work *o, rti_plan *plan, const rti_settings *s, const real *x0, const real *p, const real *refs,
     int status)
 {
-  (void)o, (void)plan, (void)s, (void)x0, (void)p, (void)refs;
+  (void)plan, (void)x0, (void)p, (void)refs;
+  o->change[o->taken++ % RTI_MEMORY] = rti_input_change(o, s);
   return status;
 }
 #endif
