@@ -199,7 +199,7 @@ def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
     assert adapted.details()["adapted"]["bending_stiffness"]["observability"] == "observed"
 
 
-def test_a_learned_residual_brings_the_tip_nearer_on_tendons_that_rub():
+def test_a_learned_residual_brings_the_tip_nearer_on_tendons_with_friction():
     scene = load((FOLDER / "learned_friction").with_suffix(".yaml"), ["duration=1.5"])
     learned, plain = (checked(run_closed_loop(one)) for one in (scene, scene.changed({"fidelity.residual": None})))
     assert rms(learned.tracked[:, :2] - learned.r[:, :2]) < 0.95 * rms(plain.tracked[:, :2] - plain.r[:, :2])
