@@ -24,14 +24,62 @@ Array = NDArray[np.float64]
 
 
 class RtiSolver(CompiledController):
-    """Nonlinear model predictive control of any model by real-time iterations; see ``rti``.
+    """Real-time iterations of a problem, compiled (M. Diehl et al., doi:10.1016/S0959-1524(02)00023-1).
+
+    A step linearizes the problem at the last plan, shifted in time, solves one QP, and takes the full step. The C is
+    that of ``Controller``, with its statuses: where a state is not finite, an iteration fails or a command was late,
+    the solver follows the last plan to its end, then ramps to the safe input. A command is finite and within the
+    bounds of the inputs.
+
+    Parameters
+    ----------
+    problem : ControlProblem
+        The problem.
+    period : float, optional
+        Time from one step to the next [s], at most a stage; a stage by default.
+    safe : mapping of str to float, optional
+        Input by name that is safe without a plan; what is nearest to zero by default.
+    sqp_iterations, start_iterations : int
+        Iterations per step from the last plan, and from a plan at rest where there is none.
+    start_calls : int
+        Steps over which the latter are spread, the fewest in the first: no step takes them all.
+    iterations : int
+        Greatest number of factorizations per QP.
+    precision : {"double", "float"}
+        Floating-point type of the C.
+    deadline : float
+        Duration of a step after which its command counts as late [s]; never by default.
 
     Attributes
     ----------
-    problem, stages
-        The problem, and its functions and numbers (``Stages``).
-    period : float
-        Time from one step to the next [s].
+    stages : Stages
+        The problem's functions and numbers.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, or there is no C compiler.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import continuum_grasp as cg
+    >>> angle, rate, torque = (ca.SX.sym(name) for name in ("angle", "rate", "torque"))
+    >>> problem = cg.ControlProblem(
+    ...     states=[angle, rate],
+    ...     inputs=torque,
+    ...     dynamics=[rate, torque - ca.sin(angle)],
+    ...     cost={"angle": (angle, 10.0, 1.0), "rate": (rate, 0.1), "torque": (torque, 0.1)},
+    ...     bounds={"torque": (-0.5, 0.5), "rate": (-1.0, 1.0)},
+    ...     stages=20,
+    ...     stage=0.1,
+    ... )
+    >>> solver = cg.rti(problem)
+    >>> command = solver.step({"angle": 0.8, "rate": 0.0}, {"angle": 0.2})
+    >>> command.status.name, round(command.inputs["torque"], 3)
+    ('SOLVED', -0.5)
+    >>> command.planned("angle").shape
+    (21,)
     """
 
     _what = "the solver"
@@ -134,83 +182,4 @@ class RtiSolver(CompiledController):
         return self._advance(x, reference, parameters, applied, late, None)
 
 
-@check_arguments
-def rti(
-    problem: ControlProblem,
-    *,
-    period: float | None = None,
-    safe: Mapping[str, float] | None = None,
-    sqp_iterations: int = 1,
-    start_iterations: int = 5,
-    start_calls: int = 1,
-    iterations: int = 60,
-    precision: str = "double",
-    deadline: float = math.inf,
-) -> RtiSolver:
-    """Compile the real-time iterations of a problem (M. Diehl et al., doi:10.1016/S0959-1524(02)00023-1).
-
-    A step linearizes the problem at the last plan, shifted in time, solves one QP, and takes the full step. The C is
-    that of ``Controller``, with its statuses: where a state is not finite, an iteration fails or a command was late,
-    the solver follows the last plan to its end, then ramps to the safe input. A command is finite and within the
-    bounds of the inputs.
-
-    Parameters
-    ----------
-    problem : ControlProblem
-        The problem.
-    period : float, optional
-        Time from one step to the next [s], at most a stage; a stage by default.
-    safe : mapping of str to float, optional
-        Input by name that is safe without a plan; what is nearest to zero by default.
-    sqp_iterations, start_iterations : int
-        Iterations per step from the last plan, and from a plan at rest where there is none.
-    start_calls : int
-        Steps over which the latter are spread, the fewest in the first: no step takes them all.
-    iterations : int
-        Greatest number of factorizations per QP.
-    precision : {"double", "float"}
-        Floating-point type of the C.
-    deadline : float
-        Duration of a step after which its command counts as late [s]; never by default.
-
-    Returns
-    -------
-    RtiSolver
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range, or there is no C compiler.
-
-    Examples
-    --------
-    >>> import casadi as ca
-    >>> import continuum_grasp as cg
-    >>> angle, rate, torque = (ca.SX.sym(name) for name in ("angle", "rate", "torque"))
-    >>> problem = cg.ControlProblem(
-    ...     states=[angle, rate],
-    ...     inputs=torque,
-    ...     dynamics=[rate, torque - ca.sin(angle)],
-    ...     cost={"angle": (angle, 10.0, 1.0), "rate": (rate, 0.1), "torque": (torque, 0.1)},
-    ...     bounds={"torque": (-0.5, 0.5), "rate": (-1.0, 1.0)},
-    ...     stages=20,
-    ...     stage=0.1,
-    ... )
-    >>> solver = cg.rti(problem)
-    >>> command = solver.step({"angle": 0.8, "rate": 0.0}, {"angle": 0.2})
-    >>> command.status.name, round(command.inputs["torque"], 3)
-    ('SOLVED', -0.5)
-    >>> command.planned("angle").shape
-    (21,)
-    """
-    return RtiSolver(
-        problem,
-        period=period,
-        safe=safe,
-        sqp_iterations=sqp_iterations,
-        start_iterations=start_iterations,
-        start_calls=start_calls,
-        iterations=iterations,
-        precision=precision,
-        deadline=deadline,
-    )
+rti = RtiSolver  # what users call; the class is named where its objects are taken
