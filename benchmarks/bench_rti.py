@@ -1,9 +1,9 @@
 """The solver of any problem beside others, on a cart-pole and on a finger of two rigid links.
 
 Run ``python -m benchmarks.bench_rti`` in the root of the repository. Closed loops in C by the package's real-time
-iterations and CasADi's generated ``sqpmethod``, in turns on one core; the same problems solved to convergence by IPOPT,
-fatrop, ``sqpmethod`` and do-mpc; and the QPs of the loop by HPIPM, whose sources ``CONTINUUM_GRASP_HPIPM`` names (see
-``mpc_hpipm``). What is not there is listed as not measured.
+iterations, acados (see ``mpc_acados``) and CasADi's generated ``sqpmethod``, in turns on one core; the same problems
+solved to convergence by IPOPT, fatrop, ``sqpmethod`` and do-mpc; and the QPs of the loop by HPIPM, whose sources
+``CONTINUUM_GRASP_HPIPM`` names (see ``mpc_hpipm``). What is not there is listed as not measured.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from benchmarks import rti_problems
 from benchmarks.bench_mpc import measured, phases, us
 from benchmarks.harness import quartiles
 from benchmarks.machine import one_core
+from benchmarks.mpc_acados import acados_loops
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_dompc import dompc
 from benchmarks.mpc_hpipm import hpipm, qps_of
@@ -51,6 +52,7 @@ LABELS = {"fatrop": "fatrop, exact Hessian", "sqpmethod": "sqpmethod + qrqp, Gau
 def add_loops(report: Report, case: Case, arguments: argparse.Namespace) -> None:
     """One iteration per step in C."""
     loops = {f"sqpmethod + qrqp, {form}": sqp_loop(case, form) for form in FORMS}
+    loops |= acados_loops(case, report.missing)
     loops |= {OURS[0]: rti_loop(case, lanes=False), OURS[1]: rti_loop(case)}
     checked = {label: loop(keep=True) for label, loop in loops.items()}
     runs = measured(loops, arguments.rounds, report.seed)
@@ -218,7 +220,6 @@ def main() -> None:
         for part in arguments.only:
             parts[part](report, case, arguments)
             print(name, part, "done", flush=True)
-    report.missing.append("acados: no package on PyPI; HPIPM is its QP solver")
     for file in report.write(arguments.folder):
         print(file)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -66,10 +67,18 @@ class CLoop:
         Whether it linearizes once the state is known, with that state in its guess.
     primal : float
         Largest violation of the problem's equations and input limits that counts as solved.
+    flags : sequence of str
+        More of them for the compiler, to find headers and libraries.
     """
 
     def __init__(
-        self, case: Case, source: str, *functions: ca.Function, late: bool = False, primal: float = 1e-6
+        self,
+        case: Case,
+        source: str,
+        *functions: ca.Function,
+        late: bool = False,
+        primal: float = 1e-6,
+        flags: Sequence[str] = (),
     ) -> None:
         self.case, self._late, self._primal = case, late, primal
         self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
@@ -96,9 +105,10 @@ class CLoop:
             (folder / f"{function.name()}_.c").write_text(generated(function), encoding="utf-8")
             names.append(f"{function.name()}_")
         for name in names:
-            _run([compiler(), *FLAGS, "-c", f"{folder}/{name}.c", "-o", f"{folder}/{name}.o"])
+            _run([compiler(), *FLAGS, *flags, "-c", f"{folder}/{name}.c", "-o", f"{folder}/{name}.o"])
         library = folder / "loop.so"
-        _run([compiler(), "-shared", "-Wl,-Bsymbolic", *(f"{folder}/{n}.o" for n in names), "-o", str(library), "-lm"])
+        objects = [f"{folder}/{name}.o" for name in names]
+        _run([compiler(), "-shared", "-Wl,-Bsymbolic", *objects, "-o", str(library), *flags, "-lm"])
         self.code_bytes = _text_size(folder / f"{names[-1] if functions else 'solver'}.o")
         self._library = ctypes.CDLL(str(library))
         self._library.timer_cost.restype = ctypes.c_double

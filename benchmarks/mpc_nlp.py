@@ -113,7 +113,7 @@ class Nlp:
     # -- rows ---------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _simple(self) -> dict[int, tuple[int, float, float]]:
+    def single_rows(self) -> dict[int, tuple[int, float, float]]:
         """Rows that are a single variable: its place in z, factor and offset."""
         if self.soft:
             return {}
@@ -133,7 +133,7 @@ class Nlp:
 
     @cached_property
     def _rows(self) -> list[int]:
-        return [i for i in range(self.stages.nc) if i not in self._simple]
+        return [i for i in range(self.stages.nc) if i not in self.single_rows]
 
     @cached_property
     def row_nodes(self) -> list[tuple[int, int]]:
@@ -233,7 +233,7 @@ class Nlp:
         nz = s.nx + s.nu
         for k in range(s.stages):
             low[k * nz + s.nx : (k + 1) * nz], high[k * nz + s.nx : (k + 1) * nz] = s.u_min, s.u_max
-        for i, (column, factor, offset) in self._simple.items():
+        for i, (column, factor, offset) in self.single_rows.items():
             ends = sorted(((s.c_min[i] - offset) / factor, (s.c_max[i] - offset) / factor))
             for k in range(s.stages):
                 place = (k + (i < s.ns)) * nz + column

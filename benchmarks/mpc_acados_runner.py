@@ -1,0 +1,116 @@
+"""Write acados's C of a closed loop's problem; run by another interpreter, see ``mpc_acados``.
+
+``python mpc_acados_runner.py FOLDER`` reads dynamics, outputs and rows (CasADi's files) and numbers (JSON) from the
+folder, and writes the solver's sources to ``FOLDER/solver``. acados renders its templates by a program that it
+downloads; jinja2 renders them as well, once three words of their language are explained to it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import acados_template
+import casadi as ca
+import jinja2
+import numpy as np
+from acados_template import AcadosOcp, AcadosOcpSolver, acados_ocp
+
+TEMPLATES = Path(acados_template.__file__).parent / "c_templates_tera"
+
+
+def main(folder: Path) -> None:
+    """Write the solver of a folder."""
+    data = json.loads((folder / "case.json").read_text(encoding="utf-8"))
+    acados_ocp.render_template = rendered
+    os.chdir(folder)
+    AcadosOcpSolver.generate(problem(data, folder), verbose=False)
+
+
+def problem(data: dict[str, Any], folder: Path) -> Any:
+    """The problem as a user of acados would pose it: bounds of states apart from other rows, all of them soft."""
+    dynamics, outputs, rows = (
+        ca.Function.load(str(folder / f"{name}.casadi")) for name in ("dynamics", "outputs", "rows")
+    )
+    x, u, p = dynamics.sx_in()
+    ocp, rate = AcadosOcp(), ca.SX.sym("rate", x.shape)
+    model, cost, limits, options = ocp.model, ocp.cost, ocp.constraints, ocp.solver_options
+    ocp.name = model.name = "loop"
+    model.x, model.u, model.p, model.xdot = x, u, p, rate
+    model.f_expl_expr = dynamics(x, u, p)
+    model.f_impl_expr = rate - model.f_expl_expr
+    ocp.parameter_values = np.array(data["p"])
+
+    tracked, last = outputs(x, u, p), data["nt"]
+    for end, many in (("_0", tracked), ("", tracked), ("_e", tracked[:last])):
+        weights = np.array(data["terminal_weights"][:last] if end == "_e" else data["weights"])
+        setattr(cost, f"cost_type{end}", "NONLINEAR_LS")
+        setattr(model, f"cost_y_expr{end}", many)
+        setattr(cost, f"W{end}", np.diag(weights))
+        setattr(cost, f"yref{end}", np.zeros(len(weights)))
+
+    limits.x0 = np.array(data["x0"])
+    limits.lbu, limits.ubu, limits.idxbu = np.array(data["u_min"]), np.array(data["u_max"]), np.arange(u.numel())
+    boxes, value, h = data["boxes"], rows(x, u, p), data["stage"]
+    for end in ("", "_e"):
+        setattr(limits, f"lbx{end}", np.array([box["least"] for box in boxes]))
+        setattr(limits, f"ubx{end}", np.array([box["most"] for box in boxes]))
+        setattr(limits, f"idxbx{end}", np.array([box["state"] for box in boxes], int))
+        setattr(limits, f"idxsbx{end}", np.arange(len(boxes)))
+    for end, which in (("_0", "input"), ("", "input"), ("_e", "state")):
+        # Rows of the state alone hold at the nodes 1 to N, others at 0 to N - 1.
+        own = [row for row in data["rows"] if row["of"] == which or end == ""]
+        if own:
+            setattr(model, f"con_h_expr{end}", value[[row["row"] for row in own]])
+            setattr(limits, f"lh{end}", np.array([row["least"] for row in own]))
+            setattr(limits, f"uh{end}", np.array([row["most"] for row in own]))
+            setattr(limits, f"idxsh{end}", np.arange(len(own)))
+        soft = [*(boxes if end != "_0" else []), *own]
+        scale = 1.0 if end == "_e" else h  # acados multiplies the cost of a stage by its length
+        for name, key in (("z", "linear"), ("Z", "quadratic")):
+            for side in "lu":
+                setattr(cost, f"{name}{side}{end}", np.array([row[key] / scale for row in soft]))
+
+    options.N_horizon, options.tf = data["stages"], data["stages"] * h
+    options.integrator_type, options.sim_method_num_stages = "ERK", 4
+    options.sim_method_num_steps = data["substeps"]
+    options.hessian_approx, options.nlp_solver_type = "GAUSS_NEWTON", "SQP_RTI"
+    options.qp_solver = data["qp_solver"]
+    if data["qp_solver"].startswith("PARTIAL"):
+        options.qp_solver_cond_N = data["blocks"]
+    ocp.code_gen_options.code_export_directory = "solver"
+    ocp.code_gen_options.json_file = "solver.json"
+    return ocp
+
+
+def rendered(source: str, target: str, folder: str, numbers: str, template_glob: str | None = None) -> None:
+    """Render a template of acados, in place of its ``render_template``."""
+    del template_glob
+    if source.startswith("main") or not source.endswith((".in.c", ".in.h")):  # no part of a library
+        return
+    text = (TEMPLATES / source).read_text(encoding="utf-8")
+    for name in set(re.findall(r"set_global (\w+)", re.sub(r"\w+set_global|set_global\(", "", text))):
+        text = re.sub(r"({%-?\s*)set_global " + name, rf"\1set {name}", text)
+        text = re.sub(
+            r"{[{%].*?[}%]}", lambda tag, name=name: re.sub(rf"(?<![\w.]){name}\b", f"kept.{name}", tag[0]), text
+        )
+    environment = jinja2.Environment(
+        extensions=["jinja2.ext.loopcontrols"],
+        undefined=jinja2.StrictUndefined,
+        finalize=lambda value: str(value).lower() if isinstance(value, bool) else value,
+    )
+    environment.tests["containing"] = lambda text, part: part in text
+    environment.tests["starting_with"] = lambda text, part: text.startswith(part)
+    environment.globals["range"] = lambda start=0, end=0: range(start, end)
+    given = json.loads(Path(numbers).read_text(encoding="utf-8"))
+    made = environment.from_string("{% set kept = namespace() %}" + text).render(given)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    (Path(folder) / target).write_text(made, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
