@@ -71,8 +71,6 @@ def why_dense(made: Structure) -> str:
         return "element_lengths at run time"
     if made.residual is not None:
         return "a learned residual"
-    if made.has_quadratic_damping:
-        return "quadratic damping"
     if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:
         return "a known moment that ends inside an element"
     for name, place in made.masses():

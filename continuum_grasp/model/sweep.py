@@ -132,6 +132,9 @@ class Builder:
         self._pattern = equations.pattern
         self._loads = equations.loads
         self._touching = np.array(equations.touching())
+        quadratic = made.bending_cells if made.has_quadratic_damping else ()
+        cells = [[cell.length, *cell.weights.tolist()] for cell in quadratic]
+        self._cells = np.reshape(cells, (len(made.lengths), -1, 1 + self._local))
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
         self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], self._splits), strict=True))
@@ -141,7 +144,9 @@ class Builder:
     @property
     def _splits(self) -> list[int]:
         size, sources = self._local, len(self._made.sources)
-        sizes = (size * (size + 1) // 2, size * sources, size, 1, self._touching.size // len(self._made.lengths))
+        links = len(self._made.lengths)
+        per_link = self._touching.size // links, self._cells.size // links
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, *per_link)
         return [0, *np.cumsum(sizes).tolist()]
 
     def _described(self) -> tuple[ca.SX, Array]:
@@ -161,6 +166,7 @@ class Builder:
             rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass])
             if self._touching.size:
                 rows[-1] += self._touching[k].T.ravel().tolist()
+            rows[-1] += self._cells[k].ravel().tolist()
         numbers = np.array(rows, dtype=float)
         varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
         symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
@@ -201,7 +207,7 @@ class Builder:
         """
         made, eq = self._made, self.equations
         found = list(eq.tendons.on_elements) if made.own_tendons else []
-        if made.bending_cells:
+        if made.finger.has_dry_friction:
             friction = [[-1.0 * force for force in own] for own in eq.dry_friction.on_elements]
             found = (
                 friction
@@ -212,7 +218,8 @@ class Builder:
 
     @property
     def _loaded(self) -> tuple[int, ...]:
-        every = range(len(self._made.lengths) if self._made.own_tendons or self._made.bending_cells else 0)
+        made = self._made
+        every = range(len(made.lengths) if made.own_tendons or made.finger.has_dry_friction else 0)
         return (*(load.place.link for load in self._loads), *every)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -293,10 +300,17 @@ class Builder:
             own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
         if not self._made.matched:
             own += ca.mtimes(driven, drive)
+        # Quadratic damping: a moment per cell, and its slope by the rates, which a step is implicit in.
+        quadratic, steep = par["quadratic_damping"], ca.SX(size, size)
+        for cell in ca.horzsplit(ca.reshape(self._own["cells"], 1 + size, -1)) if self._cells.size else ():
+            length, weights = cell[0], cell[1:]
+            rate = ca.dot(weights, qd) / length
+            own -= weights * (quadratic * rate * ca.fabs(rate))
+            steep += (2.0 * quadratic * ca.fabs(rate) / length) * ca.mtimes(weights, weights.T)
         matrix = _lower(inertia.matrix)
         if self.implicit:
             slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T))
-            slowed += part**2 * ((stiffness + self.equations.stuck_stiffness) * block)
+            slowed += part * steep + part**2 * ((stiffness + self.equations.stuck_stiffness) * block)
             own -= part * stiffness * ca.mtimes(block, r)
             matrix = [m + k for m, k in zip(matrix, _lower(slowed), strict=True)]
         spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
@@ -436,10 +450,10 @@ class Builder:
         )
 
 
-_OWN = ("stiffness", "driven", "bends", "mass", "stops")
+_OWN = ("stiffness", "driven", "bends", "mass", "stops", "cells")
 """What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
 where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; where links may
-touch."""
+touch; length and weights of the cells of quadratic damping."""
 
 
 def _digest(content: bytes) -> str:

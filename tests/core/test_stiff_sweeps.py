@@ -56,10 +56,11 @@ def test_explicit_steps_of_that_length_are_not_stable():
         core.rollout(np.zeros(core.model.nx), 400, SPAN / 400, method="rk4")
 
 
-@pytest.mark.parametrize("family", ["arc", "clothoid"])
-def test_a_step_by_sweeps_is_that_of_the_dense_matrices(family):
-    finger = Finger(rod=CONE.model_copy(), damping=Damping(material=1e-4, per_arc=1e-5))
+@pytest.mark.parametrize(("family", "quadratic"), [("arc", 0.0), ("clothoid", 0.0), ("clothoid", 1e-5)])
+def test_a_step_by_sweeps_is_that_of_the_dense_matrices(family, quadratic):
+    finger = Finger(rod=CONE.model_copy(), damping=Damping(material=1e-4, per_arc=1e-5, quadratic=quadratic))
     model = cg.FingerModel(finger, family=family, elements=16)
+    assert model.sweeps
     n, rng, h = model.n, np.random.default_rng(1), 1e-3
     limits = np.array(model.structure.coordinate_limits())
     x = np.concatenate([0.3 * limits, 5.0 * limits]) * rng.uniform(-1.0, 1.0, 2 * n)

@@ -60,6 +60,7 @@ FULL = {
     "base": BasePose(position=(0.3, -0.2), angle=-0.7),
 }
 STICKS = Damping.model_validate({"material": 0.01, "dry_friction": [{"stiffness": 0.4, "moment": 0.3}]})
+SQUARES = Damping(material=0.01, quadratic=0.02)
 LOADS = (
     ForceLoad(at=0.13, force=(0.0, 0.0)),
     ForceLoad(at=0.33, force=(0.0, 0.0), follows=True),
@@ -86,6 +87,7 @@ FREE = {
     "winches": ({**FULL, "tendons": CABLE}, {}),
     "friction": ({**FULL, "tendons": Tendons(offset=0.004, max_tension=9.0, friction=0.3)}, {"loads": LOADS}),
     "dry friction": ({**FULL, "damping": STICKS}, {"loads": LOADS}),
+    "quadratic damping": ({**FULL, "damping": SQUARES}, {"loads": LOADS, "parameters": ("quadratic_damping",)}),
     "friction of both kinds": (
         {**FULL, "damping": STICKS, "tendons": Tendons(offset=0.004, max_tension=9.0, friction=0.3)},
         {},
