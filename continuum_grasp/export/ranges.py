@@ -27,7 +27,7 @@ _SPREAD = 2.0
 _SLIDING = 1.5
 """A friction state of a tendon that slides [1]."""
 
-_SIGNED = ("base_angle", "gravity", "rest_curvature")
+_SIGNED = ("base_position", "base_angle", "gravity", "rest_curvature")
 """Parameters that may be below zero."""
 
 
@@ -142,6 +142,9 @@ def _given(name: str, pair: Sequence[float]) -> tuple[float, float]:
 
 
 def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]:
+    if name.startswith("base_position"):
+        reach = 2.0 * model.finger.rod.length
+        return nominal - reach, nominal + reach
     if name == "base_angle":
         return -2.0 * math.pi, 2.0 * math.pi
     if name.startswith("gravity"):  # twice the earth's, either way
@@ -245,6 +248,7 @@ _PATTERNS = (
     (r"load_(\d+)_across", "force of load {0} across the finger, which it follows"),
     (r"load_(\d+)_along", "the same along the finger"),
     (r"load_(\d+)_moment", "moment of load {0}"),
+    (r"base_position_([xy])", "world position of the base"),
     (r"base_angle", "from the world's to the base's axes"),
     (r"gravity_([xy])", "world gravity"),
     (r"element_lengths(?:_(\d+))?", "length of the element"),

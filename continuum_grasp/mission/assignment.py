@@ -138,6 +138,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
     stations = tuple(contact.station for contact in middles)
     control = _control_scene(mission, finger, body, stations, {one: forces[one] for one in held})
+    control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, found, setup)))
     if finger.tendons is None:
         raise InputError("a mission needs tendons", key="grasp")
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
@@ -154,7 +155,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
     firm = commands.of(np.where(pulls, _LEAST * tensions, least), ends)
     loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
-    closing = np.resize(pulls, firm.size)  # of one pulley that of its first tendon
+    closing = commands.closing(pulls)
     factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     return Assignment(
         mission=mission,
@@ -165,7 +166,10 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         held=commands.of(tensions, ends),
         before=commands.of(before, angles),
         rest=np.array(control.rest_input),
-        holding=(np.where(closing, firm, -np.inf), np.where(closing, np.inf, loose)),
+        holding=(
+            np.where(closing > 0.0, firm, -np.inf),
+            np.where(closing > 0.0, np.inf, np.where(closing < 0.0, firm, loose)),
+        ),
         bends=np.diff(angles),
         posture=np.diff(ends),
         forces={one: forces[one] for one in held},
@@ -173,6 +177,19 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         resisted=resistance,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
+
+
+def _base_parameters(mission: MissionScene, found: GraspResult, setup: FingerSetup) -> tuple[str, ...]:
+    """Parameters that make fingers of one kind share the compiled code of their controllers: where they stand.
+
+    None for a finger that is the only one of its kind.
+    """
+    given = setup.finger
+    alike = [other.name for other in mission.grasp.setups if other.finger.replaced(base=given.base) == given]
+    if len(alike) == 1:
+        return ()
+    angles = {float(found.fingers[name].base[2]) for name in alike}
+    return ("base_position", "base_angle") if len(angles) > 1 else ("base_position",)
 
 
 def _control_scene(

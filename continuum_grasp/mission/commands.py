@@ -44,6 +44,17 @@ class Commands:
         drawn = [self._drawn(k, np.asarray(angles, dtype=float)) for k in range(len(pulled))]
         return np.array([self._command(winch, pulled, drawn) for winch in self._winches])
 
+    def closing(self, pulls: ArrayLike) -> Array:
+        """Which way each command (nu) goes to pull harder with the tendons that close the finger: 1 up, -1 down, as
+        of a pulley that winds up its second tendon, 0 where it moves none of them. ``pulls`` says which tendons do (T).
+        """
+        closes = np.asarray(pulls, dtype=bool)
+        found = []
+        for winch in self._winches:
+            sides = [side for side, k in zip(winch.sides, winch.tendons, strict=True) if closes[k]]
+            found.append(sides[0] if sides else 0.0)
+        return np.array(found) if self._winches else closes.astype(float)
+
     def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
         """How much of a tendon is drawn in by the bend [m], and by tension [m/N]."""
         own = self._finger.tendon_list[tendon]
@@ -62,11 +73,12 @@ class Commands:
     def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
         own = [drawn[k] for k in winch.tendons]
         taut = [path + give * pulled[k] for (path, give), k in zip(own, winch.tendons, strict=True)]
-        position = float(ca.DM(winch.position(taut, [float(pulled[k]) for k in winch.tendons])))
+        # Of two on one pulley that which pulls harder says where it is; the other has what this leaves it.
+        most = max(winch.tendons, key=lambda k: pulled[k])
+        position = float(ca.DM(winch.position(taut, [float(pulled[k]) * (k == most) for k in winch.tendons])))
         drive = winch.drive
         if not isinstance(drive, MotorDrive):
             return position
-        # Of two on one pulley the second has what this position leaves it.
         held = [
             max(wound - path, 0.0) / give
             for wound, (path, give) in zip(map(float, winch.wound(position)), own, strict=True)

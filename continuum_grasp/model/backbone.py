@@ -72,7 +72,7 @@ class Backbone:
         self._elements: list[_Element] = []
         structure = equations.structure
         accuracy = structure.accuracy or structure.family.default_accuracy
-        point, angle = ca.SX(ca.DM(structure.finger.base.position)), equations._par["base_angle"]
+        point, angle = column(equations._par.vector("base_position")), equations._par["base_angle"]
         links = (loaded.link for loaded in equations.chain.links)
         for link, h, reach in zip(links, equations.lengths, structure.ranges, strict=True):
             if isinstance(link, CollocatedLink):

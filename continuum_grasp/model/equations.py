@@ -188,7 +188,7 @@ class Equations:
 
     def to_world(self, v: Vec) -> Vec:
         """World position of a point given from the base in the chain's axes."""
-        turned, (x, y) = self.turn.apply(v), self._structure.finger.base.position
+        turned, (x, y) = self.turn.apply(v), self._par.vector("base_position")
         return Vec(turned.x + x, turned.y + y)
 
     @cached_property
@@ -726,7 +726,7 @@ class Equations:
         elastic += self.dry_friction.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
-        x, y = self._structure.finger.base.position
+        x, y = self._par.vector("base_position")
         # Potential of the weight: -g . integral of r dm, base included.
         weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
         return elastic - weight

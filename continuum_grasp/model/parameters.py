@@ -13,6 +13,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.tendons import Tendon, Tendons
 
 _UNITS = {
+    "base_position": "m",
     "base_angle": "rad",
     "gravity": "m/s2",
     "element_lengths": "m",
@@ -42,6 +43,8 @@ _UNITS = {
     "tip_body_across": "m",
     "tip_body_along": "m",
 }
+_VECTORS = ("base_position", "gravity")
+"""Parameters with an entry for each axis of the world."""
 FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
 """Parameters that are factors of the profile [1] where the rod is graded."""
 OF_TENDONS = tuple(name for name in _UNITS if name.startswith(("tendon_", "drive_")) and name != "tendon_offset")
@@ -86,7 +89,8 @@ class Parameters:
         for name in self.names:
             count = len(self._nominal[name])
             unit = "1" if self._graded and name in FACTORS else _unit(name)
-            tags = [name] if count == 1 else [f"{name}_{'xy'[k] if name == 'gravity' else k + 1}" for k in range(count)]
+            ends = "xy" if name in _VECTORS else range(1, count + 1)
+            tags = [name] if count == 1 else [f"{name}_{end}" for end in ends]
             labels += [f"{tag} [{unit}]" for tag in tags]
         return labels
 
@@ -118,6 +122,7 @@ def _unit(name: str) -> str:
 def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
     rod, length, graded = finger.rod, finger.rod.length, finger.profile.graded
     values = {
+        "base_position": list(finger.base.position),
         "base_angle": [finger.base.angle],
         "gravity": [float(g) for g in gravity],
         "element_lengths": [float(h) for h in lengths],

@@ -146,15 +146,16 @@ def test_derivatives_behind_friction_and_deadband():
 
 
 @pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
-def test_base_angle_at_run_time_is_the_folded_one(family):
+def test_base_pose_at_run_time_is_the_folded_one(family):
     scene = loaded_scene(2, fidelity={"family": family})
-    runtime = FingerModel(scene, parameters=("base_angle",))
-    base = scene.finger.base.model_copy(update={"angle": 0.7})
+    runtime = FingerModel(scene, parameters=("base_angle", "base_position"))
+    assert tuple(runtime.p_names) == ("base_angle [rad]", "base_position_x [m]", "base_position_y [m]")
+    base = scene.finger.base.model_copy(update={"angle": 0.7, "position": (0.03, -0.2)})
     folded = FingerModel(scene.model_copy(update={"finger": scene.finger.model_copy(update={"base": base})}))
     q, w = np.linspace(0.4, -0.3, runtime.n), np.array([0.1, -0.2])
     x = np.concatenate([q, 0.5 * q])
     for name, given in (("forward_dynamics", (x, 0.0, w)), ("position", (q, 0.0, 0.3)), ("orientation", (q, 0.0, 0.3))):
-        ours, expected = getattr(runtime, name)(*given, 0.7), getattr(folded, name)(*given, [])
+        ours, expected = getattr(runtime, name)(*given, [0.7, 0.03, -0.2]), getattr(folded, name)(*given, [])
         assert np.array(ours) == pytest.approx(np.array(expected), rel=1e-12, abs=1e-14)
 
 

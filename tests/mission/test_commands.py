@@ -33,6 +33,21 @@ def test_winches_wind_up_the_path_of_an_arc_and_its_elongation():
     assert found == pytest.approx([OFFSET * BEND + give * 17.0, -OFFSET * BEND - give * 1.0])
 
 
+def test_a_pulley_that_winds_up_its_second_tendon_is_the_mirror_image():
+    """Of a finger that its second tendon closes, commands and the limits while it holds are those of the first."""
+    own = Commands(finger(kind="length", time_constant=0.02, arrangement="one_pulley", pretension=3.0), S)
+    first = own.of([20.0, 2.0], BEND * S / LENGTH)
+    give = 1.0 / 2e4 + LENGTH / 1e4
+    assert first == pytest.approx([OFFSET * BEND + give * 17.0])
+    assert own.of([2.0, 20.0], -BEND * S / LENGTH) == pytest.approx(-first)
+    assert own.closing([True, False]).tolist() == [1.0]
+    assert own.closing([False, True]).tolist() == [-1.0]
+    assert own.closing([False, False]).tolist() == [0.0]
+    assert Commands(finger(), S).closing([False, True]).tolist() == [0.0, 1.0]
+    apart = Commands(finger(kind="length", time_constant=0.02), S)
+    assert apart.closing([False, True]).tolist() == [0.0, 1.0]
+
+
 def test_friction_leaves_less_of_a_tension_to_elongate():
     mu = 0.3
     found = Commands(finger(mu, kind="length", time_constant=0.02), S).of([20.0, 2.0], BEND * S / LENGTH)

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
@@ -153,6 +154,34 @@ def test_plants_are_drawn_within_their_ranges():
         assert abs(away.mean()) < 0.1 * reach
     assert np.abs([one.shift for one in drawn]).max() <= asked.position
     assert len({one.seed for one in drawn}) == 400
+
+
+def test_an_object_is_shifted_into_no_support(assignment):
+    """Beside a palm it goes as far as asked, towards it no further than it stands; in a groove it comes out of it."""
+    table, (x, y) = Timetable(assignment), assignment.control.object.position
+    plain, model = Prediction(assignment.control), mission_plant_model(assignment)
+
+    def placed(shift):
+        return mission_plant(assignment, table, plain, Variation(shift=shift), model).x[model.system.object_states][:2]
+
+    assert placed((1e-3, 5e-4)) == pytest.approx([x + 1e-3, y + 5e-4], abs=1e-15)
+    assert placed((-1e-3, 5e-4)) == pytest.approx([x, y + 5e-4], abs=1e-8)
+    # Between two walls at 60 degrees, both of which it touches: up is free, down is not, aside it climbs along a wall.
+    half = np.pi / 6
+    walls = {
+        f"wall_{k}": {"type": "palm", "point": [x - 0.04 * np.cos(a), y - 0.04 * np.sin(a)], "normal_angle": a}
+        for k, a in enumerate((half, np.pi - half))
+    }
+    corner = load(MUG, [*QUICK, f"grasp.supports={json.dumps(walls)}"])
+    assignment = replace(assignment, mission=corner)
+    model = mission_plant_model(assignment)
+    assert placed((0.0, 1e-3)) == pytest.approx([x, y + 1e-3], abs=1e-15)
+    assert placed((0.0, -1e-3)) == pytest.approx([x, y], abs=1e-8)
+    away = placed((1e-3, -1e-4)) - [x, y]
+    # Off the left wall, out of the right one along its normal.
+    normal = np.array([-np.cos(half), np.sin(half)])
+    asked = np.array([1e-3, -1e-4])
+    assert away == pytest.approx(asked - (asked @ normal) * normal, abs=1e-8)
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assignment import assign
@@ -119,6 +120,23 @@ def test_each_finger_has_its_own_task(assignments, grasp):
     assert lower.posture == pytest.approx(-upper.posture, abs=1e-4)
 
 
+def test_fingers_of_one_kind_share_their_code(assignments):
+    """What is compiled is the same for both; where they stand is told at run time."""
+    models = [Prediction(one.control) for one in assignments]
+    lower, upper = models
+    for name in ("dynamics", "contact_force", "tip"):
+        assert getattr(lower, name).serialize() == getattr(upper, name).serialize()
+    there = [dict(zip(model.p_names, model.p_nominal, strict=True)) for model in models]
+    assert [p["base_position_y [m]"] for p in there] == [-0.04, 0.04]
+    assert "base_angle [rad]" not in there[0]  # equal, and folded into the code
+
+
+def test_a_finger_alone_of_its_kind_has_its_base_in_the_code(grasp):
+    longer = load(PINCH, ["grasp.fingers.upper.tendons.max_tension=121"])
+    for one in assign(longer, grasp):
+        assert not any(name.startswith("base_") for name in one.control.parameters)
+
+
 def test_the_check_before_the_run_names_the_finger(grasp):
     weak = assign(load(PINCH, ["drive_tension=60"]), grasp)
     found = exceeded(weak, Variation())
@@ -170,6 +188,8 @@ def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
     phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
     short = load(PINCH, ["plant.fidelity={family: clothoid, elements: 3}", f"phases={phases}"])
     runner = MissionRunner(assign(short, grasp))
+    libraries = {one._c.library._name for one in runner._controllers}
+    assert len(libraries) == 1  # compiled once
     run = runner.run()
     assert run.verdict.succeeded
     names, t, hold = run.contacts.names, run.t, run.timetable.span("hold")

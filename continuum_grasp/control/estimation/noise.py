@@ -246,7 +246,7 @@ def _parameter_range(model: Prediction, name: str, nominal: float) -> tuple[floa
         most = _KNOWN * _disturbance_range(model, name)[1]
         return (-most, most)
     # Of either sign, or nominally zero.
-    if name.startswith(("gravity", "base_angle", "rest_curvature", "object_")):
+    if name.startswith(("gravity", "base_", "rest_curvature", "object_")):
         return (-UNLIMITED, UNLIMITED)
     # Stiffness, masses and the like are positive; one that is nominally zero has no scale of its own.
     return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, UNLIMITED)
