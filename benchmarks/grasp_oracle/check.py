@@ -223,6 +223,7 @@ class _Check:
         net = (tensions[0] - tensions[1]) * tendons.offset
         slope = np.zeros(2 * len(lengths))
         pulled = _tendon_work(tendons, tensions, ends, lengths, self.states[setup.name])
+        pulled -= _dry_work(setup, lean, lengths, self.states[setup.name])
         for k, (length, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
             slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - pulled[k, 0]
             slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - pulled[k, 1]
@@ -297,6 +298,28 @@ def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array, sta
                 # The hats 1 - v and v of the element over the cell, and their slopes.
                 mean, lean = 1.0 + x * x / 24.0, x / (12.0 * count)
                 found[k] += moment * mean * np.array([1.0 - u + lean, u - lean])
+    return found
+
+
+def _dry_work(setup: Any, lean: Array, lengths: Array, states: Array | None) -> Array:
+    """Work of dry friction in bending with the curvatures at both ends of each element.
+
+    In each cell of an element the moment of a branch is a part of its greatest, as ``states`` say after those of the
+    tendons, cell by cell; None: stretched like a spring by the curvature above rest in the middle of the cell.
+    """
+    damping, tendons = setup.finger.damping, setup.finger.tendons
+    count = 1 if setup.family == "arc" else damping.friction_cells
+    at = tendons.friction_cells * len(lengths) if tendons.friction else 0
+    found = np.zeros((len(lengths), 2))
+    for k, (h, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
+        for c in range(count):
+            u = (c + 0.5) / count
+            for branch in damping.dry_friction:
+                sprung = branch.stiffness * (a + (b - a) * u)
+                moment = min(max(sprung, -branch.moment), branch.moment)
+                if states is not None:
+                    moment, at = branch.moment * float(states[at]), at + 1
+                found[k] += moment * h / count * np.array([1.0 - u, u])
     return found
 
 

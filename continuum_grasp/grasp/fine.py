@@ -92,7 +92,7 @@ def resolve_elements(
 
 def _fine(scene: GraspScene) -> GraspScene:
     """The scene with many elements of the finest family that all fingers can have."""
-    has_friction = any(setup.tendons.friction > 0.0 for setup in scene.setups)
+    has_friction = any(setup.finger.has_friction for setup in scene.setups)
     return with_elements(scene, FINE, default_family(free_tip=has_friction))
 
 

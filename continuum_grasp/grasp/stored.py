@@ -39,12 +39,16 @@ _POSTURE = (
 def _held(one: Stored) -> Stored:
     dimensions = ", ".join(["state", *filter(None, one.shape.strip("()").rstrip(",").split(", "))])
     dimensions += "," * ("," not in dimensions)
-    meaning = f"with other friction states of the tendons: {one.meaning}"
+    meaning = f"with other friction states: {one.meaning}"
     return Stored(f"{{held}}.{one.name}", f"({dimensions})", one.unit, meaning)
 
 
 _STATES = Stored(
-    "{finger}.friction_states", "({finger} cell,)", "1", "these states, +1: the left tendon was pulled last"
+    "{finger}.friction_states",
+    "({finger} cell,)",
+    "1",
+    "these states, +1: the left tendon was pulled last; then those of dry friction in bending, cell by cell with one "
+    "per branch, +1: against a bend towards the left",
 )
 STORED = (
     Stored("contact_names", "(contact,)", "text", "name of each contact"),
@@ -53,7 +57,7 @@ STORED = (
     *_POSTURE,
     *(_held(one) for one in (*_POSTURE, _STATES)),
     Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
-    Stored("{held trials}.friction_states", "(draw, cell)", "1", "friction states of the tendons that were drawn"),
+    Stored("{held trials}.friction_states", "(draw, cell)", "1", "friction states that were drawn"),
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
     Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
 )
@@ -66,9 +70,9 @@ DIMENSIONS = (
     Dimension("tendon", "tendons: on the finger's left (-X side), on its right", ("left", "right")),
     Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
     Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
-    Dimension("state", "sets of friction states of the tendons"),
+    Dimension("state", "sets of friction states"),
     Dimension("{finger} cell", "friction cells, from the base"),
-    Dimension("draw", "random errors of the object, and friction states of the tendons"),
+    Dimension("draw", "random errors of the object, and friction states"),
     Dimension("nominal draw", "the first of these"),
     Dimension("error", "errors of an object", ("x [m]", "y [m]", "angle [rad]", "radius", "friction", "mass")),
     Dimension("cell", "friction cells of all fingers"),

@@ -130,7 +130,7 @@ class Backbone:
         return point, angle
 
     def missing(self, masses: int = 0) -> ca.Function:
-        """``(q, u, w, m, p)``, or ``(q, u, w, m, history, p)`` of tendons with friction: generalized force (n,) that is
+        """``(q, u, w, m, p)``, or ``(q, u, w, m, history, p)`` of fingers with friction: generalized force (n,) that is
         missing for rest.
 
         ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
@@ -140,6 +140,8 @@ class Backbone:
         m = ca.SX.sym("m", 2, masses)
         elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.actuation_at_rest))
         force = elastic - driven - ca.gradient(self._work(m), eq.q)
+        if eq.structure.bending_cells:
+            force += column(eq.dry_friction_at_rest.force[: eq.q.numel()])
         history = [eq.history] if eq.history.numel() else []
         return self._function("missing", [eq.w, m, *history], [force])
 

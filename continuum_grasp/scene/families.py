@@ -20,13 +20,15 @@ class CurvatureFamily:
     then moves with its moment, which must be continuous, and tendons have no friction."""
     one_turn: bool = False
     """Whether an element bends by ``ONE_TURN`` at most."""
+    even: bool = False
+    """Whether the curvature is the same all along an element."""
 
 
 ONE_TURN = 6.3
 """Greatest bend of an element that is evaluated by quadrature [rad]: as far as its number of nodes is tabulated."""
 
 FAMILIES = {
-    "arc": CurvatureFamily("continuum_grasp.model.arc:ArcFamily"),
+    "arc": CurvatureFamily("continuum_grasp.model.arc:ArcFamily", even=True),
     "clothoid": CurvatureFamily("continuum_grasp.model.moment_linear:MomentLinearFamily", one_turn=True),
     "matched_clothoid": CurvatureFamily(
         "continuum_grasp.model.moment_linear:MomentLinearFamily", matches_tip=True, one_turn=True

@@ -313,14 +313,6 @@ class Finger(Value):
                 "leave it out"
             )
 
-    def check_without_dry_friction(self, key: str, what: str) -> None:
-        """Refuse dry friction in bending for ``what``, of a finger at ``key``."""
-        if self.has_dry_friction:
-            raise ValueError(
-                f"{key}.damping.dry_friction: {what} know no finger that rests anywhere between two shapes; leave it "
-                "out"
-            )
-
     def check_linear(self, key: str, what: str) -> None:
         """Refuse a material that softens for ``what``, of a finger at ``key``."""
         if self.softening is not None:

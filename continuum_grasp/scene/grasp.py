@@ -36,8 +36,8 @@ from continuum_grasp.scene.value import Value, check_increasing, check_one_given
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 _RELEASED = 1.4
-"""How much further an element may bend by default whose tendons may slide back: at tensions that stay it bent by 1.8,
-2.7 and 3.6 rad with friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
+"""How much further an element may bend by default where friction may let go: with tendons that slide back, at tensions
+that stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 
@@ -98,9 +98,22 @@ class FingerSetup:
         return is_graded(self.finger)
 
     @property
-    def friction_states(self) -> int:
+    def tendon_friction_states(self) -> int:
         """Number of friction states of its tendons, which run alike."""
         return self.elements * self.tendons.friction_cells if self.tendons.friction > 0.0 else 0
+
+    @property
+    def bending_cells(self) -> int:
+        """Cells per element along which dry friction in bending has one state of each branch; 0 without it."""
+        if not self.finger.has_dry_friction:
+            return 0
+        return 1 if FAMILIES[self.family].even else self.finger.damping.friction_cells
+
+    @property
+    def friction_states(self) -> int:
+        """Number of all friction states, those of the tendons before those of its bending."""
+        branches = len(self.finger.damping.dry_friction)
+        return self.tendon_friction_states + self.elements * self.bending_cells * branches
 
     @property
     def stiffness(self) -> float:
@@ -167,8 +180,8 @@ class GraspScene(Value):
     """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""
     friction_states: Literal["any", "pulled"] = "any"
-    """Of tendons with friction. any: the grasp, reached by pulling, holds with these tensions whatever the friction
-    states become; pulled: it need only hold as it is reached."""
+    """Of tendons with friction, and of dry friction in bending. any: the grasp, reached by pulling, holds with these
+    tensions whatever the friction states become; pulled: it need only hold as it is reached."""
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
     robust: Robust | None = None
@@ -304,7 +317,7 @@ class GraspScene(Value):
         # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
         # greatest curvature counts, by 180.
         bends = max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi)
-        if self.friction_states == "any" and finger.has_tendon_friction:
+        if self.friction_states == "any" and finger.has_friction:
             bends = max(bends, min(_RELEASED * bends, ONE_TURN))
         return FingerSetup(
             name=name,
@@ -344,7 +357,16 @@ class GraspScene(Value):
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
         self._check_drive(setup, where)
-        finger.check_without_dry_friction(where, "grasps")
+        if setup.graded and finger.has_dry_friction:
+            raise ValueError(
+                f"{where}.damping.dry_friction: in grasps it is modeled along uniform fingers alone, and this one "
+                "changes along its length; leave it out, or give one cross section"
+            )
+        if self.closing is not None and finger.has_dry_friction:
+            raise ValueError(
+                f"closing: its path knows no dry friction, which {where}.damping.dry_friction gives the bending; leave "
+                "one of both out"
+            )
         finger.check_linear(where, "grasps")
         if isinstance(finger.tendons, tuple) and not _are_pair(finger):
             raise ValueError(

@@ -1,8 +1,9 @@
-"""Grasps that hold whatever the friction of their tendons, in a fine chain of guides with the exact law of friction.
+"""Grasps that hold whatever the friction of tendons and bending, in a fine chain of hinges with the exact laws.
 
-The chain bears the contact forces that the grasp has for tendons which were pulled, or released, and must be at rest
+The chain bears the contact forces that the grasp has for fingers which were pulled, or released, and must be at rest
 where the grasp says: pulled from straight, or pulled further and let out again. Where no such path leads to it under
-forces that keep their direction, as round a mug, it starts there, its tendons sliding as if they had come that way.
+forces that keep their direction, as round a mug, it starts there, its tendons and hinges sliding as if they had come
+that way.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ def at_rest(scene, arrays, name, released, led):
         normal, (n, f, _) = arrays["contact_normals"][k], arrays["contact_forces"][k]
         force = turn.T @ (n * normal + f * np.array([-normal[1], normal[0]]))
         pushes.append((float(arrays["contact_stations"][k]), *force, -finger.thickness_radius * f))
-    chain = HingedFinger(length, finger.rod.stiffness, setup.tendons.offset, setup.tendons.friction, hinges=HINGES)
+    branches = tuple((branch.stiffness, branch.moment) for branch in finger.damping.dry_friction)
+    numbers = length, finger.rod.stiffness, setup.tendons.offset, setup.tendons.friction
+    chain = HingedFinger(*numbers, hinges=HINGES, branches=branches)
     most = int(tensions[1] > tensions[0])
     ways = (1.0 - 2.0 * most) * np.outer([1.0, -1.0], np.ones(HINGES))
 
@@ -59,33 +62,50 @@ def at_rest(scene, arrays, name, released, led):
             # A millimeter before where it is, so that it slides on.
             chain.slid = chain._state(chain.bends, chain.losses, [("tension", t) for t in tensions])[2]
             chain.slid = chain.slid - 1e-3 * chain._slides
+            # Bent a little less, or more, with all stops at their limit.
+            way = -1.0 if released else 1.0
+            chain.stops = way * np.sign(chain.bends) * np.array([[most] for _, most in branches] or np.zeros((0, 1)))
+            chain.bends = (1.0 - 0.05 * way * bool(branches)) * chain.bends
         move(1.0, 1.0)
     # Which way the tendons slid last, all along.
-    assert (np.sign(chain.losses[0]) == (-1.0 if released else 1.0) * ways[0]).all()
+    assert chain.friction == 0.0 or (np.sign(chain.losses[0]) == (-1.0 if released else 1.0) * ways[0]).all()
     points, hinges = chain._points(chain.bends), (np.arange(HINGES) + 0.5) * length / HINGES
     along = np.append(hinges, length)
     places = np.array([[np.interp(at, along, row) for row in points] for at, *_ in pushes])
     return touching, places @ turn.T + [x, y]
 
 
+def sticks(stiffness, moment, *names, friction=0.0):
+    """Changes that give fingers one branch of dry friction in bending, and friction to their tendons."""
+    given = {"damping": {"dry_friction": [{"stiffness": stiffness, "moment": moment}]}, "tendons.friction": friction}
+    fingers = [f"fingers.{name}" for name in names] or ["finger"]
+    return {f"{finger}.{key}": value for finger in fingers for key, value in given.items()}
+
+
 @pytest.mark.parametrize(
     ("config", "changes", "led"),
     few(
         [
+            ("mug.yaml", sticks(0.02, 0.02), False),
             ("mug.yaml", {"finger.tendons.friction": 0.1}, False),
             ("mug.yaml", {"finger.tendons.friction": 0.05, "object.mass": 0.2}, False),
             ("mug.yaml", {"finger.tendons.friction": 0.1, "object.mass": 0.1}, False),
             ("pinch_above.yaml", {f"fingers.{name}.tendons.friction": 0.15 for name in ("lower", "upper")}, True),
+            ("pinch_above.yaml", sticks(0.02, 0.01, "lower", "upper"), True),
+            ("mug.yaml", sticks(0.02, 0.01, friction=0.05), False),
         ],
-        1,
+        2,
     ),
 )
 def test_a_chain_of_guides_rests_where_the_grasp_says(config, changes, led):
     family = {"fidelity.family": "clothoid", "fidelity.elements": 8, "stability": "ignore"}
     found = optimize_grasp(load(CONFIGS / config).changed({**family, **changes}))
     assert found.robustness.robust.holds
-    for k, released in enumerate((False, True)):
-        posture = {key.removeprefix("held."): v[k] for key, v in found.arrays.items() if key.startswith("held.")}
+    # Let out again, hinges near where the finger is straight stop anywhere between.
+    sticking = any(setup.bending_cells for setup in found.scene.setups)
+    for k, released in enumerate((False,) if led and sticking else (False, True)):
+        held = {key.removeprefix("held."): v[k] for key, v in found.arrays.items() if key.startswith("held.")}
+        posture = found.arrays if led and not released else held
         for setup in found.scene.setups:
             touching, places = at_rest(found.scene, {**found.arrays, **posture}, setup.name, released, led)
             line = posture[f"{setup.name}.backbone"]

@@ -35,16 +35,20 @@ class HingedFinger:
     couple: float = 0.0  # at the tip [N m]
     pushes: tuple[tuple[float, float, float, float], ...] = ()
     """Further loads along it: position [m], force across and along the base's axes [N], couple [N m]."""
+    branches: tuple[tuple[float, float], ...] = ()
+    """Dry friction in bending: stiffness [N m2] and moment [N m] of stops, which every hinge has."""
     bends: np.ndarray = field(init=False)
     losses: np.ndarray = field(init=False)
     slid: np.ndarray = field(init=False)
     tensions: np.ndarray = field(init=False)  # at the drum [N]
+    stops: np.ndarray = field(init=False)  # moments of the stops (branches, hinges) [N m]
 
     def __post_init__(self) -> None:
         self.bends = np.zeros(self.hinges)
         self.losses = np.zeros((len(self.sides), self.hinges))
         self._slides = np.zeros_like(self.losses)
         self.slid, self.tensions = np.zeros_like(self.losses), np.zeros(len(self.sides))
+        self.stops = np.zeros((len(self.branches), self.hinges))
 
     @property
     def angle(self) -> float:
@@ -105,6 +109,7 @@ class HingedFinger:
             before = np.arange(n).reshape((-1, *([1] * (moment.ndim - 1)))) <= hinge
             moment = moment + before * ((x - points[0, :-1]) * fy - (y - points[1, :-1]) * fx + couple)
         balance = bends * (self.stiffness * self.hinges / self.length) - moment
+        balance = balance + self._stopped(bends).sum(axis=0)
         # Where a guide slides, the capstan limit; elsewhere the tendon stays where it was.
         shape = (count, n, *([1] * (slid.ndim - 2)))
         limit, way = self.friction * bends * np.sign(bends.real), slides.reshape(shape)
@@ -112,6 +117,17 @@ class HingedFinger:
         held = np.where(way == 0.0, stuck, losses - way * limit)
         guides = held.reshape(unknowns.shape[0] - n, *unknowns.shape[1:])
         return np.concatenate([balance * (self.length / self.stiffness), guides])
+
+    def _stopped(self, bends):
+        """Moments of the stops (branches, N, ...) after going from the shape at hand to other bends."""
+        column = (-1, *([1] * (bends.ndim - 1)))
+        moments = np.zeros((len(self.branches), *bends.shape), dtype=bends.dtype)
+        for k, (stiffness, most) in enumerate(self.branches):
+            sprung = self.stops[k].reshape(column) + stiffness * self.hinges / self.length * (
+                bends - self.bends.reshape(column)
+            )
+            moments[k] = np.where(np.abs(sprung.real) < most, sprung, most * np.sign(sprung.real))
+        return moments
 
     def move(self, drums, force=(0.0, 0.0)) -> None:
         """Go to rest under ``("tension", N)`` or ``("length", m)`` per tendon, and a force at the tip [N]."""
@@ -133,6 +149,7 @@ class HingedFinger:
             slides = np.where(changes, np.where(slides == 0.0, np.sign(losses), 0.0), slides)
         else:
             raise RuntimeError("no equilibrium: the guides that slide do not settle")
+        self.stops = self._stopped(bends)
         self.bends, self.losses, self.slid, self.tensions = bends, losses, slid, tensions
         self._slides = slides
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp import __version__
 from continuum_grasp.export.mjcf.chain import Links
 from continuum_grasp.export.mjcf.controls import Control, drawn_in, offset_at
+from continuum_grasp.export.mjcf.sliders import Sliders
 from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
@@ -40,6 +42,7 @@ def written(
     step: float,
     frequency: float,
     differences: Sequence[str],
+    sliders: Sliders | None = None,
 ) -> str:
     """The whole file."""
     root = ET.Element("mujoco", model=title)
@@ -65,8 +68,10 @@ def written(
     for control in {_site(control): control for control in controls if control.gear is not None}.values():
         sites.setdefault(links.link_of(control.at), []).append((_site(control), 0.0, control.at))
     sites.setdefault(len(links.at) - 1, []).append(("tip", 0.0, length))
-    _bodies(world, scene, links, sites)
+    _bodies(world, scene, links, sites, None if sliders is None else partial(sliders.add_bodies, step=step))
     add_surroundings(root, world, scene)
+    if sliders is not None:
+        sliders.add_springs(tendons, links.rest)
     if len(tendons):
         root.append(tendons)
     root.append(_actuators(controls))
@@ -75,7 +80,12 @@ def written(
     values = [float(control(np.zeros(1))[0]) for control in controls]
     key = ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="start")
     of_object = [0.0] * 3 if scene.object_moves else []
-    key.attrib |= {"qpos": numbers(*start[0], *of_object), "qvel": numbers(*start[1], *of_object)}
+    angles, rates = start
+    if sliders is not None:
+        # In the order of the bodies: the sliders of a hinge come before it.
+        angles = np.vstack([sliders.start, angles]).ravel(order="F")
+        rates = np.vstack([0.0 * sliders.start, rates]).ravel(order="F")
+    key.attrib |= {"qpos": numbers(*angles, *of_object), "qvel": numbers(*rates, *of_object)}
     key.set("ctrl", numbers(*values))
     states = [value for control, value in zip(controls, values, strict=True) if control.lag]
     if states:
@@ -111,20 +121,34 @@ def _explanation(
             ]
     if links.stop is not None:
         lines.append("Tendons stop_1, stop_2, ... are springs with a dead band: stops, where the links touch.")
+    if scene.finger.damping.dry_friction:
+        lines += [
+            "Joints slider_1_1, ... have the dry friction in bending; springs branch_1_1, ... tie the hinges to them.",
+            "Take angles of hinges by name: sliders are between them in qpos.",
+        ]
     lines.append("Keyframe 'start': state and controls of the scene at time zero.")
     lines += [f"Differs: {text}." for text in differences]
     return "\n" + "\n".join(f"    {line}" for line in lines) + "\n  "
 
 
-def _bodies(world: ET.Element, scene: Scene, links: Links, sites: dict[int, list[tuple[str, float, float]]]) -> None:
-    """The clamped part and the links, each inside the one before."""
+def _bodies(
+    world: ET.Element,
+    scene: Scene,
+    links: Links,
+    sites: dict[int, list[tuple[str, float, float]]],
+    beside: Callable[[ET.Element, int, str], None] | None,
+) -> None:
+    """The clamped part and the links, each inside the one before, and what is ``beside`` a hinge."""
     finger = scene.finger
     profile, (x, y) = finger.profile, finger.base.position
     body = ET.SubElement(world, "body", name="base", pos=numbers(x, y, 0.0), euler=numbers(0.0, 0.0, finger.base.angle))
     begin, end = 0.0, float(links.at[0])
     for k in range(-1, len(links.at)):
         if k >= 0:
-            body = ET.SubElement(body, "body", name=f"link_{k + 1}", pos=numbers(0.0, float(links.at[k]) - begin, 0.0))
+            place = numbers(0.0, float(links.at[k]) - begin, 0.0)
+            if beside is not None:
+                beside(body, k, place)
+            body = ET.SubElement(body, "body", name=f"link_{k + 1}", pos=place)
             begin, end = float(links.at[k]), float(links.ends[k])
             ET.SubElement(
                 body,

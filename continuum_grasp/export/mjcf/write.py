@@ -14,6 +14,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.mjcf.chain import Links, lump, rounded_step
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
+from continuum_grasp.export.mjcf.sliders import Sliders, states_at
 from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
@@ -139,13 +140,24 @@ def export_mjcf(
         )
     pulsations, _ = links.pulsations()
     springs = cable_springs(scene.finger, controls, links.at)
+    start, states = _start(scene, links)
+    sliders = Sliders.of(scene.finger, links, start[0], states)
+    if sliders is not None:
+        springs = springs + np.diag(sliders.stuck)
     ratio = 1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio
     longest = _STABLE * links.longest_step(ratio, springs)
+    if sliders is not None:
+        longest = min(longest, _STABLE * sliders.longest_step)
     step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = tuple(_differences(scene, controls))
+    if sliders is not None:
+        differences += (
+            f"damping.dry_friction: each branch has a slider that creeps, by which it loses a held moment in about "
+            f"{sliders.creep_time(step):.2g} s, and that swings at {sliders.pulsation / 2.0 / np.pi:.3g} Hz",
+        )
     title = names_of(scene)[0]
-    text = written(scene, links, controls, _start(scene, links), title, step, frequency, differences)
+    text = written(scene, links, controls, start, title, step, frequency, differences, sliders)
     chain = HingeChain(text, hinges, frequency, step, differences, tuple(controls))
     return chain if file is None else _saved(chain, Path(file), scene)
 
@@ -164,14 +176,16 @@ def _refuse(scene: Scene) -> None:
         )
     if scene.finger.softening is not None:
         raise InputError("the chain's hinges are linear up to their stops: leave it out", key="finger.softening")
-    if scene.finger.has_dry_friction:
+    if scene.finger.damping.quadratic:
         raise InputError(
-            "MuJoCo's hinges slide at once, without the bending before that dry friction has here: leave it out",
-            key="finger.damping.dry_friction",
+            "the chain's hinges are damped in proportion to their rates: leave it out, or take material",
+            key="finger.damping.quadratic",
         )
     if scene.finger.has_tendon_friction:
         raise InputError(
-            "MuJoCo's tendons have the same tension all along, without friction in their guides: set friction to 0",
+            "MuJoCo's tendons have the same tension all along: their frictionloss resists the motion of a whole "
+            "tendon, not by its tension at every guide, as the capstan law does; set friction to 0, or close loops on "
+            "a plant with guides, which has that law",
             key="finger.tendons",
         )
 
@@ -214,13 +228,12 @@ def _model(scene: Scene) -> FingerModel:
     return FingerModel(scene)
 
 
-def _start(scene: Scene, links: Links) -> tuple[Array, Array]:
-    """Angles [rad] and rates [rad/s] of the hinges at time zero."""
-    count = len(links.at)
-    if scene.initial.pose == "straight":
-        return np.zeros(count), np.zeros(count)
-    if scene.initial.pose == "rest":
-        return links.rest, np.zeros(count)
+def _start(scene: Scene, links: Links) -> tuple[tuple[Array, Array], Array]:
+    """Angles [rad] and rates [rad/s] of the hinges at time zero, and states (B, N) of dry friction there."""
+    count, branches = len(links.at), len(scene.finger.damping.dry_friction)
+    none = np.zeros((branches, count))
+    if scene.initial.pose in ("straight", "rest") and scene.initial.reached_by is None:
+        return (links.rest if scene.initial.pose == "rest" else np.zeros(count), np.zeros(count)), none
     model = _model(scene)
     core, x, u = Core(model, compiled=False), initial_state(scene, model), Signals(scene, model).u(0.0)[0]
     q, qd = x[: model.n], x[model.n : 2 * model.n]
@@ -229,7 +242,7 @@ def _start(scene: Scene, links: Links) -> tuple[Array, Array]:
         return np.diff(np.asarray(core.batch("orientation", coordinates, u, links.edges[:, None], None)).ravel())
 
     # The angles depend on the coordinates linearly.
-    return bends(q), bends(q + qd) - bends(q)
+    return (bends(q), bends(q + qd) - bends(q)), states_at(model, x, links.at) if branches else none
 
 
 def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:

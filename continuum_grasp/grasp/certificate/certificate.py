@@ -57,7 +57,7 @@ class Certificate(Summarized):
     grasp : RecomputedGrasp or None
         What was recomputed; None where the stored numbers are no grasp.
     states : int
-        Number of friction states of the tendons with which it was verified, beside those of pulling them.
+        Number of sets of friction states with which it was verified, beside those of pulled and released fingers.
 
     Examples
     --------

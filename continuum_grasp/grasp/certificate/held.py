@@ -1,4 +1,4 @@
-"""Whether a grasp holds with other friction states of its tendons: postures of their own, each with all checks."""
+"""Whether a grasp holds with other friction states: postures of their own, each with all checks."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import LIMIT, Check, worst
+from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 
 Array = NDArray[Any]
@@ -26,13 +27,13 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
     given = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
     if not given:
         return
-    columns = [given[f"{finger.name}.friction_states"] for finger in grasp.fingers if finger.friction]
-    states = np.concatenate(columns, axis=1)
+    frictional = [finger for finger in grasp.fingers if finger.setup.friction_states]
+    states = np.concatenate([given[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
     yield Check("friction states within their range", float(np.abs(states).max() - 1.0), LIMIT)
-    slid = np.concatenate([finger.friction.pulled for finger in grasp.fingers if finger.friction])
+    slid = np.concatenate([pulled_states(finger.setup, finger.shape) for finger in frictional])
     pulled = np.where(slid < 0.0, -1.0, 1.0)
     missing = [not (states == way * pulled).all(axis=1).any() for way in (1.0, -1.0)]
-    yield Check("pulled and released tendons that are not among the friction states", float(sum(missing)), 0.0)
+    yield Check("pulled and released fingers that are not among the friction states", float(sum(missing)), 0.0)
     for k in range(len(states)):
         own = {**arrays, **{key: value[k] for key, value in given.items()}}
         yield Check(f"held with friction states, {k + 1}", _worst(grasp, arrays, own, recompute), 1.0, "1", "limits")

@@ -92,7 +92,10 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
         complex(*bent.gravity),
         base=(complex(*bent.base[:2]), float(bent.base[2])),
         dead=[(bent.joint_position(load.joint), complex(*load.force)) for load in bent.loads],
-        couples=[(bent.joint_position(load.joint), load.couple) for load in bent.loads],
+        couples=[
+            *((bent.joint_position(load.joint), load.couple) for load in bent.loads),
+            *([] if bent.dry is None else bent.dry.couples),
+        ],
         tensions=bent.tensions.tolist(),
         marks=bent.rod.joints.tolist(),
     )

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.drives import WoundTendons
+from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape, slope
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.rod.dense_rod import DenseRod
@@ -54,8 +54,7 @@ class RecomputedFinger:
 
         self.shape = FingerShape(setup, arrays)
         # Of states that are stored, or of pulling from the straight finger on; None without friction.
-        states = arrays.get(f"{setup.name}.friction_states")
-        self.friction = TendonFriction(setup, self.shape, states) if setup.friction_states else None
+        self.friction, self.dry = friction_of(setup, self.shape, arrays.get(f"{setup.name}.friction_states"))
         self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
         self.tensions, self.base = stored("tensions"), stored("base")
         law = setup.drive
@@ -130,9 +129,9 @@ class RecomputedFinger:
         """
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
         step = 1e-30
-        # The tension falls at another rate in each friction cell.
-        cells = [] if self.friction is None else self.friction.edges[1:-1].tolist()
-        marks = [*(mass.at for mass in self.finger.masses), *cells]
+        # The tension falls at another rate in each friction cell, and dry friction has another moment in each.
+        cells = [one.edges[1:-1].tolist() for one in (self.friction, self.dry) if one is not None]
+        marks = [*(mass.at for mass in self.finger.masses), *(edge for edges in cells for edge in edges)]
         rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
         elastic = self.shape.elastic(rod.nodes, self.q + 1j * step * np.eye(self.q.size))
         angles = rod.edge_angle(self.profile.rest_curvature(rod.nodes) + elastic)
@@ -148,6 +147,8 @@ class RecomputedFinger:
         points = rod.edge_points(curvature, angle)
         energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
         energy = energy - curvature @ (rod.weights * self._tendon_moment(s))
+        if self.dry is not None:
+            energy = energy + elastic @ (rod.weights * self.dry.moment(s))
         if self.gravity.any():
             energy = energy - rod.first_moment(self.profile.linear_density(s), angle) @ self.gravity
             for mass in self.finger.masses:

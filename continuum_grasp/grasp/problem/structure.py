@@ -44,6 +44,8 @@ class FingerSpec:
     stations: bool  # whether the middle contacts are stations
     tip: bool  # whether the tip touches
     friction_cells: int  # per element; 0: the tendons have no friction
+    bending_cells: int  # per element, of dry friction in bending; 0: there is none
+    branches: int  # of dry friction in bending
     weighs: bool  # whether its own weight acts
     preshaped: bool  # whether it is curved at rest
     tip_heavy: bool  # whether there is a mass on the tip
@@ -77,6 +79,8 @@ class FingerSpec:
             stations=bool(setup.stations),
             tip=setup.tip_name in on,
             friction_cells=setup.tendons.friction_cells if setup.tendons.friction > 0.0 else 0,
+            bending_cells=setup.bending_cells,
+            branches=len(finger.damping.dry_friction),
             weighs=weighs,
             preshaped=graded is None and finger.profile.rest_curvature.constant != 0.0,
             tip_heavy=graded is None and weighs and len(inner) < len(finger.masses),

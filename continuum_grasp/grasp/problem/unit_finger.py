@@ -18,6 +18,7 @@ from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import SOFT, soft
+from continuum_grasp.scene.damping import Damping, DryFriction
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.scene.rod import Rod
@@ -67,6 +68,7 @@ class UnitFinger:
             "rest_curvature": spec.preshaped,
             "tendon_friction": spec.friction_cells > 0,
             "tip_mass": spec.tip_heavy,
+            **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
         }
         # The values only state what there is: the run-time argument replaces them.
         unit = Finger(
@@ -78,6 +80,10 @@ class UnitFinger:
                 friction=0.1 if spec.friction_cells else 0.0,
                 friction_cells=spec.friction_cells or 1,
                 presliding=_OFFSET * PRESLIDING,
+            ),
+            damping=Damping(
+                dry_friction=(DryFriction(stiffness=1.0, moment=1.0),) * spec.branches,
+                friction_cells=spec.bending_cells or 1,
             ),
         )
         contacts = tuple(count / spec.elements for count in spec.before)
@@ -203,14 +209,14 @@ class UnitFinger:
 
     @property
     def history(self) -> list[ca.SX]:
-        """Friction states of the tendons, where they have friction."""
+        """Friction states of tendons and bending, where there are any."""
         states = 0 if self.spec.graded is not None else self.model.structure.friction_states
         return [self.number("friction_history", states + 1)] if states else []
 
     def compliances(self) -> list[ca.SX]:
         """Elongation of each tendon, per length, per pull at the drive."""
         means: list[Any] = [1.0, 1.0]
-        if self.history:
+        if self.spec.friction_cells:
             means = ca.vertsplit(self._backbone.mean_shares(self.q, self.u, *self.history, self.p))
         return [self.number("series") + self.number("axial") * mean for mean in means]
 

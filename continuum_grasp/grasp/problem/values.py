@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -214,6 +214,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
         "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
         "tendon_friction": tendons.friction,
+        **_branch_values(setup, moment),
         "friction_history": _history(setup, whole),
         "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / own,
         "bending_range": setup.bending_range,
@@ -255,8 +256,17 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
     return {f"{setup.name}.{key}": value for key, value in values.items()}
 
 
+def _branch_values(setup: FingerSetup, moment: float) -> Values:
+    """Numbers of the branches of dry friction in bending, with a unit of moments [N m]."""
+    values: Values = {}
+    for k, branch in enumerate(setup.finger.damping.dry_friction):
+        values[f"dry_friction_{k + 1}_stiffness"] = branch.stiffness / setup.stiffness
+        values[f"dry_friction_{k + 1}_moment"] = branch.moment / moment
+    return values
+
+
 def _history(setup: FingerSetup, start: Start) -> Array:
-    """Friction states of the tendons and whether they slid from the straight finger on, as `FingerModel` takes them."""
+    """Friction states and whether the finger was pulled from its shape at rest on, as `FingerModel` takes them."""
     given = start.friction_states.get(setup.name)
     return np.append(np.zeros(setup.friction_states), 1.0) if given is None else np.append(given, 0.0)
 
@@ -268,9 +278,7 @@ def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
     if setup.drive is None:
         return np.asarray(pulls * arrays[f"{setup.name}.tensions"])
     shape = FingerShape(setup, arrays)
-    friction = None
-    if setup.friction_states:
-        friction = TendonFriction(setup, shape, arrays.get(f"{setup.name}.friction_states"))
+    friction, _ = friction_of(setup, shape, arrays.get(f"{setup.name}.friction_states"))
     wound = WoundTendons(setup, setup.drive, shape, np.asarray(arrays[f"{setup.name}.tensions"]), friction)
     return np.asarray(wound.held / length if setup.drive.locks else wound.held * pulls)
 

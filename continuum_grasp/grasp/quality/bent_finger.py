@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.drives import WoundTendons
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
 from continuum_grasp.grasp.shape import FingerShape, slope
 from continuum_grasp.grasp.skin import skin
@@ -63,7 +63,9 @@ class BentFinger:
         self.length, self.stiffness = float(self._shape.joints[-1]), setup.stiffness
         stations = [float(contacts.stations[k]) for k in self.touching]
         inner = [s for s in stations if _SAME < s / self.length < 1.0 - _SAME]
+        friction, dry = friction_of(setup, self._shape)
         marks = [*inner, *(mass.at for mass in self.finger.masses)]
+        marks += [] if dry is None else dry.edges[1:-1].tolist()
         self.rod = DenseRod(self.finger, self._shape.joints, 1.0 / CELLS, base, marks=marks, nodes=_NODES)
         bent, profile = self._shape.curvature(self.rod.nodes), self.finger.profile
         self._angles = self.rod.edge_angle(bent)
@@ -78,13 +80,16 @@ class BentFinger:
         self._shifts = np.stack([mesh.to_edges(normal * self._spins.T).T for normal in normals], axis=1)
         stiffness = mesh.weights * profile.bending_stiffness(mesh.nodes)
         self.bending = hats.T @ (stiffness[:, None] * hats)  # (n, n) [N m2 m]
+        if dry is not None:
+            # Branches that stick as the grasp is reached are springs on the turn of their cells.
+            turns = np.diff(self._turns[[self.rod.edge_index(s) for s in dry.edges]], axis=0)
+            self.bending += turns.T @ (dry.sticking[:, None] * turns)
         self._density = profile.linear_density(mesh.nodes)
         self.tip_turn = self._turns[-1]
         # A scene has one pair of tendons that run alike; the one that pulls more is that whose tension changes.
         (channel,) = self.finger.channels
         left, right = np.asarray(arrays[f"{setup.name}.tensions"], dtype=float)
         shares = np.ones(mesh.panels)
-        friction = TendonFriction(setup, self._shape) if setup.friction_states else None
         if friction is not None:
             arm, middles = channel.arms[0 if left >= right else 1], 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
             shares = friction.shares(arm, middles)

@@ -36,6 +36,8 @@ class Trials:
         As ``margins``, at all corners of the bounds with the least friction.
     alone : dict of str to float
         Least margin with each bound's error alone, at its ends.
+    worst : str
+        The corner with the least reserve: errors of the object and friction states.
     weakest : dict of str to int
         Of the draws that do not hold, how many fail first at each contact; with the name "balance", for want of any
         posture that balances.
@@ -50,6 +52,7 @@ class Trials:
     corner_margins: Array = field(repr=False)
     alone: Mapping[str, float]
     weakest: Mapping[str, int]
+    worst: str = ""
     anew: int = 0
 
     @property
@@ -82,7 +85,7 @@ class Robustness(Summarized):
     Attributes
     ----------
     errors : ndarray, shape (draws, 6 + S)
-        The draws: x, y [m], angle [rad], shares of size, friction and mass [1], and S friction states of the tendons.
+        The draws: x, y [m], angle [rad], shares of size, friction and mass [1], and S friction states.
     nominal : Trials
         Of the grasp that is best as the scene is, with the first draws.
     robust : Trials or None
@@ -112,7 +115,7 @@ class Robustness(Summarized):
         """What is tried, and names of the nominal and of the robust grasp."""
         if self.errors[:, : len(ERRORS)].any():
             return "Errors of the object", "without errors", "for all errors"
-        return "Friction states of the tendons", "as pulled", "for any friction"
+        return "Friction states", "as pulled", "for any friction"
 
     def arrays(self) -> dict[str, Array]:
         """What is stored of the draws, where there is a grasp for all errors."""
@@ -160,6 +163,7 @@ class Robustness(Summarized):
                 row(f"least margin, {name} alone", lambda one, name=name: _margin(one.alone[name]))
                 for name in self.nominal.alone
             ),
+            row("least reserve at", lambda one: one.worst or "-"),
             row("fails first", _weakest),
         ]
 
@@ -177,6 +181,7 @@ class Robustness(Summarized):
                 "corners": int(one.corner_margins.size),
                 "corners_held": int((one.corner_margins >= 0.0).sum()),
                 "least_margin_alone": dict(one.alone),
+                "least_reserve_at": one.worst,
                 "fails_first": dict(one.weakest),
                 "solved_anew": one.anew,
             }

@@ -31,8 +31,8 @@ from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.values import Reason, Status
 from continuum_grasp.grasp.verdict import UNSTABLE, flawed
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import Robust
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import GraspFinger, Robust
 
 Array = NDArray[Any]
 
@@ -48,12 +48,14 @@ HALVINGS = 4
 
 BRANCHES = 3
 """Further grasps of the nominal search next to which a robust one is sought."""
+_TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
+"""Keys of a finger by which its friction states matter less."""
 SAME = 1e-3
 """Relative difference of the sum of tensions up to which two grasps with the same contacts are one."""
 
 
 def is_robust(scene: GraspScene) -> bool:
-    """Whether a scene asks for a grasp that holds for errors or for all friction states of its tendons."""
+    """Whether a scene asks for a grasp that holds for errors or for all friction states of its fingers."""
     return scene.robust is not None or bool(scene.state_columns)
 
 
@@ -119,8 +121,15 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
 
 def _whatever(scene: GraspScene) -> str:
     """What must not matter, in words."""
-    both = ("the errors within robust", scene.robust), ("the friction states of the tendons", scene.state_columns)
+    states = f"the friction states {_where(scene)}"
+    both = ("the errors within robust", scene.robust), (states, scene.state_columns)
     return " and ".join(words for words, there in both if there)
+
+
+def _where(scene: GraspScene) -> str:
+    """What has friction states, in words."""
+    both = ("of the tendons", "has_tendon_friction"), ("in bending", "has_dry_friction")
+    return " and ".join(word for word, has in both if any(getattr(setup.finger, has) for setup in scene.setups))
 
 
 def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
@@ -153,7 +162,7 @@ def _tension(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
 
 
 def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
-    """No robust grasp: with which part of the bounds, or of the friction of the tendons, there is one."""
+    """No robust grasp: with which part of the bounds, or of the friction of the fingers, there is one."""
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -169,14 +178,15 @@ def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Rob
         f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
         f"whatever {_whatever(result.scene)}"
     )
-    violated = () if worst is None else (f"{_written(worst)}: {_failing(worst)}",)
+    violated = () if worst is None else (f"{_written(result.scene, worst)}: {_failing(worst)}",)
     base = replace(result, robustness=robustness, violated=violated, sensitivity=())
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
         if not result.scene.robust:
+            keys = " and ".join(key for key, _ in _frictions(result.scene))
             advice = (
-                "Lower tendons.friction, raise contacts.friction or contacts.normal_force_max, which tendons that slid "
-                "back press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
+                f"Lower {keys}, raise contacts.friction or contacts.normal_force_max, which fingers that were "
+                "let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
                 "after they are pulled."
             )
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
@@ -185,26 +195,45 @@ def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Rob
         repair = f"multiply all bounds in robust by {low:.4g}"
         reason = Reason("errors", "robust", "1", 1.0, low, text, repair)
     else:
-        now = max(setup.tendons.friction for setup in result.scene.setups)
-        text += f"; with {low:.0%} of tendons.friction there is one"
-        repair = f"multiply all tendons.friction by {low:.4g}, to {low * now:.4g} at most"
-        reason = Reason("friction states", "tendons.friction", "1", now, low * now, text, repair)
+        (key, now), *further = _frictions(result.scene)
+        text += f"; with {low:.0%} of {' and '.join((key, *(other for other, _ in further)))} there is one"
+        repair = f"multiply all {key} by {low:.4g}, to {low * now:.4g} at most"
+        repair += "".join(f", and all {other} likewise, to {low * most:.4g}" for other, most in further)
+        unit = "1" if key == _TENDONS else "N m"
+        reason = Reason("friction states", key, unit, now, low * now, text, repair)
     advice = f"Any one of these repairs it: {repair}."
     return replace(base, status=Status.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
 
 
 def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) -> bool:
-    """Whether a grasp is found next to that of a result for a share of the bounds, or of the friction of the tendons
+    """Whether a grasp is found next to that of a result for a share of the bounds, or of the friction of the fingers
     where there are none.
     """
     scene = result.scene
     if scene.robust:
         return find_robust(scene, _times(bounds, share), result.arrays, budget).holds
-    fingers = {s.name: s.finger.with_tendons(friction=share * s.tendons.friction) for s in scene.setups}
+    fingers = {setup.name: _less_friction(setup, share) for setup in scene.setups}
     less, start = scene.with_fingers(fingers), start_from(scene, dict(result.arrays))
     solver = solver_for(ProblemSpec.of(less, start.contacts))
     attempt = solver.run(less, start, budget, rung=2)
     return attempt.converged and find_robust(less, bounds, solver.arrays(less, attempt), budget).holds
+
+
+def _less_friction(setup: FingerSetup, share: float) -> GraspFinger:
+    """A finger with a share of the friction of its tendons and of the moments of its dry friction in bending."""
+    damping = setup.finger.damping
+    branches = tuple(branch.replaced(moment=share * branch.moment) for branch in damping.dry_friction)
+    less = setup.finger.with_tendons(friction=share * setup.tendons.friction)
+    return less.replaced(damping=damping.replaced(dry_friction=branches)) if branches else less
+
+
+def _frictions(scene: GraspScene) -> list[tuple[str, float]]:
+    """Keys of the frictions that have states, and the greatest value of each."""
+    most = {_TENDONS: 0.0, _BENDING: 0.0}
+    for setup in scene.setups:
+        most[_TENDONS] = max(most[_TENDONS], setup.tendons.friction)
+        most[_BENDING] = max([most[_BENDING], *(branch.moment for branch in setup.finger.damping.dry_friction)])
+    return [(key, value) for key, value in most.items() if value > 0.0]
 
 
 def _times(bounds: Robust, factor: float) -> Robust:
@@ -217,13 +246,26 @@ def _failing(response: Response) -> str:
     return response.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
 
 
-def _written(response: Response) -> str:
+def _written(scene: GraspScene, response: Response) -> str:
     x, y, angle, size, friction, mass, *states = response.error
     place = f"({1e3 * x:+.3g}, {1e3 * y:+.3g}) mm, {np.degrees(angle):+.3g} deg"
     words = [f"corner {place}, size {size:+.1%}, friction {friction:+.1%}, mass {mass:+.1%}"]
     if not response.error[:OBJECT].any():
         words = []
-    return ", ".join(words + [f"friction states {' '.join(f'{z:+.3g}' for z in states)}"] * bool(states))
+    for setup in scene.setups if states else ():
+        own = states[scene.state_columns[setup.name]] if setup.name in scene.state_columns else []
+        count = setup.tendon_friction_states
+        parts = ("of the tendons", own[:count]), ("in bending", own[count:])
+        of = f" of {setup.name}" * (len(scene.setups) > 1)
+        words += [f"friction states {part}{of} {_signs(each)}" for part, each in parts if each]
+    return ", ".join(words)
+
+
+def _signs(states: Sequence[float]) -> str:
+    """Friction states from base to tip, by sign alone where all are at their limits."""
+    if all(abs(z) == 1.0 for z in states):
+        return "".join("+" if z > 0.0 else "-" for z in states)
+    return " ".join(f"{z:+.3g}" for z in states)
 
 
 def _trials(
@@ -246,7 +288,7 @@ def _trials(
     states = extremes(scene, arrays)
     ends = {name: with_states(errors, states[:1]) for name, errors in alone(bounds).items()}
     if states.size:
-        ends["tendon friction"] = with_states(np.zeros((1, OBJECT)), states)
+        ends[f"friction {_where(scene)}"] = with_states(np.zeros((1, OBJECT)), states)
     single = {name: min(responder.to(error).margin for error in each) for name, each in ends.items()}
     return Trials(
         _tension(scene, arrays),
@@ -256,5 +298,6 @@ def _trials(
         np.array([response.margin for response in corners]),
         single,
         weakest,
+        _written(scene, min(corners, key=lambda response: response.reserve)),
         responder.anew,
     )

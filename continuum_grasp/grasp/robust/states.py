@@ -1,26 +1,30 @@
-"""Friction states of the tendons with which a grasp must hold, as further columns of errors.
+"""Friction states with which a grasp must hold, as further columns of errors.
 
 At given tensions at the base, what a tendon with friction exerts depends on its history. By the capstan law the tension
 may change across each friction cell by anything between exp(-friction turn) and exp(friction turn): a state z in
-[-1, 1] per cell, +1 where the tendon on the -X side was pulled last. The bending moment at every section falls with
-every z before it, so that tendons pulled all along and released all along give the least and the greatest moment
-everywhere. Forces of contacts are no such sums: contacts at several places, or weight, make them grow with some z and
-fall with others. To first order, in a posture that stays, the greatest reserve of the cones is the optimum of a linear
-problem with z on its right-hand side, so concave: least at a vertex of the box, which need be neither of the two.
+[-1, 1] per cell, +1 where the tendon on the -X side was pulled last. Dry friction in bending resists in each cell by
+anything between -M and M per branch: a state z in [-1, 1] again, which is +1 where the cell was bent towards the left
+last. The bending moment at every section falls with every z of the tendons before it and with that of its own cell, so
+that fingers pulled all along and released all along give the least and the greatest moment everywhere. Forces of
+contacts are no such sums: contacts at several places, or weight, make them grow with some z and fall with others. To
+first order, in a posture that stays, the greatest reserve of the cones is the optimum of a linear problem with z on its
+right-hand side, so concave: least at a vertex of the box, which need be neither of the two.
 
-So a grasp is tried with both, then with the vertex that the slope of its reserve points to, from there again, and last
-with states drawn at random from the whole box.
+So a grasp is tried with both, of several fingers also with some pulled and others released, which push the object
+aside; then with the vertex that the slope of its reserve points to, from there again, and last with states drawn at
+random from the whole box.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.nlp import Budget
@@ -35,13 +39,17 @@ STEPS = 8
 
 
 def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
-    """States (2, K) of tendons that were pulled all along, and released; (1, 0) where none matter."""
+    """States (S, K) of fingers that were pulled all along, and released, then of some pulled and others released;
+    (1, 0) where none matter.
+    """
     setups = [setup for setup in scene.setups if setup.name in scene.state_columns]
     if not setups:
         return np.zeros((1, 0))
-    slid = np.concatenate([TendonFriction(setup, FingerShape(setup, arrays)).pulled for setup in setups])
-    pulled = np.where(slid < 0.0, -1.0, 1.0)
-    return np.array([pulled, -pulled])
+    slid = [pulled_states(setup, FingerShape(setup, arrays)) for setup in setups]
+    pulled = [np.where(own < 0.0, -1.0, 1.0) for own in slid]
+    ways = [way for way in product((1.0, -1.0), repeat=len(setups)) if len(set(way)) > 1]
+    alike = [(sign,) * len(setups) for sign in (1.0, -1.0)]
+    return np.array([np.concatenate([w * own for w, own in zip(way, pulled, strict=True)]) for way in (*alike, *ways)])
 
 
 def with_states(errors: Array, states: Array) -> Array:

@@ -65,7 +65,7 @@ def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
     both: list[tuple[Mapping[str, Array], str, str, float]] = [(found.nominal_arrays, GRAY, found.names[1], 0.35)]
     if found.robust is not None:
         both.append((result.arrays, BLUE, found.names[2], 0.3))
-    # As one body each: postures with other friction states of the tendons.
+    # As one body each: postures with other friction states.
     for k in range(len(result.arrays.get("held.object.pose", ()))):
         held = {key.removeprefix("held."): value[k] for key, value in result.arrays.items() if key.startswith("held.")}
         both.insert(k, (held, GRAY, "other friction" if k == 0 else "", 0.2))

@@ -1,0 +1,114 @@
+"""Dry friction in bending on a chain of hinges: each branch is a spring between its hinge and a slider of its own.
+
+A branch of stiffness k that slides at the moment M is, at a hinge whose compliance is that of the rod times a length h,
+a spring k/h from the hinge's bend to the angle of a body beside it, a joint with the friction M: moments along an
+element are in series. The body weighs nothing; what it needs for MuJoCo is an inertia on its joint, by which it swings
+on its spring far above the finger. MuJoCo's friction is no stop but a steep damper, so that a slider creeps where it
+should stick: by a rate of (1 - d) / d per step, d being the impedance, times the square of its pulsation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.export.mjcf.chain import Links
+from continuum_grasp.export.mjcf.surroundings import numbers
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.finger import Finger
+
+Array = NDArray[np.float64]
+
+_FASTER = 30.0
+"""Pulsation of a slider on its spring per first pulsation of the straight chain [1]: moments to and fro of a rod with a
+load give bends within 0.8 % of their range at 20, 0.3 % at 40; the rate of creep grows with the square."""
+_DAMPING = 0.05
+"""Damping ratio of a slider on its spring: 0.2 adds 0.4 % to these errors, since it damps branches that stick."""
+_IMPEDANCE = 0.9999
+"""Of the friction, the greatest that MuJoCo takes (mjMAXIMP of its sources)."""
+_NOTHING = 1e-12
+"""Mass [kg] and inertia [kg m2] of a slider's body, above the least that MuJoCo accepts."""
+
+
+@dataclass(frozen=True)
+class Sliders:
+    """Branches of N hinges.
+
+    Attributes
+    ----------
+    stiffness, moment : ndarray, shape (B, N)
+        Of the springs [N m/rad], and at which they slide [N m].
+    pulsation : float
+        Of a slider on its spring [rad/s].
+    start : ndarray, shape (B, N)
+        Angles of the sliders at time zero [rad].
+    """
+
+    stiffness: Array
+    moment: Array
+    pulsation: float
+    start: Array
+
+    @staticmethod
+    def of(finger: Finger, links: Links, bends: Array, states: Array) -> Sliders | None:
+        """The branches of a finger that is bent at its hinges by ``bends`` (N,), with friction states (B, N)."""
+        branches = finger.damping.dry_friction
+        if not branches:
+            return None
+        # Along a graded rod branches go with the bending stiffness, and slide at the same curvature everywhere.
+        local = links.stiffness / float(finger.profile.bending_stiffness(0.0))
+        stiffness = np.outer([branch.stiffness for branch in branches], local)
+        moment = np.outer([branch.moment for branch in branches], local * np.diff(links.edges))
+        pulsations, _ = links.pulsations()
+        start = (bends - links.rest) - states * moment / stiffness
+        return Sliders(stiffness, moment, _FASTER * float(pulsations[0]), start)
+
+    @property
+    def stuck(self) -> Array:
+        """Stiffness (N,) that branches add to the hinges while they stick [N m/rad]."""
+        return np.asarray(self.stiffness.sum(axis=0))
+
+    @property
+    def longest_step(self) -> float:
+        """Longest stable step of a slider on its spring [s]."""
+        return 2.0 / self.pulsation
+
+    def creep_time(self, step: float) -> float:
+        """Time [s] in which a branch that should stick loses its moment."""
+        return _IMPEDANCE / (1.0 - _IMPEDANCE) / (step * self.pulsation**2)
+
+    def add_bodies(self, parent: ET.Element, k: int, place: str, step: float) -> None:
+        """Add the sliders of hinge ``k`` to the body on which it turns, where it is."""
+        for j in range(len(self.stiffness)):
+            body = ET.SubElement(parent, "body", name=f"slider_{k + 1}_{j + 1}", pos=place)
+            joint = ET.SubElement(body, "joint", name=f"slider_{k + 1}_{j + 1}", type="hinge", axis="0 0 1")
+            joint.set("armature", numbers(self.stiffness[j, k] / self.pulsation**2))
+            joint.attrib |= {"frictionloss": numbers(self.moment[j, k]), "solreffriction": f"{numbers(2.0 * step)} 1"}
+            joint.set("solimpfriction", f"{_IMPEDANCE} {_IMPEDANCE} 0.001 0.5 2")
+            own = numbers(_NOTHING)
+            ET.SubElement(body, "inertial", pos="0 0 0", mass=own, diaginertia=" ".join([own] * 3))
+
+    def add_springs(self, tendons: ET.Element, rest: Array) -> None:
+        """Add the springs, of the hinges' bends beyond those at rest (N,) less the angles of the sliders."""
+        for k, bend in enumerate(rest):
+            for j, stiffness in enumerate(self.stiffness[:, k]):
+                spring = ET.SubElement(tendons, "fixed", name=f"branch_{k + 1}_{j + 1}", stiffness=numbers(stiffness))
+                spring.attrib |= {
+                    "damping": numbers(2.0 * _DAMPING * stiffness / self.pulsation),
+                    "springlength": numbers(bend),
+                }
+                ET.SubElement(spring, "joint", joint=f"hinge_{k + 1}", coef="1")
+                ET.SubElement(spring, "joint", joint=f"slider_{k + 1}_{j + 1}", coef="-1")
+
+
+def states_at(model: FingerModel, x: Array, places: Array) -> Array:
+    """Friction states (B, N) of dry friction in bending of a state at places along the finger [m]."""
+    made, branches = model.structure, len(model.finger.damping.dry_friction)
+    counts = np.bincount([cell.element for cell in made.bending_cells])
+    ends = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(made.mesh.ends, made.mesh.ends[1:], counts, strict=False)]
+    cell = np.clip(np.searchsorted(np.concatenate(ends), places), 0, len(made.bending_cells) - 1)
+    states = x[model.nx - branches * len(made.bending_cells) :].reshape(-1, branches)
+    return np.asarray(np.clip(states[cell].T, -1.0, 1.0))

@@ -1,0 +1,74 @@
+"""What dry friction in bending exerts along a finger of a grasp, from its stored shape alone.
+
+Each branch of a cell resists the bending by its moment M times a state z from -1 to 1, the same all along the cell: its
+virtual work is that of a moment on the turn of the cell. A finger that was bent from its shape at rest on has
+z = k kappa / M, kappa being the mean curvature of the cell above rest, as far as that is within the range.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.scene.grasp import FingerSetup
+
+Array = NDArray[Any]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+"""Exact for the curvatures of all families, polynomials of the second degree at most within a cell."""
+
+
+class DryBending:
+    """The cells of a finger with dry friction in bending, and the moment in each.
+
+    ``states`` (K,) are those of cell after cell, branch by branch; None: of a finger that was bent from rest on.
+    """
+
+    def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
+        branches = setup.finger.damping.dry_friction
+        self._shape = shape
+        self._stiffness = np.array([branch.stiffness for branch in branches])
+        self._most = np.array([branch.moment for branch in branches])
+        parts = [np.linspace(a, b, setup.bending_cells + 1)[:-1] for a, b in pairwise(shape.joints)]
+        self.edges = np.append(np.concatenate(parts), shape.joints[-1])
+        self.states = self.pulled if states is None else states
+
+    @cached_property
+    def _bent(self) -> Array:
+        """Mean curvature (C, 1) above rest of each cell [1/m]."""
+        middle, half = 0.5 * (self.edges[1:] + self.edges[:-1]), 0.5 * np.diff(self.edges)
+        places = middle[:, None] + half[:, None] * _NODES
+        curvatures = self._shape.elastic(places.ravel()).reshape(places.shape)
+        return np.asarray(0.5 * curvatures @ _WEIGHTS)[:, None]
+
+    @cached_property
+    def pulled(self) -> Array:
+        """States (K,) of a finger that was bent from its shape at rest on."""
+        return np.asarray(np.clip(self._stiffness / self._most * self._bent, -1.0, 1.0).ravel())
+
+    @property
+    def moments(self) -> Array:
+        """Moment (C,) of each cell against the bending [N m]."""
+        return np.asarray(np.reshape(self.states, (-1, self._most.size)) @ self._most)
+
+    def moment(self, s: Array) -> Array:
+        """Moment (G,) against the bending at positions [m]."""
+        cell = np.clip(np.searchsorted(self.edges, s) - 1, 0, self.edges.size - 2)
+        return np.asarray(self.moments[cell])
+
+    @property
+    def couples(self) -> list[tuple[float, float]]:
+        """Places [m] and couples [N m] that exert on an elastic rod what this friction does."""
+        against = np.append(self.moments, 0.0)
+        return list(zip(self.edges[1:].tolist(), np.diff(against).tolist(), strict=True))
+
+    @property
+    def sticking(self) -> Array:
+        """Stiffness (C,) against the turn of a cell of the branches that stick, of a finger bent from rest on [N m]."""
+        sticks = np.abs(self.pulled.reshape(-1, self._most.size)) < 1.0
+        return np.asarray((sticks @ self._stiffness) / np.diff(self.edges))

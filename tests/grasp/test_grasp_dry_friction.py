@@ -1,0 +1,230 @@
+"""Grasps of fingers with dry friction in bending: closed forms, histories by simulation, code of another hand."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.grasp_oracle.check import LIMITS, residuals
+from benchmarks.grasp_oracle.scenes import scene_of
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.robust.response import Responder
+from continuum_grasp.grasp.robust.states import OBJECT
+from continuum_grasp.model import FingerModel
+from continuum_grasp.nlp import Budget
+from continuum_grasp.scene import Damping, Finger
+from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.loads import ForceLoad, MomentLoad
+from continuum_grasp.scene.objects import Circle
+from continuum_grasp.simulation import equilibrium_under
+from continuum_grasp.simulation.statics import Search
+from tests import certificate_cases as cases
+from tests.grasp_scenes import CONFIGS
+from tests.marks import few
+
+L, EI, OFFSET = 0.18, 6.11e-3, 0.005
+TWO = ((0.02, 0.008), (0.003, 0.015))
+"""Stiffnesses [N m2] and moments [N m] of two branches: the one slides at 0.4 /m, the other at 5 /m."""
+
+
+def damping(branches, cells=2):
+    """Dry friction with these branches."""
+    given = [{"stiffness": stiffness, "moment": moment} for stiffness, moment in branches]
+    return Damping.model_validate({"dry_friction": given, "friction_cells": cells})
+
+
+def mug(branches, **changes):
+    """The mug of the shipped scene, by a finger whose bending sticks."""
+    own = {"finger.damping": damping(branches).model_dump(), "fidelity.family": "clothoid"}
+    return load(CONFIGS / "mug.yaml").changed({**own, **changes})
+
+
+@cache
+def held():
+    """The grasp of a finger with two branches."""
+    return optimize_grasp(mug(TWO))
+
+
+# -- what a scene may say ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"fidelity.family": "matched_clothoid"}, "dry friction in bending"),
+        ({"closing": {}}, "closing: its path knows no dry friction"),
+        ({"finger.rod": {"length": L, "density": 1100.0, "youngs_modulus": 1e8,
+                         "sections": [{"to": L, "diameter": [0.006, 0.004]}]}},
+         "uniform fingers alone"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_says_why(changes, said):
+    with pytest.raises(InputError, match=said):
+        mug(TWO, **changes)
+
+
+def test_without_branches_a_grasp_is_what_it_was_to_the_bit():
+    few_elements = {"fidelity.elements": 2, "solver.effort": "quick"}
+    plain = optimize_grasp(load(CONFIGS / "mug.yaml").changed({**few_elements, "fidelity.family": "clothoid"}))
+    found = optimize_grasp(mug((), **few_elements))
+    assert plain.arrays.keys() == found.arrays.keys()
+    assert all(np.array_equal(plain.arrays[key], found.arrays[key], equal_nan=key == "contact_stations")
+               for key in plain.arrays)  # fmt: skip
+    assert found.robustness is None
+    assert found.certificate.states == 0
+
+
+# -- closed form: a free rod under a constant moment ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("family", ["arc", "clothoid"])
+@pytest.mark.parametrize("tension", [20.0, 2.0, -10.0])
+def test_a_free_rod_bends_as_its_branches_let_it(family, tension):
+    """EI kappa + sum of min(k kappa, M) = e T as pulled; EI kappa + sum of z M = e T with states."""
+    moment = OFFSET * tension
+    tendons = Tendons(offset=OFFSET, max_tension=60.0)
+    rod = Rod(length=L, linear_density=1e-9, bending_stiffness=EI)
+    finger = cases.make_finger(rod=rod, tendons=tendons, damping=damping(TWO))
+    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
+    scene = cases.make_scene(finger, disc, {"tip": "auto"}, family=family, elements=4)
+    pulls = (tension, 0.0) if tension > 0.0 else (0.0, -tension)
+
+    def off(curvature, states=None):
+        bent = np.full(4, curvature * L / 4) if family == "arc" else np.full(5, curvature)
+        arrays = cases.finger_arrays(scene, "finger", bent, tensions=pulls, tip=curvature)
+        none = {
+            f"contact_{key}": np.zeros((0, size)) for key, size in (("positions", 2), ("normals", 2), ("forces", 3))
+        }
+        none |= {"contact_names": np.array([], dtype=str), "contact_stations": np.zeros(0)}
+        none |= {"contact_parts": np.zeros(0, dtype=int), "object.pose": np.array([0.4, 0.0, 0.0])}
+        if states is not None:
+            none["finger.friction_states"] = states
+        return certify(scene, {**arrays, **none})["finger equilibrium, finger"].value
+
+    low, high = -50.0, 50.0
+    for _ in range(80):
+        kappa = 0.5 * (low + high)
+        own = EI * kappa + sum(np.clip(k * kappa, -m, m) for k, m in TWO)
+        low, high = (kappa, high) if own < moment else (low, kappa)
+    assert off(kappa) < 1e-9
+    assert off(1.001 * kappa) > 1e-4
+    cells = 4 * (1 if family == "arc" else 2)
+    for z in ((1.0, 1.0), (-1.0, -1.0), (-1.0, 0.3)):
+        kappa = (moment - sum(w * m for w, (_, m) in zip(z, TWO, strict=True))) / EI
+        assert off(kappa, np.tile(z, cells)) < 1e-9
+        assert off(kappa, np.tile(-np.array(z), cells)) > 1e-4
+
+
+# -- grasps -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_grasp_holds_whatever_the_friction_moments_and_names_the_worst():
+    found = held()
+    assert found.status is Status.OPTIMAL
+    assert found.certificate.passed
+    assert found.certificate.states >= 2
+    robust, nominal = found.robustness.robust, found.robustness.nominal
+    assert (robust.held, robust.margins.size) == (100, 100)
+    assert nominal.held < 100
+    assert robust.tension > nominal.tension
+    # Pulled and released would not do: the worst is a state between them.
+    pulled, released, *further = nominal.corner_margins
+    assert min(further) < min(pulled, released)
+    assert "friction states in bending" in robust.worst
+    for name, value in residuals(found.scene, found.arrays).items():
+        assert value < LIMITS[name], name
+    # Friction of more moment takes more tension, or there is no grasp.
+    assert found.arrays["held.finger.friction_states"].shape[1] == 4 * 2 * 2
+
+
+def test_what_is_stored_of_friction_states_is_verified():
+    arrays = dict(held().arrays)
+    for key, change in (
+        ("held.finger.friction_states", 0.99),
+        ("held.finger.q", 1.001),
+        ("held.finger.tensions", 1.01),
+    ):
+        assert not certify(held().scene, {**arrays, key: change * arrays[key]}).passed
+    twice = {**arrays, "held.finger.friction_states": 1.01 * arrays["held.finger.friction_states"]}
+    assert "friction states within their range" in [check.name for check in certify(held().scene, twice).failed]
+
+
+def simulated(scene, arrays):
+    """Model of the grasp's finger under its contact forces, as a simulation has it, and these forces."""
+    setup = scene.setups[0]
+    finger, loads, values = setup.finger, [], []
+    turn = finger.base.angle
+    for k, name in enumerate(arrays["contact_names"]):
+        if str(name).startswith("finger."):
+            normal, (n, f, _) = arrays["contact_normals"][k], arrays["contact_forces"][k]
+            at = min(float(arrays["contact_stations"][k]), finger.rod.length)
+            loads += [ForceLoad(at=at, force=(0.0, 0.0)), MomentLoad(at=at, moment=0.0, input=True)]
+            values.append((n * normal + f * np.array([-normal[1], normal[0]]), -finger.thickness_radius * f))
+    shared = {key: getattr(finger, key) for key in ("rod", "masses", "tendons", "damping", "base", "rest_curvature")}
+    model = FingerModel(
+        Finger(**shared), loads=tuple(loads), family=setup.family, elements=tuple(arrays["finger.lengths"].tolist()),
+        gravity=(0.0, 0.0), tip_force=False, bending_range=setup.bending_range, input_rates=False,
+    )  # fmt: skip
+    assert turn == model.finger.base.angle
+    u = np.concatenate([arrays["finger.tensions"], [couple for _, couple in values]])
+    return model, u, np.concatenate([force for force, _ in values])
+
+
+def test_histories_of_a_simulation_end_where_the_grasp_says():
+    """Random ways of the tensions: what friction they leave is among the states for which the grasp holds."""
+    found = held()
+    scene = found.scene
+    responder = Responder(scene, found.arrays, Budget.of(scene.solver))
+    rng = np.random.default_rng(4)
+    seen = []
+    for _ in range(6):
+        arrays = found.arrays
+        shares = [*rng.uniform(0.6, 1.4, 3), 1.0]
+        for _ in range(2):
+            model, u, w = simulated(scene, arrays)
+            sliding, q, states = np.zeros(16), np.zeros(model.n), np.zeros(16)
+            # The last step is that to the tensions of the grasp, under the forces that it has there.
+            for share in [0.3, 0.6, *shares]:
+                # A stop follows the curvature from where it was.
+                given = model, share * u, share * w, np.array(model.p_nominal)
+                at = Search(*given, np.append(states - sliding, 1.0)).find(q, True, 1)
+                states, sliding, q = at.friction_states, bent(model, at.q, u), at.q
+            response = responder.to(np.concatenate([np.zeros(OBJECT), states]))
+            arrays = {**found.arrays, **response.arrays}
+        assert response.holds
+        seen.append(states)
+        model, u, w = simulated(scene, arrays)
+        at = equilibrium_under(model, u, w, guess=q, reached_by="state", friction_states=states)
+        line = arrays["finger.backbone"]
+        tip = np.array(model.tip(at.q, u, [])).ravel()
+        assert np.linalg.norm(tip - line[-1, 1:3]) < 1e-6 * L
+    assert np.ptp(seen, axis=0).max() > 0.5
+
+
+def bent(model, q, u):
+    """Curvatures per those at which branches slide."""
+    return np.array(model.sliding()(q, u, [])).ravel()
+
+
+@pytest.mark.parametrize(("seed", "share"), few([(1007, 0.03), (1004, 0.05), (1000, 0.1), (1001, 0.1)], 1))
+def test_random_grasps_hold_by_code_of_another_hand(seed, share):
+    scene = scene_of("one", seed)
+    rod = scene.finger.rod
+    branches = ((3.0 * rod.stiffness, share * rod.stiffness / rod.length),)
+    finger = scene.finger.with_tendons(max_tension=120.0).replaced(strain_limit=None, damping=damping(branches))
+    found = optimize_grasp(
+        scene.replaced(
+            finger=finger,
+            contacts=scene.contacts.replaced(friction=0.8, normal_force_max=60.0),
+            fidelity=scene.fidelity.replaced(family="arc" if scene.setups[0].family == "arc" else "clothoid"),
+            solver=scene.solver.replaced(effort="quick"),
+        )
+    )
+    assert found.robustness.robust.holds
+    for name, value in residuals(found.scene, found.arrays).items():
+        assert value < LIMITS[name], name
