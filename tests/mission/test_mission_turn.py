@@ -197,7 +197,7 @@ def judged(table, assignment, *, first=15.0, second=30.0, end=30.0, shear=0.1, n
         ({"second": 25.0, "normal": 0.0}, "finger.tip did not touch it (turn 2)"),
         ({"second": 25.0, "u": 94.0}, "the drive is at its limit: finger.tip presses with 1.00 N (turn 2)"),
         ({"second": 25.0, "shear": 0.5}, "finger.tip slides on it with friction of 0.50: finger.tip presses"),
-        ({"first": 5.0, "second": 20.0, "until": 0.6}, "finger.tip lost it at 0.60 s (turn 1)"),
+        ({"first": 5.0, "second": 20.0, "until": 0.6}, "finger.tip lost it at 0.59 s (turn 1)"),
         ({"end": 20.0}, "it turned away by -10 deg while it was held and let go"),
     ],
 )
