@@ -3,9 +3,10 @@
 Run ``python -m benchmarks.mission_mujoco configs/mission/mug.yaml --plants 20`` with the interpreter that has MuJoCo
 named in ``CONTINUUM_GRASP_PEERS_PYTHON``. The chain is what ``export-mjcf`` writes of the mission's plant; the plants
 are those of its ``trials``. Added to it: the object slides out of the plane under its weight, on a table that sinks;
-pads on springs as stiff as ``contact_law`` says, at the middle contact, the tip and under walls, where contacts of
-MuJoCo are rigid. Contact, friction, integration, tendons and drives (of first order) are MuJoCo's own. Friction of the
-plant's tendons is left out, which MuJoCo does not have. Readings are late and noisy as the mission says.
+pads on springs as stiff as ``contact_law`` says, at the middle contact if there is one, the tip and under walls, where
+contacts of MuJoCo are rigid. Contact, friction, integration, tendons and drives (of first order) are MuJoCo's own.
+Friction of the plant's tendons is left out, which MuJoCo does not have; that of the table has a limit for each
+coordinate, and is no ellipsoid. Readings are late and noisy as the mission says.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.closed_loop.schedule import Schedule
 from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimation.model import OBJECT_POSE
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.mjcf.surroundings import numbers
@@ -36,6 +38,7 @@ from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.trials import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.objects import Box
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Table
 
@@ -69,11 +72,13 @@ def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
         supports=mission.grasp.supports,
         contact_law=law,
         out_of_plane_gravity=mission.gravity,
-        table=Table(friction=mission.table_friction),
+        table=Table(
+            friction=mission.table_friction * variation.friction, friction_radius=mission.table_friction_radius
+        ),
     )
 
 
-def with_pads(text: str, scene: Scene, middle: float) -> str:
+def with_pads(text: str, scene: Scene) -> str:
     """The exported chain with weight out of the plane, and with compliant pads where the mission has contacts."""
     root = ET.fromstring(text)
     law, profile, world = scene.contact_law, scene.finger.profile, root.find("worldbody")
@@ -84,17 +89,20 @@ def with_pads(text: str, scene: Scene, middle: float) -> str:
     option.attrib |= {"impratio": "100", "noslip_iterations": "5"}
     root.find("default/geom").set("solref", f"{numbers(4.0 * STEP)} 1")  # type: ignore[union-attr]
     ET.SubElement(body, "joint", name="object_z", type="slide", axis="0 0 1")
+    if isinstance(scene.object, Box):
+        _as_box(root, body, scene.object)
     for geom in body.findall("geom"):
-        if geom.get("type") != "sphere":
-            raise InputError("only round objects are known here", key="grasp.object")
-        geom.attrib |= {"type": "cylinder", "size": f"{geom.get('size')} {numbers(0.2)}"}
+        if geom.get("type") not in ("sphere", "box", "cylinder"):
+            raise InputError("only boxes and round objects are known here", key="grasp.object")
+        if geom.get("type") == "sphere":
+            geom.attrib |= {"type": "cylinder", "size": f"{geom.get('size')} {numbers(0.2)}"}
     slippery = {"contype": "0", "conaffinity": "0"}
     for link in world.iter("body"):
         for geom in link.findall("geom") if link.get("name") != "object" else []:
             geom.attrib |= slippery
     spring = {"stiffness": numbers(law.stiffness), "damping": numbers(2.0 * math.sqrt(law.stiffness * PAD_MASS))}
     touch = {"contype": "1", "conaffinity": "0", "friction": numbers(law.friction, 0.0, 0.0)}
-    for name, at in (("middle", middle), ("tip", profile.length)):
+    for name, at in (*[("middle", at) for at in scene.contacts], ("tip", profile.length)):
         link, begin = _link_at(world, at)
         pad = ET.SubElement(link, "body", name=f"pad_{name}", pos=numbers(0.0, at - begin, 0.0))
         ET.SubElement(pad, "joint", name=f"pad_{name}", type="slide", axis="1 0 0", **spring)
@@ -117,6 +125,25 @@ def with_pads(text: str, scene: Scene, middle: float) -> str:
         zeros = sum(1 for _ in world.iter("joint"))
         key.attrib |= {"qpos": numbers(*[0.0] * zeros), "qvel": numbers(*[0.0] * zeros)}
     return ET.tostring(root, encoding="unicode")
+
+
+def _as_box(root: ET.Element, body: ET.Element, box: Box) -> None:
+    """Two boxes and four rounds in place of the prism over a box's outline, which would touch a face at one point."""
+    asset, (old,) = root.find("asset"), body.findall("geom")
+    if asset is not None:
+        root.remove(asset)
+    body.remove(old)
+    given = {name: str(old.get(name)) for name in ("contype", "conaffinity", "friction")}
+    w, h, r = 0.5 * box.width, 0.5 * box.height, box.corner_radius
+    turn = np.array([[math.cos(box.angle), -math.sin(box.angle)], [math.sin(box.angle), math.cos(box.angle)]])
+    # The body's origin is its center of mass.
+    center, euler = turn @ -np.array(box.com), numbers(0.0, 0.0, box.angle)
+    for half in ((w, h - r), (w - r, h)):
+        at = {"pos": numbers(*center, 0.0), "euler": euler}
+        ET.SubElement(body, "geom", type="box", size=numbers(*half, 0.2), **at, **given)
+    for x, y in ((i * (w - r), j * (h - r)) for i in (-1, 1) for j in (-1, 1)):
+        at = {"pos": numbers(*(center + turn @ np.array([x, y])), 0.0)}
+        ET.SubElement(body, "geom", type="cylinder", size=numbers(r, 0.2), **at, **given)
 
 
 def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
@@ -167,8 +194,10 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
     chain = export_mjcf(scene, hinges=HINGES)
     mission, period = of.mission, control.period
     weight = plant_mass(of.mission, variation) * mission.gravity
-    known = {"weight": weight, "friction": mission.table_friction, "stiffness": mission.contact_law.stiffness}
-    reading = peer.ask(xml=with_pads(chain.text, scene, of.control.contacts[0]), table=known)
+    of_table = scene.table or Table(friction=0.0)
+    known = {"weight": weight, "friction": of_table.friction, "stiffness": mission.contact_law.stiffness}
+    known |= {"friction_radius": of_table.friction_radius}
+    reading = peer.ask(xml=with_pads(chain.text, scene), table=known)
     plan, outside = Schedule(table.phases(control.stages)), table.outside()
     names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     rng = np.random.default_rng(variation.seed)
@@ -211,12 +240,16 @@ class _Sensors:
         self._edges = np.concatenate([[0.0], 0.5 * (hinges[1:] + hinges[:-1]), [scene.finger.rod.length]])
         ys = ["tip_x [m]", "tip_y [m]", *[f"tension_{k + 1} [N]" for k in range(len(of.rest))]]
         ys += [f"angle_{k + 1} [rad]" for k in range(len(self._at))]
+        # Joints of the object count from where it stands first.
+        self._start = None if measured.object is None or scene.object is None else np.array(scene.object.pose)
+        ys += OBJECT_POSE if self._start is not None else ()
         self.std = of.mission.plant.noise * np.array([measurement_std(of.control, name) for name in ys])
 
     def read(self, answer: dict[str, Any]) -> Array:
-        """Tip, tensions, angles."""
+        """Tip, tensions, angles, and what a camera sees of the object."""
         turned = np.interp(self._at, self._edges, np.concatenate([[0.0], np.cumsum(answer["angles"])]))
-        return np.array([*answer["tip"], *answer["pulls"], *(self._base + turned)])
+        pose = () if self._start is None else self._start + answer["pose"][:3]
+        return np.array([*answer["tip"], *answer["pulls"], *(self._base + turned), *pose])
 
 
 def _judged(of: Assignment, table: Timetable, rows: list[tuple[Any, ...]], pads: list[str]) -> dict[str, Any]:
@@ -229,9 +262,15 @@ def _judged(of: Assignment, table: Timetable, rows: list[tuple[Any, ...]], pads:
     still = (t >= 0.5 * (hold.start + hold.end)) & (t <= hold.end)
     sunk = float(np.max(pose[carried][:1, 3] - pose[carried][:, 3], initial=0.0))
     held = forces[:, pads.index("tip" if of.contact == "finger.tip" else "middle")]
+    turn, found = of.mission.turn, {}
+    if turn is not None:
+        left = table.span(f"leave {table.strokes[-1]}").end
+        errors = [float(pose[min(int(np.searchsorted(t, at)), len(t) - 1), 2]) - turn.angle for at in (left, t[-1])]
+        found = {"turn_error": errors[0], "turned": max(map(abs, errors)) <= turn.tolerance}
     return {
+        **found,
         "held": bool(t[-1] >= lower.start and sunk < FALLEN),
-        "released": bool(forces[-1, [pads.index("middle"), pads.index("tip")]].max() < 0.05),
+        "released": bool(forces[-1, [k for k, name in enumerate(pads) if name in ("middle", "tip")]].max() < 0.05),
         "sunk": sunk,
         "moved": float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0)),
         "force": float(held[still].mean() / of.force - 1.0) if still.any() else math.nan,
@@ -250,22 +289,26 @@ def main() -> None:
     if not isinstance(mission, MissionScene) or mission.gravity == 0.0:
         raise InputError("expected a mission with its weight out of the plane", file=asked.mission)
     of, *others = assign(mission)
-    if others or len(of.middles) != 1:
-        raise InputError("one finger with one middle contact is known here", file=asked.mission, key="grasp.contacts")
+    if others or len(of.middles) > 1:
+        raise InputError(
+            "one finger with one middle contact at most is known here", file=asked.mission, key="grasp.contacts"
+        )
     control, peer = Controller(of.control, deadline=math.inf), Peer()
     drawn = variations(mission.trials.replaced(count=asked.plants))
     good = 0
     for k, variation in enumerate(drawn):
         found = carry_out(of, control, peer, variation)
-        good += found["held"] and found["released"]
+        good += found["held"] and found["released"] and found.get("turned", True)
+        turned = f"turned {math.degrees(found['turn_error']):+.2f} deg off, " if "turn_error" in found else ""
         words = "held" if found["held"] else "dropped", "released" if found["released"] else "not released"
         print(
-            f"{k + 1}: {', '.join(words)}, "
+            f"{k + 1}: {turned}{', '.join(words)}, "
             f"sunk {1e3 * found['sunk']:.2f} mm, moved {1e3 * found['moved']:.2f} mm, "
             f"force {100.0 * found['force']:+.1f} %, fallbacks {found['fallbacks']}",
             flush=True,
         )
-    print(f"{good} of {len(drawn)} plants held and released the object")
+    done = "held and released" if mission.turn is None else "turned, held and released"
+    print(f"{good} of {len(drawn)} plants {done} the object")
     peer.close()
 
 

@@ -1,10 +1,10 @@
 """Runs inside the interpreter that has MuJoCo: a chain of hinges with an object that it grasps, commanded from outside.
 
 One JSON object per line on standard input, one answer per line on standard output. The first has ``xml`` and ``table``
-(weight [N], friction, stiffness [N/m]); each further one commands a period: ``u`` [N], ``period`` [s], ``height`` of
-the table and ``wrench`` on the object (x, y [N], moment [N m]), both at begin and end of the period. An answer has what
-sensors read: ``tip``, ``angles`` of the hinges, ``pulls`` of the actuators [N], ``pads`` (force of each [N]), and the
-object's ``pose`` (x, y, angle, height).
+(weight [N], friction, friction_radius [m], stiffness [N/m]); each further one commands a period: ``u`` [N], ``period``
+[s], ``height`` of the table and ``wrench`` on the object (x, y [N], moment [N m]), both at begin and end of the period.
+An answer has what sensors read: ``tip``, ``angles`` of the hinges, ``pulls`` of the actuators [N], ``pads`` (force of
+each [N]), and the object's ``pose`` (x, y, angle, height).
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ class Plant:
             pull = begin + share * (end - begin)
             data.qfrc_applied[[x, y, angle, z]] = [*pull, press]
             model.dof_frictionloss[[x, y]] = self.table["friction"] * press
+            model.dof_frictionloss[angle] = self.table["friction"] * self.table["friction_radius"] * press
             mujoco.mj_step(model, data)
 
     def read(self) -> dict:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.surroundings import Table
 from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
@@ -45,8 +48,15 @@ _LEAST = 0.85
 """Share of the grasp's tension that is retained while the object is held."""
 _OPPOSED = 3.0
 """What the other tendon may pull meanwhile beyond its least tension [N]."""
+_SLIP_SPEED = 0.003
+"""Of the controller's contacts with an object that is turned [m/s]: friction without a state, which is enough for
+horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits for a motion
+that does not come: with 0.01 m/s 3 of 12 plants of configs/mission/turn_block.yaml end 2 degrees short or more. At
+0.002 m/s friction follows the noise of the estimated speed, and the held force is off by up to 14 instead of 3 %."""
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
+_INSIDE = 1e-4
+"""Depth in a support up to which an object stands beside it [m]: it is pressed in by as much."""
 _STEPS = 200
 """Shares of the grasp's tensions that are tried."""
 
@@ -61,7 +71,9 @@ class Assignment:
     name: str
     """Name of the finger in the grasp."""
     control: ControlScene
-    """Finger, object and controller of all phases."""
+    """Finger, object and controller of all phases; the object stands where the mission begins."""
+    object_pose: tuple[float, float, float]
+    """Pose of the object in the grasp: world x, y [m] and angle [rad]."""
     tensions: Array
     """Of the grasp, of each tendon [N]."""
     held: Array
@@ -147,7 +159,9 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
     free, least = placed.with_tendons(**dict.fromkeys(own)), np.array(placed.tension_limits[0])
     most = np.array(finger.tension_limits[1])
-    before, angles = _about_to_touch(control, free, body, tensions, (least, most), edges)
+    before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
+    if mission.turn is not None:
+        _check_start(control, _about_to_touch(control, free, _object(control), tensions, (least, most), edges)[2])
     commands, ends = (
         Commands(finger, edges),
         np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
@@ -162,6 +176,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         grasp=found,
         name=name,
         control=control,
+        object_pose=(pose[0], pose[1], pose[2]),
         tensions=tensions,
         held=commands.of(tensions, ends),
         before=commands.of(before, angles),
@@ -206,15 +221,16 @@ def _control_scene(
     edges = np.cumsum([0.0, *lengths])
     free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
     reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)
+    turn = mission.turn
     cost = Cost(
+        object_angle=None if turn is None else Weight(running=asked.object_angle),
+        gap=None if turn is None else ForceWeight(running=asked.gap, of=("finger.tip",)),
         bending=Weight(running=asked.posture),
         contact_force=ForceWeight(running=asked.force, of=tuple(held)),
         speed=Weight(running=asked.speed) if asked.speed else None,
         effort=asked.effort,
         input_rate=asked.input_rate,
     )
-    # An estimate of friction needs its limit; without one contacts are taken to be smooth.
-    unknown_friction = mission.estimator.disturbances.contact_friction is not None
     estimated, adapted = mission.estimator.disturbances.names, set[str]()
     if mission.estimator.adapt is not None:
         adapted = set(mission.estimator.adapt.spreads)
@@ -223,8 +239,7 @@ def _control_scene(
         finger=finger,
         gravity=mission.plane_gravity,
         contacts=stations,
-        object=body,
-        contact_law=mission.contact_law if unknown_friction else mission.contact_law.replaced(friction=0.0),
+        **_surroundings(mission, body),
         fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
         parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
         controller=Controller(
@@ -236,11 +251,40 @@ def _control_scene(
             start_calls=_START_CALLS,
             deadline=asked.deadline,
         ),
-        reference=Reference(contact_force=tuple(held.values())),
+        reference=Reference(
+            contact_force=tuple(held.values()),
+            object_angle=None if turn is None else (body.angle,),
+            gap=None if turn is None else (0.0,),
+        ),
         estimator=mission.estimator,
         initial=Initial(pose="straight"),
         plant=mission.plant,
     )
+
+
+def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
+    """What the controller knows of the object and of what is around it, by keys of its scene.
+
+    It stays where the grasp has it, and is touched by the finger alone; where it is turned first, it begins where it
+    stands before that, moves, and is pushed on a table and against supports.
+    """
+    law, turn = mission.contact_law, mission.turn
+    if turn is None:
+        # An estimate of friction needs its limit; without one contacts are taken to be smooth.
+        unknown_friction = mission.estimator.disturbances.contact_friction is not None
+        return {"object": body, "contact_law": law if unknown_friction else law.replaced(friction=0.0)}
+    if law.slip_speed is None:
+        law = law.replaced(presliding=None, slip_speed=_SLIP_SPEED)
+    return {
+        "object": body.replaced(
+            position=turn.position, angle=body.angle - turn.angle, mass=mission.object_mass or body.mass
+        ),
+        "object_moves": True,
+        "contact_law": law,
+        "supports": mission.grasp.supports,
+        "out_of_plane_gravity": mission.gravity,
+        "table": Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius, stays=True),
+    }
 
 
 def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
@@ -255,9 +299,10 @@ def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
 
 def _about_to_touch(
     control: ControlScene, finger: Finger, body: GraspObject, tensions: Array, limits: tuple[Array, Array], edges: Array
-) -> tuple[Array, Array]:
-    """Tensions [N], towards those of the grasp, at which the free finger comes close to the object, and angles of its
-    sections at the edges [rad].
+) -> tuple[Array, Array, float]:
+    """Tensions [N], towards those of the grasp, at which the free finger comes close to the object, angles of its
+    sections at the edges [rad], and the place of the finger that is nearest [m]: negative where the finger overlaps the
+    object without them, infinite where it never comes close.
     """
     least, highest = limits
     free = FingerModel(
@@ -274,13 +319,45 @@ def _about_to_touch(
     away = tensions - least
     pulls = away > 0.0
     most = float(np.min((highest - least)[pulls] / away[pulls]))
-    before, q = least, np.zeros(free.n)
+    before, q, nearest = least, np.zeros(free.n), math.inf
     for share in np.linspace(0.0, most, _STEPS + 1):
         u = least + share * away
         shape = equilibrium_under(free, u, [], guess=q).q
         points = core.batch("position", shape, u, places[:, None])
-        gap = min(body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True))
-        if gap < _CLEARANCE:
+        gaps = [body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True)]
+        if min(gaps) < _CLEARANCE:
+            nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if share == 0.0 and min(gaps) < 0.0 else 1.0)
             break
         before, q = u, shape
-    return before, np.ravel(core.batch("orientation", q, before, edges[:, None]))
+    return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
+
+
+def _object(control: ControlScene) -> GraspObject:
+    """The object of a mission's controller."""
+    if control.object is None:
+        raise ValueError("a mission has an object")
+    return control.object
+
+
+def _check_start(control: ControlScene, nearest: float) -> None:
+    """Refuse a turn that begins inside a support or the finger, or that the fingertip cannot begin.
+
+    ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
+    """
+    body, length, key = _object(control), control.finger.rod.length, "turn.position"
+    for wall in control.walls:
+        down = wall.normal_angle + math.pi - body.angle
+        deep = max(part.support(down) for part in body.parts) - wall.height(body.position)
+        # Beside an edge of finite length it may stand lower.
+        if deep > _INSIDE and math.isinf(wall.half_length):
+            raise InputError(f"the object stands {1e3 * deep:.3g} mm inside of {wall.name} before its turn", key=key)
+    if nearest < 0.0:
+        raise InputError("the straight finger overlaps the object where it stands before its turn", key=key)
+    if math.isinf(nearest):
+        raise InputError("the finger does not reach the object where it stands before its turn", key=key)
+    if nearest < length - control.finger.profile.half_thickness(length) - length / _DENSE:
+        raise InputError(
+            f"the finger meets the object first at {nearest:.3g} m of its length, not with its tip ({length:.3g} m), "
+            "where it stands before its turn",
+            key=key,
+        )

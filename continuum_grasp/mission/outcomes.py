@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -28,7 +29,7 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Held from lift to lowering, and let go."""
+        """Turned if asked for, held from lift to lowering, and let go."""
         return self.verdict is not None and self.verdict.succeeded
 
     @property
@@ -45,6 +46,10 @@ class Outcome:
             found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
             if self.verdict.drop is not None:
                 found += f": {self.verdict.drop.text}"
+            if self.verdict.turned is not None:
+                found += f"; turned {self.verdict.turned.text}"
+                if self.verdict.turned.reason:
+                    found += f": {self.verdict.turned.reason}"
         return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {found}"
 
 
@@ -57,7 +62,7 @@ class Summary:
     held: int
     """Those on which the object was never dropped."""
     succeeded: int
-    """Those that also let it go in the end."""
+    """Those that also let it go in the end, and turned it before where that was asked for."""
     force_error_median: float
     force_error_worst: float
     estimate_error_worst: float
@@ -70,12 +75,24 @@ class Summary:
     """On all plants together."""
     failed: tuple[int, ...]
     """Those that did not succeed, by number."""
+    turned: int | None = None
+    """Those on which the object was turned as asked; None where that was not asked for."""
+    turn_error_median: float | None = None
+    """Of the object's angle before it was grasped, without its sign [rad]."""
+    turn_error_worst: float | None = None
 
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""
+        head = {"held": f"{self.held} of {self.plants} plants"}
+        if self.turned is not None and self.turn_error_median is not None and self.turn_error_worst is not None:
+            head["turned"] = (
+                f"{self.turned} of {self.plants}, {math.degrees(self.turn_error_median):.2g} deg off (median), "
+                f"{math.degrees(self.turn_error_worst):.2g} deg at worst"
+            )
+        done = "held and released" if self.turned is None else "turned, held and released"
         return {
-            "held": f"{self.held} of {self.plants} plants",
-            "held and released": f"{self.succeeded} of {self.plants}",
+            **head,
+            done: f"{self.succeeded} of {self.plants}",
             "held force": f"{100 * self.force_error_median:.1f} % off its setpoint (median of plants), "
             f"{100 * self.force_error_worst:.1f} % at worst",
             "its estimate": f"{100 * self.estimate_error_worst:.1f} % off at worst, "
@@ -119,6 +136,11 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("slip_margin", "(plant,)", "1", "least share of the friction cone that was left while nothing pulled"),
         Stored("pulled_margin", "(plant,)", "1", "the same while something pulled"),
         Stored("fallbacks", "(plant,)", "1", "commands that were not of a new plan"),
+        Stored("turn_error", "(plant,)", "rad", "error of the object's angle after a turn, before it was grasped"),
+        Stored("turn_end_error", "(plant,)", "rad", "the same at the end of the mission"),
+        Stored(
+            "turn_reason", "(plant,)", "text", "why it was not turned as asked; empty where it was, or not asked for"
+        ),
         Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
         Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
@@ -141,12 +163,13 @@ class TrialsResult(Result, Sequence[Outcome]):
     @property
     def outcome(self) -> str:
         """How many plants succeeded."""
-        return f"{sum(one.succeeded for one in self.outcomes)} of {len(self)} plants held and released the object"
+        done = "held and released" if self.scene.turn is None else "turned, held and released"
+        return f"{sum(one.succeeded for one in self.outcomes)} of {len(self)} plants {done} the object"
 
     def stored_arrays(self) -> dict[str, Any]:
         """Of every plant what differs and the verdict; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        flags, texts = ("succeeded", "held", "released"), ("drop", "error")
+        flags, texts = ("succeeded", "held", "released"), ("turn_reason", "drop", "error")
         columns = {
             one.name: [row.get(one.name, "" if one.name in texts else None) for row in rows] for one in self.stored
         }
@@ -165,6 +188,8 @@ class TrialsResult(Result, Sequence[Outcome]):
             values = values[~np.isnan(values)]  # a mission that was dropped early has no hold
             return values if values.size else np.array([np.nan])
 
+        turns = [verdict.turned for verdict in judged if verdict.turned is not None]
+        away = np.abs([one.error for one in turns if not np.isnan(one.error)])
         return Summary(
             plants=len(self),
             held=sum(verdict.held for verdict in judged),
@@ -180,6 +205,9 @@ class TrialsResult(Result, Sequence[Outcome]):
             slip_margin_least=float(column("slip_margin").min()),
             fallbacks=sum(verdict.fallbacks for verdict in judged),
             failed=tuple(k for k, one in enumerate(self.outcomes) if not one.succeeded),
+            turned=sum(one.achieved for one in turns) if turns else None,
+            turn_error_median=float(np.median(away)) if away.size else None,
+            turn_error_worst=float(away.max()) if away.size else None,
         )
 
     def pairs(self) -> dict[str, str]:
@@ -199,6 +227,10 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     if outcome.verdict is not None:
         drop = outcome.verdict.drop
         judged = {**asdict(outcome.verdict), "drop": "" if drop is None else drop.text}
+        turned = outcome.verdict.turned
+        del judged["turned"]
+        if turned is not None:
+            judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}
     return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
 
 

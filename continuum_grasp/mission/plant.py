@@ -34,6 +34,10 @@ _PROJECTIONS = 200
 the other had, of a groove of 60 degrees a quarter."""
 _CLEAR = 1e-9
 """Depth in a support that is none [m]: 20 uN at 20 kN/m."""
+_FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
+"""What the controller may follow in a phase, and how the names of its setpoints begin."""
+_MOVES = 0.75
+"""Share of a stroke in which the setpoint of the angle moves; in the rest the object comes to rest there."""
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
 
 
@@ -81,7 +85,7 @@ def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
     down = np.array(mission.plane_gravity)
     size = float(np.hypot(*down))
     if size == 0.0:
-        return Table(friction=mission.table_friction)
+        return Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius)
     angle = math.atan2(down[1], down[0])
     below = max(part.support(angle - body.angle) for part in body.parts)
     # Pressed in by the weight, the object stands where the grasp has it.
@@ -151,14 +155,18 @@ class Span:
 
 
 class Timetable:
-    """Phases of a mission: approach, squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a
-    ``rest`` after each, lower, release, end.
+    """Phases of a mission: of each stroke of a turn ``touch 1``, ``turn 1``, ``leave 1`` and so on, then approach,
+    squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower, release, end.
     """
 
     def __init__(self, assignment: Assignment) -> None:
         self._of = assignment
         asked = assignment.mission.phases
-        lengths = [("approach", asked.approach), ("squeeze", asked.squeeze)]
+        turn = assignment.mission.turn
+        self.strokes = tuple(str(k + 1) for k in range(0 if turn is None else turn.strokes))
+        stroke = (("touch", asked.touch), ("turn", asked.stroke), ("leave", asked.leave))
+        lengths = [(f"{name} {k}", length) for k in self.strokes for name, length in stroke]
+        lengths += [("approach", asked.approach), ("squeeze", asked.squeeze)]
         lengths += [("settle", asked.settle)] * (asked.settle > 0.0)
         lengths += [("lift", asked.lift), ("hold", asked.hold)]
         for k in range(len(assignment.pulls)):
@@ -179,31 +187,45 @@ class Timetable:
         """Of all phases [s]."""
         return self.spans[-1].end
 
-    def _risen(self, t: Array, name: str) -> Array:
-        """From 0 before a phase to 1 after it, with continuous rate and acceleration."""
+    def _risen(self, t: Array, name: str, share: float = 1.0) -> Array:
+        """From 0 before a phase to 1 after it, or after a share of it, with continuous rate and acceleration."""
         span = self.span(name)
-        return _smooth((t - span.start) / (span.end - span.start))
+        return _smooth((t - span.start) / (share * (span.end - span.start)))
 
     # -- the controller's -------------------------------------------------------------------------------------------
 
     def rows(self, t: Array, names: tuple[str, ...]) -> Array:
         """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
         of = self._of
-        # The posture goes from straight to touching, and from there to the grasp; release undoes both at once.
+        # The posture goes from straight to touching, and from there to the grasp; release undoes both at once. After a
+        # turn the object stands as in the grasp, and the finger leaves it from about where it touches there.
         closed = self._risen(t, "squeeze") - self._risen(t, "release")
         begun = self._risen(t, "approach") - self._risen(t, "release")
+        if self.strokes:
+            begun = begun + 1.0 - self._risen(t, f"leave {self.strokes[-1]}")
         inputs = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.held - of.before)
         word, unit = COMMANDS[of.control.finger.input_key]
         bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
         columns: dict[str, Array] = {f"contact_force_{name} [N]": closed * force for name, force in of.forces.items()}
         columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
         columns |= {f"{word}_{k + 1} [{unit}]": column for k, column in enumerate(inputs.T)}
+        if (turn := of.mission.turn) is not None:
+            touched, turned = np.zeros_like(t), np.zeros_like(t)
+            for k in self.strokes:
+                touched += self._risen(t, f"touch {k}") - self._risen(t, f"leave {k}")
+                turned += self._risen(t, f"turn {k}", _MOVES) / turn.strokes
+            columns["gap_finger.tip [m]"] = turn.clearance * (1.0 - touched)
+            columns["object_angle [rad]"] = of.object_pose[2] - turn.angle * (1.0 - turned)
         return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
 
     def phases(self, stages: Stages) -> list[Phase]:
         """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
         begin = {name: self._weighing(stages) for name in ("approach", "release")}
-        begin |= {name: self._weighing(stages, followed=True, held=name == "lift") for name in ("settle", "lift")}
+        begin |= {name: self._weighing(stages, "force", held=name == "lift") for name in ("settle", "lift")}
+        if self.strokes:
+            begin |= {f"{name} {k}": self._weighing(stages, "gap") for k in self.strokes for name in ("touch", "leave")}
+            begin |= {f"turn {k}": self._weighing(stages, "angle") for k in self.strokes}
+            begin[f"leave {self.strokes[-1]}"] = self._weighing(stages)
         found = []
         for span in self.spans:
             rows = partial(self._rows_since, span.start, stages.r_names)
@@ -213,12 +235,13 @@ class Timetable:
     def _rows_since(self, start: float, names: tuple[str, ...], since: Array) -> Array:
         return self.rows(start + since, names)
 
-    def _weighing(self, stages: Stages, *, followed: bool = False, held: bool = False) -> Callable[[Any, Any], None]:
-        """Gives the controller the weights and limits of a phase, in which a force is ``followed`` or the posture; what
-        is ``held`` is not let go to correct a force.
+    def _weighing(self, stages: Stages, followed: str = "posture", *, held: bool = False) -> Callable[[Any, Any], None]:
+        """Gives the controller the weights and limits of a phase, in which the posture is ``followed``, a force, the
+        distance from the object, or this and its angle; what is ``held`` is not let go to correct a force.
         """
-        off = "bending_" if followed else "contact_force"
-        # One drive follows the posture or a force. Rates stay weighted, since they damp either.
+        # One drive follows one of them. Rates stay weighted, since they damp all.
+        every = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes)
+        off = tuple(prefix for prefix in every if prefix not in _FOLLOWED[followed])
         keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
         weights = np.where(keep, stages.weights, 0.0)
 

@@ -37,7 +37,7 @@ class Exceeded:
     Attributes
     ----------
     name : str
-        ``mass``, ``friction``, ``tension`` or the phase that pulls.
+        ``mass``, ``friction``, ``tension``, ``turn`` or the phase that pulls.
     key : str
         The YAML key to change.
     unit : str
@@ -110,7 +110,7 @@ def check_mission(
 def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[Exceeded, ...]:
     """What of a mission on a plant goes beyond the certificate."""
     plant = _OnPlant(assignments, variation)
-    found = (*plant.weight(), *plant.tension())
+    found = (*plant.weight(), *plant.tension(), *plant.turning())
     # What is dropped at once, or held with less force than certified, leaves pulls nothing to be compared with.
     if any(one.certain or one.name == "tension" for one in found):
         return found
@@ -121,11 +121,15 @@ def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variat
     """What goes beyond the certificate at the heavy and slippery end of the trials, and on how many plants drawn."""
     asked = assignments[0].mission.trials
     found = exceeded(assignments, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
+    # What holds an object less against a pull holds it less against a push.
+    rough = Variation(mass=1.0 + asked.mass, friction=1.0 + asked.friction)
+    found += tuple(_OnPlant(assignments, rough).turning()) if not any(one.name == "turn" for one in found) else ()
     if not found:
         return ()
     count = sum(bool(exceeded(assignments, one)) for one in drawn)
     head = f"{count} of {len(drawn)} plants are beyond the certificate"
-    return (head, *(f"at the heavy and slippery end of trials: {one.text}" for one in found))
+    ends = {"turn": "at the heavy and rough end of trials"}
+    return (head, *(f"{ends.get(one.name, 'at the heavy and slippery end of trials')}: {one.text}" for one in found))
 
 
 def say(mission: MissionScene, found: Sequence[str]) -> None:
@@ -159,6 +163,7 @@ class _OnPlant:
         self.across = np.array([contact.friction_force for contact in grasp.contacts])
         self.certified_friction = np.array([grasp.scene.friction(name) for name in self.names])
         self.friction = plant_friction(self.mission, variation, self.names)
+        self.table_friction = self.mission.table_friction * variation.friction
 
     # -- weight -------------------------------------------------------------------------------------------------------
 
@@ -252,6 +257,26 @@ class _OnPlant:
             text = f"{whose} pulls with {limit:.3g} N at most, {takes}"
             found.append(Exceeded("tension", key, "N", limit, needed, needed, False, text))
         return found
+
+    # -- a turn -------------------------------------------------------------------------------------------------------
+
+    def turning(self) -> list[Exceeded]:
+        """Whether the fingertip presses harder than the table holds the object against sliding.
+
+        Pushed off its center it gives way to less, by the ellipsoid of force and moment; a support that it is pushed
+        against holds it too, as far as the push presses it there, which no force overcomes where it jams.
+        """
+        if self.mission.turn is None:
+            return []
+        held = self.table_friction * self.mass * self.gravity
+        (tip,) = (force for name, force in zip(self.names, self.normal, strict=True) if name.endswith(".tip"))
+        if held <= tip * (1.0 + _ROUNDING):
+            return []
+        text = (
+            f"the table holds the object with {held:.3g} N against sliding (friction {self.table_friction:.3g}, "
+            f"{self.mass:.3g} kg), the fingertip presses with {tip:.3g} N in the certified grasp"
+        )
+        return [Exceeded("turn", "table_friction", "N", held, float(tip), float(tip), False, text)]
 
     # -- pulls --------------------------------------------------------------------------------------------------------
 

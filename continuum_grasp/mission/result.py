@@ -299,6 +299,8 @@ def verdict_data(verdict: Verdict) -> dict[str, Any]:
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
     if verdict.drop is not None:
         found["drop"] |= {"text": verdict.drop.text}
+    if verdict.turned is not None:
+        found["turned"] |= {"text": verdict.turned.text, "achieved": verdict.turned.achieved}
     return found
 
 

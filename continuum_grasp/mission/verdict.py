@@ -14,6 +14,7 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import is_table, object_height, plant_friction
 from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
@@ -57,22 +58,29 @@ class Verdict:
     """Commands that were not of a new plan."""
     drop: Drop | None = None
     """Why the object was dropped; None where it was not."""
+    turned: Turned | None = None
+    """How far it was turned before it was grasped; None where that was not asked for."""
 
     @property
     def succeeded(self) -> bool:
-        """Held from lift to lowering, and let go."""
-        return self.held and self.released
+        """Turned if asked for, held from lift to lowering, and let go."""
+        return self.held and self.released and (self.turned is None or self.turned.achieved)
 
     @property
     def word(self) -> str:
         """What became of the object."""
-        return "dropped" if not self.held else "held and released" if self.released else "held, not released"
+        found = "dropped" if not self.held else "held and released" if self.released else "held, not released"
+        if self.turned is None:
+            return found
+        return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
 
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""
         return {
             "object": self.word,
             **({} if self.drop is None else {"dropped": self.drop.text}),
+            **({} if self.turned is None else {"turned": self.turned.text}),
+            **({} if self.turned is None or not self.turned.reason else {"not turned": self.turned.reason}),
             "sunk": f"{1e3 * self.sunk:.3g} mm from lift to lowering (dropped: {1e3 * FALLEN:g} mm)",
             "moved": f"{1e3 * self.moved:.3g} mm in the plane, pulls included",
             "held force": f"{_percent(self.force_error)} off its setpoint at most, "
@@ -144,6 +152,7 @@ def judge(
         released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
         fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
         drop=find_drop(assignments, timetable, variation, t, contacts, lost),
+        turned=find_turned(assignments, timetable, variation, runs, pose, contacts),
     )
 
 

@@ -35,7 +35,8 @@ _NAMED = {"approach": "about to touch", "squeeze": "squeezed", "hold": "lifted a
 _WORDS = {"load": "pull", "contact": "contact, on the finger", "support": "support, on the object"}
 """What a legend calls a kind of force, where that is another word."""
 _BANDS = {
-    **dict.fromkeys(("approach", "release"), "#EAF2FA"),
+    **dict.fromkeys(("approach", "release", "touch", "leave"), "#EAF2FA"),
+    "turn": "#EFE6F5",
     **dict.fromkeys(("lift", "lower"), "#FBEFD5"),
     **dict.fromkeys(("hold", "rest"), "#E3F3EA"),
     "squeeze": "#D3E5F5",
@@ -126,6 +127,8 @@ def _instants(mission: MissionRun) -> dict[int, str]:
             wanted.append((0.5 * (span.start + span.end), _pull_words(mission.pulls[span.name])))
         if span.name in _NAMED:
             wanted.append((span.end, _NAMED[span.name]))
+        if span.name.startswith("turn "):
+            wanted += [(span.start, f"touched, {span.name}"), (span.end, f"{span.name} done")]
     # a mission that was stopped has no later instants
     return {int(np.abs(t - at).argmin()): name for at, name in wanted if at <= t[-1] + 1e-9}
 
@@ -200,15 +203,18 @@ def _draw_moment(ax: Axes, mission: MissionRun, t: float, pose: Array, **style: 
 def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw inputs, contact forces, use of friction and motion of the object over the phases.
 
-    The five axes, in one figure where none are given, are of phases, inputs, normal forces, friction, and motion.
+    The five axes, in one figure where none are given, are of phases, inputs, normal forces, friction, and motion; a
+    sixth one is of the object's angle where it is turned before its grasp.
     """
+    curves = (*_CURVES, *[(_draw_angle, "object's angle [deg]")] * (mission.mission.turn is not None))
     if ax is None:
-        ax = new_figure(8.6, 9.4).subplots(5, 1, sharex=True, height_ratios=(0.66, 1.0, 1.35, 1.0, 1.0))
+        heights = (0.66, 1.0, 1.35, 1.0, 1.0, 1.0)[: len(curves) + 1]
+        ax = new_figure(8.6, 1.88 * len(heights)).subplots(len(heights), 1, sharex=True, height_ratios=heights)
     strip, *rest = ax
     word, unit = COMMANDS[mission.assignments[0].control.finger.input_key]
     taken = f"{word} [{unit}]"
     end = max(float(mission.t[-1]), 1e-3)
-    for one, (draw, text) in zip(rest, _CURVES, strict=True):
+    for one, (draw, text) in zip(rest, curves, strict=True):
         quiet(one)
         for span in mission.spans:
             one.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
@@ -297,6 +303,19 @@ def _draw_moved(ax: Axes, mission: MissionRun) -> None:
     rows = ((0, "x since the lift"), (1, "y"), (3, "height"))[: moved.shape[1] - 1]  # in the plane there is none
     for (k, name), color in zip(rows, colors(len(rows)), strict=True):
         ax.plot(t, moved[:, k], color=color, linewidth=1.3, label=name)
+
+
+def _draw_angle(ax: Axes, mission: MissionRun) -> None:
+    """The object's angle, and its setpoint as long as it is followed."""
+    run, turning = mission.runs[0], [span for span in mission.spans if span.name.partition(" ")[0] == "turn"]
+    name = "object_angle [rad]"
+    ax.plot(mission.t, np.degrees(mission.object_pose[:, 2]), color=BLUE, linewidth=1.3, label="of the plant")
+    followed = np.any([(mission.t >= span.start) & (mission.t <= span.end) for span in turning], axis=0)
+    wanted = np.where(followed, np.degrees(run.r[:, run.r_names.index(name)]), np.nan)
+    ax.plot(mission.t, wanted, color=INK, linewidth=1.0, linestyle="--", label="setpoint")
+    # Behind the plant's: a camera's noise is a hair's breadth at this scale.
+    believed = np.degrees(run.estimate[:, run.estimated_names.index(name)])
+    ax.plot(mission.t[:-1], believed, color=GRAY, linewidth=0.9, label="its estimate", zorder=1.9)
 
 
 _CURVES = (

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.mission import MissionScene as MissionScene
     from continuum_grasp.scene.mission import Phases as Phases
     from continuum_grasp.scene.mission import Trials as Trials
+    from continuum_grasp.scene.mission import Turn as Turn
     from continuum_grasp.scene.objects import Box as Box
     from continuum_grasp.scene.objects import Circle as Circle
     from continuum_grasp.scene.objects import Ellipse as Ellipse

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -12,7 +13,19 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.tendons import TendonList, Tendons
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Duration, Friction, Length, NonNegative, Positive, Value
+from continuum_grasp.scene.value import (
+    Angle,
+    Distance,
+    Duration,
+    Extent,
+    Friction,
+    Length,
+    NonNegative,
+    Position,
+    Positive,
+    Value,
+    doubt_outside,
+)
 
 Count = Annotated[int, Field(ge=1, le=8)]
 _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
@@ -21,6 +34,12 @@ _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 class Phases(Value):
     """How long each phase lasts; setpoints move smoothly within a phase."""
 
+    touch: Duration = 0.8
+    """Each stroke of a ``turn``, until the tip touches the object [s]."""
+    stroke: Duration = 1.5
+    """While the object is turned [s]."""
+    leave: Duration = 0.6
+    """Until the tip has left it [s]; after the last stroke, until the finger is straight."""
     approach: Duration = 0.8
     """From the straight finger until it is about to touch [s]."""
     squeeze: Duration = 0.8
@@ -59,6 +78,10 @@ class MissionController(Value):
     """Weight of the bending angles while nothing is touched [1/rad2]."""
     force: Annotated[Positive, Unit("1/N2")] = 1.0
     """Weight of the contact force while the object is held [1/N2]."""
+    object_angle: Annotated[Positive, Unit("1/rad2")] = 1e4
+    """Weight of the object's angle while it is turned [1/rad2]."""
+    gap: Annotated[Positive, Unit("1/m2")] = 1e4
+    """Weight of the distance of the tip from the object meanwhile [1/m2]."""
     held: Literal["middle", "tip", "all"] = "middle"
     """Contact of each finger whose normal force is held at that of the grasp. middle: of the middle contacts the one
     that presses hardest, of a finger without one the tip; all: every contact, with equal weights, where one drive holds
@@ -71,6 +94,33 @@ class MissionController(Value):
     """Weight of the tensions' rates [s2/N2]."""
     deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
+
+
+class Turn(Value):
+    """How the object stands before its grasp, and how it is turned into that: pushed on its table by the fingertip.
+
+    The controller predicts the object's pose meanwhile, with friction of fingertip, table and supports, and a camera
+    measures it (``estimator.measured.object``).
+    """
+
+    angle: Annotated[Angle, Field(examples=[0.5236, "30 deg"])]
+    """By which it is turned until it stands as in the grasp, counter-clockwise [rad]."""
+    position: Position
+    """World position at which it stands before [m]."""
+    strokes: Annotated[int, Field(ge=1, le=8)] = 1
+    """Into how many equal parts the turn is divided; after each one the tip leaves the object and touches it anew."""
+    clearance: Annotated[Extent, Field(examples=[0.02, "20 mm"])] = 0.02
+    """Distance to which the tip leaves the object between two strokes [m]."""
+    tolerance: Annotated[Positive, Field(examples=[0.035, "2 deg"]), Unit("rad")] = math.radians(2.0)
+    """Error of the angle up to which it counts as turned [rad]."""
+
+    def _check(self) -> None:
+        if self.angle == 0.0:
+            raise ValueError("angle must not be zero: without a turn leave `turn` out")
+        why = "rad is more than half a turn (expected: rad, or a number with deg)"
+        doubt_outside("turn.angle", abs(self.angle), 0.0, math.pi, why)
+        if self.tolerance >= abs(self.angle):
+            raise ValueError(f"tolerance = {self.tolerance:g} rad is not less than the angle, {abs(self.angle):g} rad")
 
 
 class Trials(Value):
@@ -100,7 +150,8 @@ class MissionScene(Value):
     Each finger has a controller of its own, which knows nothing of the others. It believes that the object is fixed and
     touches at the finger's middle contacts of the grasp and at its tip, without friction unless its estimator has
     ``contact_friction``; in the plant the object moves, has friction and a weight and stands on a table until that
-    sinks away. The table lies below the plane, or with gravity in the plane below the object in it.
+    sinks away. The table lies below the plane, or with gravity in the plane below the object in it. With a ``turn`` the
+    controller predicts the object's pose, and turns it on the table first.
     """
 
     schema_version: Literal[1] = 1
@@ -126,6 +177,11 @@ class MissionScene(Value):
     """Mass of the object in the plant [kg]; None: that of the grasp."""
     table_friction: Friction = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
+    table_friction_radius: Annotated[Distance, Field(examples=[0.02, "20 mm"])] = 0.0
+    """Greatest moment of the table's friction against turning, per its greatest friction force [m]; see
+    ``table.friction_radius`` of closed loops. 0: the object turns freely on the table."""
+    turn: Turn | None = None
+    """A turn of the object on its table before it is grasped; None: it stands as in the grasp."""
     more_contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """More positions along each finger where it may touch the object in the plant, which its controller does not know
     [m]."""
@@ -149,6 +205,9 @@ class MissionScene(Value):
             raise ValueError("drive_tension has no effect beside tendons, which have a max_tension")
         if len(fingers) > 1 and self.plant.guides is not None:
             raise ValueError("plant.guides: a plant of guides has one finger, whose motion is decided step by step")
+        if self.table_friction_radius > 0.0 and self.gravity == 0.0:
+            raise ValueError("table_friction_radius is of a table below the plane: it needs gravity out of the plane")
+        self._check_turn()
         for finger in fingers:
             self._check_finger(finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{finger.name}")
 
@@ -160,6 +219,24 @@ class MissionScene(Value):
         # The tip is a contact already, and a contact at the clamped base could not move.
         if any(not 0.0 < at < length for at in self.more_contacts):
             raise ValueError(f"more_contacts must lie between base and tip of each finger, within {length} m")
+
+    def _check_turn(self) -> None:
+        camera = self.estimator.measured.object is not None
+        if self.turn is None:
+            if camera:
+                raise ValueError("estimator.measured.object needs a turn: otherwise a mission predicts no pose")
+            return
+        if not camera:
+            raise ValueError("turn needs estimator.measured.object, by which the controller knows where the object is")
+        if self.gravity == 0.0:
+            raise ValueError("turn needs grasp.gravity.mode out_of_plane: the table is below the plane")
+        if len(self.grasp.setups) > 1:
+            raise ValueError(
+                "turn needs a grasp of one finger: a controller predicts what its own finger does to the object, not "
+                "what others do"
+            )
+        if self.estimator.disturbances.object_position is not None:
+            raise ValueError("estimator.disturbances.object_position has no meaning with a turn: a camera measures it")
 
     @property
     def gravity(self) -> float:

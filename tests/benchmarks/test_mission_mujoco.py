@@ -25,7 +25,7 @@ def plant():
     mission = load(MUG)
     (of,) = assign(mission, optimize_grasp(mission.grasp))
     scene = scene_of_plant(of, Variation(mass=1.1, friction=0.9, shift=(1e-3, 0.0)))
-    return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene, of.control.contacts[0])
+    return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene)
 
 
 def test_pads_are_where_the_mission_has_contacts(plant):
@@ -47,12 +47,32 @@ def test_pads_are_where_the_mission_has_contacts(plant):
     assert joints == ["object_x", "object_y", "object_angle", "object_z"]
 
 
+def test_a_block_lies_with_its_corners_where_its_outline_has_them():
+    """Its flat faces and rounds, seen from four sides, against the support function of the rounded box."""
+    mission = load(MUG.with_name("turn_block.yaml"))
+    (of,) = assign(mission, optimize_grasp(mission.grasp))
+    scene = scene_of_plant(of, Variation(friction=1.1))
+    assert scene.table.friction == pytest.approx(1.1 * mission.table_friction)
+    root = ET.fromstring(with_pads(export_mjcf(scene, hinges=12).text, scene))
+    assert [body.get("name") for body in root.iter("body") if "pad" in body.get("name")] == ["pad_tip", "pad_palm"]
+    geoms = root.find(".//body[@name='object']").findall("geom")
+    body, angle = scene.object, scene.object.angle
+    for direction in np.linspace(0.0, 2.0 * np.pi, 9):
+        n, reach = np.array([np.cos(direction), np.sin(direction)]), []
+        for geom in geoms:
+            at, size = (np.array(geom.get(key).split(), dtype=float) for key in ("pos", "size"))
+            c, s = np.cos(angle), np.sin(angle)
+            spread = size[0] if geom.get("type") == "cylinder" else np.abs(n @ [[c, -s], [s, c]]) @ size[:2]
+            reach.append(at[:2] @ n + spread)
+        assert max(reach) == pytest.approx(max(part.support(direction - angle) for part in body.parts), abs=1e-9)
+
+
 @pytest.mark.skipif("CONTINUUM_GRASP_PEERS_PYTHON" not in os.environ, reason="needs an interpreter that has MuJoCo")
 def test_a_mug_rests_on_the_table_and_falls_without_it(plant):
     of, _, text = plant
     weight, peer = 0.33 * 9.81, Peer()
     calm = {"u": of.rest.tolist(), "wrench": [[0.0] * 3] * 2}
-    peer.ask(xml=text, table={"weight": weight, "friction": 0.3, "stiffness": 2000.0})
+    peer.ask(xml=text, table={"weight": weight, "friction": 0.3, "friction_radius": 0.0, "stiffness": 2000.0})
     for _ in range(20):
         found = peer.ask(period=0.01, height=[0.0, 0.0], **calm)
     assert found["pose"][3] == pytest.approx(-weight / 2000.0, rel=1e-3)

@@ -223,6 +223,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
         grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),)),
         more_contacts=(),
         plane_gravity=(0.0, 0.0),
+        turn=None,
     )
     spans = {"lift": (1.0, 2.0), "hold": (2.0, 4.0), "lower": (6.0, 7.0)}
     table = SimpleNamespace(
