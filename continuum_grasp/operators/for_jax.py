@@ -25,8 +25,8 @@ class JaxOperators(Operators):
     are copied to the host and back, and an error is raised as JAX's own with the text of ours.
 
     Arrays are of float64 or float32 (JAX has no other unless ``jax_enable_x64`` is set); all is computed in double
-    precision, and the result is of the type that JAX promotes the arrays given to. A row whose input is NaN gives NaN
-    in functions, as on ``Core``.
+    precision, and the result is of the type that JAX promotes the arrays given to, to which nominal parameters and the
+    step are rounded too. A row whose input is NaN gives NaN in functions, as on ``Core``.
 
     Parameters
     ----------

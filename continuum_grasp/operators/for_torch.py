@@ -23,7 +23,8 @@ class TorchOperators(Operators):
     ``grad``, ``jvp``, ``jacrev``, ``hessian``) and double backward work.
 
     Tensors are on the CPU, in float64 or float32; all is computed in double precision, and the result is of the type
-    that PyTorch promotes the tensors given to. A row whose input is NaN gives NaN in functions, as on ``Core``.
+    that PyTorch promotes the tensors given to, to which nominal parameters and the step are rounded too. A row whose
+    input is NaN gives NaN in functions, as on ``Core``.
 
     Parameters
     ----------
