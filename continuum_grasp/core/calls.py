@@ -26,17 +26,19 @@ def call(function: ca.Function, *given: ca.MX) -> list[ca.MX]:
 
 
 _CALLS_ONLY = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL}
+_SUMS = {ca.OP_ADD}
+"""Of the derivatives of calls, which add up what comes from several of them."""
 
 
 def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
-    """The SX functions that functions are or call, each once; InputError where one computes anything else."""
+    """The SX functions that functions are or call, each once; InputError where one computes more than sums beside."""
     found: dict[str, ca.Function] = {}
     for function in functions:
         if function.is_a("SXFunction"):
             found.setdefault(function.name(), function)
             continue
         operations = range(function.n_instructions())
-        if not function.is_a("MXFunction") or {function.instruction_id(k) for k in operations} - _CALLS_ONLY:
+        if not function.is_a("MXFunction") or {function.instruction_id(k) for k in operations} - _CALLS_ONLY - _SUMS:
             raise InputError(f"{function.name()}: expected a straight-line SX function, or calls of such functions")
         for k in operations:
             if function.instruction_id(k) == ca.OP_CALL:
@@ -46,7 +48,7 @@ def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
 
 
 def calls_source(function: ca.Function, kind: str, real: Callable[[float], str], suffix: str = "") -> str:
-    """C of ``static int NAME(const KIND *const arg[], KIND *const res[])`` from an MX function of calls.
+    """C of ``static int NAME(const KIND *const arg[], KIND *const res[])`` from an MX function of calls and sums.
 
     ``suffix`` stands behind the names of the function and of those that it calls, which have the same arguments; they
     compute nothing from the first result on that is null. ``real`` writes a constant of type ``kind``. All of ``arg``
@@ -66,6 +68,16 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
             if numbers:  # C has no empty arrays
                 lines.append(f"  const {kind} c{k}[] = {{{numbers}}};")
             values[places[0]] = f"c{k}" if numbers else "0"
+        elif operation in _SUMS:
+            one = function.instruction_MX(k)
+            if any(one.dep(j).sparsity() != one.sparsity() for j in range(2)):
+                raise InputError(f"{function.name()}: expected sums of equal sparsity")
+            first, second = (values[place] for place in function.instruction_input(k))
+            name = results.get((k, 0), f"w{places[0]}")
+            if (k, 0) not in results:
+                sizes[name] = max(sizes.get(name, 1), one.nnz())
+            lines.append(f"  for (int j = 0; j < {one.nnz()}; ++j) ({name})[j] = ({first})[j] + ({second})[j];")
+            values[places[0]] = name
         elif operation == ca.OP_CALL:
             called = function.instruction_MX(k).which_function()
             given = ", ".join(values[place] for place in function.instruction_input(k))
@@ -82,6 +94,12 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
             lines.append(f"  {{ const {kind} *const in[] = {{{given}}};")
             lines.append(f"    {kind} *const out[] = {{{', '.join(found)}}};")
             lines.append(f"    {called.name()}{suffix}(in, out); }}")
+        elif operation == ca.OP_OUTPUT:
+            # What is given, constant, or a result twice.
+            (place,), (k_out, *_) = function.instruction_input(k), function.instruction_output(k)
+            if values[place] != f"res[{k_out}]" and (size := function.nnz_out(k_out)):
+                copy = f"for (int j = 0; j < {size}; ++j) res[{k_out}][j] = ({values[place]})[j];"
+                lines.append(f"  if (res[{k_out}]) {copy}")
     # What is neither given nor a result is in one array.
     spots, at = {}, 0
     for name, size in sizes.items():
@@ -97,10 +115,10 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
 def _results(function: ca.Function) -> dict[tuple[int, int], str]:
     """Where an output of an instruction goes that is a result, by the numbers of both."""
     written: dict[int, tuple[int, int]] = {}
-    found = {}
+    found = dict[tuple[int, int], str]()
     for k in range(function.n_instructions()):
         if function.instruction_id(k) == ca.OP_OUTPUT:
-            found[written[function.instruction_input(k)[0]]] = f"res[{function.instruction_output(k)[0]}]"
+            found.setdefault(written[function.instruction_input(k)[0]], f"res[{function.instruction_output(k)[0]}]")
         else:
             written |= {place: (k, j) for j, place in enumerate(function.instruction_output(k))}
     return found

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments, positive, real_array, whole
+from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import (
     Caller,
     check_moment,
     finite,
     functions_of,
-    pointers,
     section_check,
     shaped,
 )
@@ -27,7 +27,7 @@ from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler,
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.precision import check_single, check_solvable, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
-from continuum_grasp.core.source import batch_source, entry, function_source, rollout_source, rollouts_source
+from continuum_grasp.core.source import entry, function_source, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
@@ -120,7 +120,7 @@ class Core(Remade, Summarized):
         self.precision = precision_of(precision)
         self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}
-        self._batches: dict[str, ctypes.CDLL | None] = {}
+        self._batches: dict[str, Batch] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
         if self.precision == "float" and self._compiler is None:
@@ -178,7 +178,7 @@ class Core(Remade, Summarized):
                     check_solvable(self._finger_model)
             self._callers[name] = Caller(
                 function,
-                lambda: self._library(lambda: function_source(function, self.precision)),
+                lambda: self.library(lambda: function_source(function, self.precision)),
                 nominal,
                 checks,
                 entry(function, self.precision),
@@ -211,19 +211,9 @@ class Core(Remade, Summarized):
         if len(counts) != 1:
             raise InputError(f"{name}: one number of states expected, got {sorted(counts)}")
         count = counts.pop()
-        outputs = [np.empty((count, function.nnz_out(k))) for k in range(function.n_out())]
         if name not in self._batches:
-            self._batches[name] = self._library(lambda: batch_source(function, self.precision))
-        library = self._batches[name]
-        if library is None:
-            # CasADi maps over columns, and its matrices are column-major.
-            columns = [np.broadcast_to(row, (count, row.shape[-1])).T for row in rows]
-            mapped = function.map(count).call([ca.DM(column) for column in columns])
-            for out, result in zip(outputs, mapped, strict=True):
-                out[:] = np.array(result).reshape(out.shape[::-1], order="F").T
-        else:
-            strides = (ctypes.c_longlong * len(rows))(*[r.shape[1] if r.ndim == 2 else 0 for r in rows])
-            getattr(library, f"{name}_batch")(ctypes.c_longlong(count), pointers(rows), strides, pointers(outputs))
+            self._batches[name] = Batch(function, self.library, self.precision)
+        outputs = self._batches[name](count, rows)
         results = tuple(shaped(function, k, out) for k, out in enumerate(outputs))
         return results[0] if len(results) == 1 else results
 
@@ -326,11 +316,11 @@ class Core(Remade, Summarized):
             if self.precision == "float":
                 check_solvable(self._finger_model)
             write = rollout_source if single else rollouts_source
-            library = self._library(lambda: write(step, self.precision))
+            library = self.library(lambda: write(step, self.precision))
             self._rollouts[method, single] = Rollouts(step, library, single)
         return self._rollouts[method, single]
 
-    def _library(self, source: Callable[[], str]) -> ctypes.CDLL | None:
+    def library(self, source: Callable[[], str]) -> ctypes.CDLL | None:
         """The compiled library of a source, which is written only if there is a compiler."""
         if self._compiler is None:
             return None

@@ -140,13 +140,13 @@ def in_lanes(functions: Sequence[ca.Function], real: str) -> str:
     """
     try:
         texts = [lane_function(f, real) for f in straight_functions(functions)]
+        texts += [
+            calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
+            for f in functions
+            if not f.is_a("SXFunction")
+        ]
     except InputError:
         return ""
-    texts += [
-        calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
-        for f in functions
-        if not f.is_a("SXFunction")
-    ]
     return "\n".join(["#ifndef CG_LANES", lane_prelude(real), "#endif", *texts, ""])
 
 
@@ -155,13 +155,18 @@ def _in_lanes(function: ca.Function, real: str) -> str:
     return f"{lane_prelude(real)}\n{template('core', 'gather.c')}\n{lane_function(function, real)}"
 
 
+def _row_words(function: ca.Function) -> dict[str, object]:
+    """Words of calls of a function that is no straight-line function: its arguments, and its work space."""
+    inputs, outputs = _sizes(function)
+    sizes = {"from": len(inputs), "to": len(outputs), "sizes": ", ".join(map(str, outputs))}
+    return {**sizes, "sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
+
+
 def batch_source(function: ca.Function, real: str = "double") -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
     inputs, outputs = _sizes(function)
     if not function.is_a("SXFunction"):  # has loops of its own, which lanes cannot take together
-        sizes = {"from": len(inputs), "to": len(outputs), "sizes": ", ".join(map(str, outputs))}
-        work = {"sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
-        rows = _fill("rows.c", **_names(function), **sizes, **work, entry=entry(function, real))
+        rows = _fill("rows.c", **_names(function), **_row_words(function), entry=entry(function, real))
         return f"{function_source(function, real)}\n{rows}"
     gather = "    if (!b || stride[{k}]) cg_gather(in[{k}] + b * stride[{k}], stride[{k}], m, {size}, i{k});"
     return f"{_in_lanes(function, real)}\n" + _fill(
@@ -172,6 +177,35 @@ def batch_source(function: ca.Function, real: str = "double") -> str:
         gather=_each(gather, inputs),
         scatter=_each("    cg_scatter(o{k}, {size}, m, {size}, out[{k}] + b * {size});", outputs),
     )
+
+
+def scan_source(function: ca.Function) -> str:
+    """C of ``NAME_scan``: a recursion of many rows over steps, in lanes where it is a straight-line function.
+
+    ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
+    """
+    inputs, outputs = _sizes(function)
+    carry, signals, results = inputs[0], [0, *inputs[1:]], [0, *outputs[1:]]
+    at = "t / held[{k}] * time[{k}]"
+    gather = (
+        "      if (!k || t / held[{k}] != before / held[{k}])\n"
+        f"        cg_gather(in[{{k}}] + b * row[{{k}}] + {at}, row[{{k}}], m, {{size}}, i{{k}});"
+    )
+    add = "      cg_add(o{k}, to[{k}], m, {size}, out[{k}] + b * to[{k}] + t / summed[{k}] * {size});"
+    words = {
+        "inputs": "\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)),
+        "outputs": "\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)),
+        "carry": carry,
+        "gather": _each(gather, signals),
+        "add": _each(add, results),
+    }
+    lanes = in_lanes([function], "double")
+    if lanes:
+        code = f"{lanes}{template('core', 'gather.c')}"
+    else:
+        own = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
+        code = f"{function_source(function)}\n{own}"
+    return f"{code}\n{_fill('scan.c', **_names(function), **words)}"
 
 
 def _step_words(step: ca.Function) -> dict[str, object]:

@@ -1,0 +1,204 @@
+"""Functions and recursions of many rows with their derivatives, which are functions and recursions again.
+
+Tangents are carried forward and cotangents back by functions that CasADi derives from the instructions of the model;
+no Jacobian is stored. Since each derivative is an operator itself, derivatives of any order follow.
+
+What a toolkit needs of an operator, beside calling it on arrays of doubles with the rows first:
+
+    residuals   what its derivatives are taken at, of its inputs and outputs
+    push        the operator and arrays that carry tangents of the inputs to those of the outputs
+    pull        the same of cotangents, from outputs to inputs, and which entries of its outputs these are
+    split       residuals and tangents, of the arrays of ``push``
+    shapes      those of the outputs, of those of the inputs
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.core.batches import Batch, Scan
+
+Array = NDArray[np.float64]
+Arrays = list[Any]
+"""Arrays of a toolkit, rows first."""
+Check = Callable[[Sequence[Array]], None]
+Pick = Callable[[Arrays], Arrays]
+
+
+class Operator(Protocol):
+    """A differentiable function of arrays; ``origin`` is that of which it is the push."""
+
+    name: str
+    origin: Operator | None
+
+    def __call__(self, arrays: Sequence[Array]) -> list[Array]: ...
+    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]: ...
+    def residuals(self, inputs: Arrays, outputs: Arrays) -> Arrays: ...
+    def push(self, residuals: Arrays, tangents: Arrays) -> tuple[Operator, Arrays]: ...
+    def pull(self, residuals: Arrays, cotangents: Arrays) -> tuple[Operator, Arrays, Pick]: ...
+    def split(self, arrays: Arrays) -> tuple[Arrays, Arrays]: ...
+
+
+class Point:
+    """A function of columns, on rows (count, size)."""
+
+    def __init__(
+        self, function: ca.Function, core: Core, check: Check | None = None, origin: Operator | None = None
+    ) -> None:
+        self.name, self.function, self.origin = function.name(), function, origin
+        self._core, self._check = core, check
+        self._batch = Batch(function, core.library)
+
+    def __call__(self, arrays: Sequence[Array]) -> list[Array]:
+        """Outputs of inputs."""
+        if self._check is not None:
+            self._check(arrays)
+        return self._batch(len(arrays[0]), arrays)
+
+    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """Shapes of the outputs."""
+        return [(shapes[0][0], self.function.nnz_out(k)) for k in range(self.function.n_out())]
+
+    def residuals(self, inputs: Arrays, outputs: Arrays) -> Arrays:
+        """The inputs."""
+        return inputs
+
+    def push(self, residuals: Arrays, tangents: Arrays) -> tuple[Operator, Arrays]:
+        """Tangents forward."""
+        return self.forward, [*residuals, *tangents]
+
+    def pull(self, residuals: Arrays, cotangents: Arrays) -> tuple[Operator, Arrays, Pick]:
+        """Cotangents back."""
+        return self.reverse, [*residuals, *cotangents], list
+
+    def split(self, arrays: Arrays) -> tuple[Arrays, Arrays]:
+        """Residuals and tangents."""
+        count = self.function.n_in()
+        return arrays[:count], arrays[count:]
+
+    @cached_property
+    def forward(self) -> Point:
+        """(inputs, tangents) -> tangents of the outputs."""
+        given, tangents, found = derivative(self.function, forward=True)
+        return Point(_function(f"{self.name}_jvp", [*given, *tangents], found), self._core, origin=self)
+
+    @cached_property
+    def reverse(self) -> Point:
+        """(inputs, cotangents) -> cotangents of the inputs."""
+        given, cotangents, found = derivative(self.function, forward=False)
+        return Point(_function(f"{self.name}_vjp", [*given, *cotangents], found), self._core)
+
+
+class Recursion:
+    """The function of a step, (carry, *signals) -> (next carry, *results), with those of its derivatives.
+
+    ``like`` is, per result, the number of the signal that has as many rows in time. ``back``: from the last step on.
+    """
+
+    def __init__(self, function: ca.Function, core: Core, like: Sequence[int] = (), back: bool = False) -> None:
+        self.function, self.like, self.back = function, tuple(like), back
+        self._core = core
+        self._operators: dict[tuple[int, Check | None], Rollout] = {}
+        self.scan = Scan(function, core.library)
+
+    def over(self, steps: int, check: Check | None = None, origin: Operator | None = None) -> Rollout:
+        """The operator of a number of steps: each time the same one, by which toolkits find what they compiled."""
+        key = steps, check
+        if key not in self._operators:
+            self._operators[key] = Rollout(self, steps, check, origin)
+        return self._operators[key]
+
+    @cached_property
+    def forward(self) -> Recursion:
+        """(tangent of the carry, carry, *signals, *their tangents) -> tangents."""
+        given, tangents, found = derivative(self.function, forward=True)
+        made = _function(f"{self.function.name()}_jvp", [tangents[0], *given, *tangents[1:]], found)
+        return Recursion(made, self._core, [k + 1 for k in self.like], self.back)
+
+    @cached_property
+    def reverse(self) -> Recursion:
+        """(cotangent of the next carry, carry, *signals, own cotangent of the carry, those of the results).
+
+        Results are the cotangents of the signals; it goes in the other direction.
+        """
+        given, cotangents, (carry, *found) = derivative(self.function, forward=False)
+        own = type(carry).sym("own", carry.shape[0])
+        inputs = [cotangents[0], *given, own, *cotangents[1:]]
+        made = _function(f"{self.function.name()}_vjp", inputs, [carry + own, *found])
+        return Recursion(made, self._core, [k + 1 for k in range(len(given) - 1)], not self.back)
+
+
+class Rollout:
+    """A recursion over a number of steps: of a carry (count, size) and signals (count, rows, size)."""
+
+    def __init__(self, recursion: Recursion, steps: int, check: Check | None, origin: Operator | None) -> None:
+        self.name, self.recursion, self.steps, self.origin = recursion.function.name(), recursion, steps, origin
+        self._check = check
+
+    def __call__(self, arrays: Sequence[Array]) -> list[Array]:
+        """The carry's trajectory (count, steps + 1, size), then results (count, rows, size)."""
+        rows = [arrays[1 + k].shape[1] for k in self.recursion.like]
+        found = self.recursion.scan(self.steps, arrays, rows, self.recursion.back)
+        if self._check is not None:
+            self._check([*arrays, found[0]])
+        return found
+
+    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """Shapes of the outputs."""
+        f, count = self.recursion.function, shapes[0][0]
+        times = [self.steps + 1, *(shapes[1 + k][1] for k in self.recursion.like)]
+        return [(count, time, f.nnz_out(k)) for k, time in enumerate(times)]
+
+    def _parts(self, trajectory: Any) -> tuple[Any, Any]:
+        """Of a trajectory what is before each step, and what is after the last, in the direction of the recursion."""
+        return (trajectory[:, 1:], trajectory[:, 0]) if self.recursion.back else (trajectory[:, :-1], trajectory[:, -1])
+
+    def residuals(self, inputs: Arrays, outputs: Arrays) -> Arrays:
+        """The carry before each step, and the signals."""
+        return [self._parts(outputs[0])[0], *inputs[1:]]
+
+    def push(self, residuals: Arrays, tangents: Arrays) -> tuple[Operator, Arrays]:
+        """Tangents forward."""
+        operator = self.recursion.forward.over(self.steps, origin=self)
+        return operator, [tangents[0], *residuals, *tangents[1:]]
+
+    def pull(self, residuals: Arrays, cotangents: Arrays) -> tuple[Operator, Arrays, Pick]:
+        """Cotangents back."""
+        own, last = self._parts(cotangents[0])
+        operator = self.recursion.reverse.over(self.steps)
+        first = -1 if self.recursion.back else 0
+        arrays = [last, *residuals, own, *cotangents[1:]]
+        return operator, arrays, lambda found: [found[0][:, first], *found[1:]]
+
+    def split(self, arrays: Arrays) -> tuple[Arrays, Arrays]:
+        """Residuals and tangents."""
+        count = self.recursion.function.n_in()
+        return arrays[1 : 1 + count], [arrays[0], *arrays[1 + count :]]
+
+
+def derivative(function: ca.Function, *, forward: bool) -> tuple[list[Any], list[Any], list[Any]]:
+    """Symbols of the inputs and of tangents (cotangents), and the expressions of those that result, as columns."""
+    straight = function.is_a("SXFunction")
+    kind: Any = ca.SX if straight else ca.MX
+    ins = [(function.name_in(k), function.size_in(k)) for k in range(function.n_in())]
+    outs = [(function.name_out(k), function.size_out(k)) for k in range(function.n_out())]
+    given: list[Any] = [kind.sym(name, *size) for name, size in ins]
+    # Straight-line derivatives compute anew what they need of the outputs. Inlined, calls stay those of such functions.
+    values = [kind(*size) for _, size in outs] if straight else function.call(given, True)
+    seeds = [kind.sym(f"d_{name}", size[0] * size[1]) for name, size in (ins if forward else outs)]
+    shaped = [ca.reshape(seed, *size) for seed, (_, size) in zip(seeds, ins if forward else outs, strict=True)]
+    derived = function.forward(1) if forward else function.reverse(1)
+    found = derived.call([*given, *values, *shaped], True)
+    return given, seeds, [ca.vec(ca.densify(value)) for value in found]
+
+
+def _function(name: str, given: list[Any], found: list[Any]) -> ca.Function:
+    straight = all(isinstance(value, ca.SX) for value in found)
+    return ca.Function(name, given, ca.cse(found) if straight else found)
