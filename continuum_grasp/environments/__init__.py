@@ -16,3 +16,10 @@ if TYPE_CHECKING:
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+
+from importlib.util import find_spec  # noqa: E402
+
+if find_spec("gymnasium") is not None:
+    from continuum_grasp.environments.tasks import register
+
+    register()

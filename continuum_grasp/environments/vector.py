@@ -345,7 +345,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         plants, count = self._plants, len(chosen)
         x, held = plants.start[chosen], np.tile(plants.model.rest_input, (count, 1))
         p, w = plants.p[chosen], plants.forces[chosen]
-        rows, readings = self._rows(chosen, np.zeros(count, dtype=np.int64)), self._first_readings(chosen)
+        rows, readings = self._rows(chosen, np.zeros(count, dtype=np.int64)), np.zeros((count, self._periods.sizes["y"]))
         found, lost = np.full((len(commands), count, 2), np.nan), np.zeros(count, dtype=np.bool_)
         for k, asked in enumerate(commands):
             u = np.ascontiguousarray(np.clip(asked, held - self._change, held + self._change))
@@ -354,9 +354,6 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
             found[k, ~lost] = readings[~lost, -2:]
             x[lost], held = plants.start[chosen][lost], u
         return found
-
-    def _first_readings(self, chosen: NDArray[np.int64]) -> Array:
-        return np.zeros((len(chosen), self._periods.sizes["y"]))
 
     # -- episodes -----------------------------------------------------------------------------------------------------
 
@@ -387,7 +384,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         if asked:
             raise InputError(f"expected reset_mask or scene, got {', '.join(map(repr, asked))}", key="options")
         lanes = np.ones(self.num_envs, dtype=np.bool_) if mask is None else np.asarray(mask)
-        if lanes.shape != (self.num_envs,) or lanes.dtype != np.bool_ or not (lanes.any() and (mask is None or True)):
+        if lanes.shape != (self.num_envs,) or lanes.dtype != np.bool_ or not lanes.any():
             raise InputError(f"expected ({self.num_envs},) of bool, some of them true", key="options.reset_mask")
         if not self._begun and not lanes.all():
             raise InputError("the first reset is of all plants", key="options.reset_mask")
