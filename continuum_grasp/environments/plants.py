@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 
 MOST_SCENES = 100_000
 """Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""
-_PROBES = 4
-"""States at which a plant with run-time parameters is compared with one that is built from its own scene [1]."""
+_PROBES, _SHAPES = 4, 400
+"""States at which a plant with run-time parameters is compared with one that is built from its own scene, in free space
+and in contact, and shapes among which those that touch are looked for [1]."""
 _ROUNDING = 1e-8
 """Greatest relative difference between the two [1]: folded constants round otherwise, by 1e-13; a parameter that is
 missing changes digits that can be seen."""
@@ -139,10 +140,26 @@ def plants_of(
         np.ascontiguousarray(table),
         periods,
     )
-    # Any draw changes all of its keys; the ends of a grid differ in all of its axes.
-    for k in sorted({len(scenes) // 2, len(scenes) - 1} - {0}):
+    for k in _that_differ(values):
         _check_plant(found, k)
     return found
+
+
+def _that_differ(values: Sequence[tuple[Any, ...]]) -> list[int]:
+    """Few scenes that have another value than the first one of every key that varies."""
+    found: list[int] = []
+    for key, own in enumerate(values[0]):
+        if not any(values[k][key] != own for k in found):
+            found += [k for k in reversed(range(len(values))) if values[k][key] != own][:1]
+    return found
+
+
+def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
+    """The part of a scene's object and contacts that no parameter or state has."""
+    body, law = scene.object, scene.contact_law
+    if body is not None:
+        body = body.replaced(mass=1.0, position=(0.0, 0.0), angle=0.0 if scene.object_moves else body.angle)
+    return body, law if law is None else law.replaced(friction=1.0), scene.supports, scene.table, scene.object_moves
 
 
 def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) -> None:
@@ -151,6 +168,12 @@ def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) 
     for name in ("controller", "estimator", "duration", "input_limits", "rest_input", "fidelity", "contacts"):
         if getattr(scene, name) != getattr(first, name):
             raise InputError(f"all plants of an environment have the same {name}, which {varied} changes", key="sample")
+    if _of_contact(scene) != _of_contact(first):
+        raise InputError(
+            f"all plants of an environment have the same surroundings but for friction of contact_law, position of a "
+            f"fixed object, and mass and start of one that moves, which {varied} changes",
+            key="sample",
+        )
     for name in ("fidelity", "drive_order", "noise", "delay", "seed"):
         if getattr(scene.plant, name) != getattr(first.plant, name):
             raise InputError(f"all plants of an environment have the same plant.{name}", key="sample")
@@ -213,8 +236,10 @@ def _check_plant(plants: Plants, k: int) -> None:
         prediction = Prediction(scene)
         if not np.allclose(own.start, plants.start[k], rtol=_ROUNDING, atol=1e-12):
             why = "its plant starts elsewhere"
-        elif not _equal(_probed(own, prediction, own.p, scene), _probed(shared, plants.prediction, plants.p[k], scene)):
-            why = "its plant moves otherwise"
+        else:
+            given = _probes(plants, k)
+            pair = _probed(own, prediction, own.p, given), _probed(shared, plants.prediction, plants.p[k], given)
+            why = None if _equal(*pair) else "its plant moves otherwise"
     if why is not None:
         varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
         known = ", ".join(sorted(_values(plant_scene(plants.scenes[0]))))
@@ -226,25 +251,46 @@ def _check_plant(plants: Plants, k: int) -> None:
         )
 
 
-def _probed(model: PlantModel, prediction: Prediction, p: Array, scene: ControlScene) -> Array:
-    """Rates, and what is read off the shape, at some states near the start."""
+def _probes(plants: Plants, k: int) -> tuple[Array, Array, Array, Array]:
+    """States (count, nx), inputs, inputs before, and forces at which two models of a scene are compared.
+
+    Those of bent fingers, and where there is an object some that touch it: what does not act is not compared.
+    """
+    model, scene = plants.model, plants.scenes[k]
+    system, rng = model.system, np.random.default_rng(0)
+    n, reach = system.n, np.array(system.finger_model.structure.coordinate_limits())
+    states = np.tile(plants.start[k], (_SHAPES, 1))
+    states[:, :n] += 0.8 * reach * rng.uniform(-1.0, 1.0, (_SHAPES, n))
+    states[:, n : 2 * n] += reach * rng.uniform(-1.0, 1.0, (_SHAPES, n))
+    others = states[:, 2 * n :]
+    others += 0.1 * (1.0 + np.abs(others)) * rng.uniform(0.0, 1.0, others.shape)
+    low, high = np.array(scene.input_limits)
+    u, held = rng.uniform(low, high, (2, _SHAPES, model.nu))
+    w = model.forces(0.0)[0] + 0.1 * rng.uniform(-1.0, 1.0, (_SHAPES, model.nw))  # [N], [N m]
+    chosen = np.arange(_PROBES)
+    if system.touch_names:
+        given = model.symbols
+        read = ca.Function("read", [*given], [model.tip, ca.vec(model.touch["gap"])])
+        mapped = [
+            np.array(value).T for value in read.map(_SHAPES)(states.T, u.T, w.T, np.tile(plants.p[k], (_SHAPES, 1)).T)
+        ]
+        pose = system.object_states
+        if pose.stop > pose.start:  # that moves: to where the tip is, but for some of its size
+            states[:, pose.start : pose.start + 2] = mapped[0] + 1e-3 * rng.uniform(-1.0, 1.0, (_SHAPES, 2))
+        else:
+            gaps = mapped[1].min(axis=1)
+            chosen = np.concatenate([chosen, np.argsort(np.where(gaps < 0.0, -gaps, np.inf))[:_PROBES]])
+    return states[chosen], u[chosen], held[chosen], w[chosen]
+
+
+def _probed(model: PlantModel, prediction: Prediction, p: Array, given: tuple[Array, Array, Array, Array]) -> Array:
+    """Rates, and what is read off the shape (count, size)."""
     x, u, w, parameters = model.symbols
     held = ca.SX.sym("held", model.nu)
     read = readings_of(model, prediction, {"held": held})
     values = ca.vertcat(model.forward_dynamics(x, u, w, parameters), read)
     function = ca.Function("probed", [x, u, held, w, parameters], [values])
-    rng, (low, high) = np.random.default_rng(0), np.array(scene.input_limits)
-    spread = np.zeros(model.nx)
-    n = model.system.n
-    spread[:n] = 0.2 * np.array(model.system.finger_model.structure.coordinate_limits())
-    spread[n : 2 * n] = 10.0 * spread[:n]
-    rows = []
-    for _ in range(_PROBES):
-        state = model.start + spread * rng.uniform(-1.0, 1.0, model.nx)
-        state[2 * n :] += 0.1 * rng.uniform(0.0, 1.0, model.nx - 2 * n) * (1.0 + np.abs(state[2 * n :]))
-        command, before = rng.uniform(low, high), rng.uniform(low, high)
-        rows.append(np.array(function(state, command, before, model.forces(0.0)[0], p)).ravel())
-    return np.array(rows)
+    return np.array([np.array(function(*row, p)).ravel() for row in zip(*given, strict=True)])
 
 
 def _equal(one: Array, other: Array) -> bool:

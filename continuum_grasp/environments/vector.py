@@ -39,8 +39,12 @@ _TOLERANCE = 1e-4
 """Greatest error of the tip's position that steps in time may leave, per length [1]: that of ``time.tolerance``."""
 _SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Steps of RK4 per period that are tried [1]."""
+_STABLE = 2.7
+"""Greatest product of step and fastest rate of RK4 [1]."""
 _TRIED_PLANTS, _TRIED_PERIODS, _HELD_PERIODS = 16, 100, 7
 """Plants and periods of the motions that are compared, and how long these hold a random command [1]."""
+_LEFT = 4
+"""Least number of plants that must be within the range of their model at the end of these motions [1]."""
 _FRICTION = 2.0
 """Greatest friction state [1]; one that slides is 1, and a step may overshoot."""
 _AWAY = 10.0
@@ -153,7 +157,9 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._change = math.inf if most is None else most * self._period
         model = plants.model
         self.x_names, self.action_names = model.x_names, model.u_names
-        self._method = choose_method(model, self._period)
+        self._radius = choose_method(model, self._period).radius
+        if substeps is None and self._radius * self._period > _STABLE * _SUBSTEPS[-1]:
+            raise self._too_stiff(f"more than {_SUBSTEPS[-1]} steps of RK4 in a period of {self._period:g} s")
         self._sense(sensors)
         self._prepare_setpoints()
         self._make_spaces()
@@ -290,15 +296,18 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         # Above the shape at rest, which is zero of a finger that is straight; a start may be bent.
         bounds[:n] = np.stack([np.minimum(centers[0], 0.0) - reach, np.maximum(centers[1], 0.0) + reach], axis=1)
         # Rates of the fastest mode at that amplitude, as the estimator has it.
-        bounds[n : 2 * n] = self._method.radius * np.stack([-reach, reach], axis=1)
+        bounds[n : 2 * n] = self._radius * np.stack([-reach, reach], axis=1)
         base, length = np.array(model.scene.finger.base.position), model.scene.finger.rod.length
         pose = system.object_states
         for k in range(min(2, pose.stop - pose.start)):
             bounds[pose.start + k] = base[k] - _AWAY * length, base[k] + _AWAY * length
         bounds[system.friction_states] = -_FRICTION, _FRICTION
-        scenes = self._plants.scenes
+        scenes = plants.scenes
         lags = [t.time_constant for s in scenes for t in s.finger.tendon_list if t.time_constant is not None]
         lags += [s.plant.time_constant for s in scenes if s.plant.time_constant is not None]
+        for k, name in enumerate(model.x_names):
+            if name.startswith(("length_", "motor_angle_")) and "_rate" not in name:
+                bounds[k] = measurement_range(scenes[0], plants.prediction, name)
         for k, name in enumerate(self.action_names):
             if name not in model.x_names[system.nx :]:
                 continue
@@ -320,23 +329,34 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         rng = np.random.default_rng(0)
         length = max(scene.finger.rod.length for scene in plants.scenes)
         commands = rng.uniform(self._low, self._high, (_TRIED_PERIODS, _TRIED_PLANTS, len(self._low)))
-        commands = np.repeat(commands[:: _HELD_PERIODS], _HELD_PERIODS, axis=0)
+        commands = np.repeat(commands[::_HELD_PERIODS], _HELD_PERIODS, axis=0)
+        # From gentle motions to those of the whole range of commands, in which a plant may leave that of its model.
+        share = np.linspace(0.1, 1.0, _TRIED_PLANTS)[:, None]
+        rest = plants.model.rest_input
+        commands = rest + share * (commands - rest)
         ends: dict[int, Array] = {}
         error = math.inf
         for substeps in _SUBSTEPS:
-            coarse, fine = (
-                ends.setdefault(k, self._tips(chosen, commands, k)) for k in (substeps, 2 * substeps)
-            )
-            both = np.isfinite(fine).all(axis=2)
-            if both.any() and np.isfinite(coarse[both]).all():
+            for k in (substeps, 2 * substeps):
+                if k not in ends:
+                    ends[k] = self._tips(chosen, commands, k)
+            coarse, fine = ends[substeps], ends[2 * substeps]
+            within = np.isfinite(fine).all(axis=2)
+            # Steps that are too long for all plants lose them at once.
+            if within[-1].sum() >= _LEFT and np.isfinite(coarse[within]).all():
                 # Of order 4: 16/15 of the difference to half the step.
-                error = 16.0 / 15.0 * float(np.linalg.norm((coarse - fine)[both], axis=1).max()) / length
+                error = 16.0 / 15.0 * float(np.linalg.norm((coarse - fine)[within], axis=1).max()) / length
                 if error <= _TOLERANCE:
                     return substeps, error
-        raise InputError(
-            f"{_SUBSTEPS[-1]} steps of RK4 in a period of {self._period:g} s leave an error of {error:.2g} of the "
-            f"length (expected {_TOLERANCE:g}; fastest rate {self._method.radius:.3g} 1/s): this plant is too stiff for "
-            "vector lanes; take fewer elements (matched_clothoid with 2), a softer contact_law, or give substeps",
+        raise self._too_stiff(
+            f"more than {_SUBSTEPS[-1]} steps of RK4 in a period of {self._period:g} s, which leave an error of "
+            f"{error:.2g} of the length (expected {_TOLERANCE:g})"
+        )
+
+    def _too_stiff(self, needs: str) -> InputError:
+        return InputError(
+            f"this plant needs {needs}; its fastest rate is {self._radius:.3g} 1/s: take fewer elements "
+            "({family: matched_clothoid, elements: 2}), a softer contact_law or slower commands",
             key="plant.fidelity",
         )
 
@@ -345,7 +365,10 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         plants, count = self._plants, len(chosen)
         x, held = plants.start[chosen], np.tile(plants.model.rest_input, (count, 1))
         p, w = plants.p[chosen], plants.forces[chosen]
-        rows, readings = self._rows(chosen, np.zeros(count, dtype=np.int64)), np.zeros((count, self._periods.sizes["y"]))
+        rows, readings = (
+            self._rows(chosen, np.zeros(count, dtype=np.int64)),
+            np.zeros((count, self._periods.sizes["y"])),
+        )
         found, lost = np.full((len(commands), count, 2), np.nan), np.zeros(count, dtype=np.bool_)
         for k, asked in enumerate(commands):
             u = np.ascontiguousarray(np.clip(asked, held - self._change, held + self._change))

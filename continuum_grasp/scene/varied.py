@@ -39,8 +39,11 @@ def _way_in_si(key: Any, way: Any, shapes: Sequence[Shape]) -> Any:
         path = path_of(key, "")
     except (InputError, TypeError):  # reported where the key is looked up in the scene
         return way
-    shape = next((one for one in shapes if one.unit(path, None)), shapes[0])
     found = dict(way) if isinstance(way, dict) else {}
+    texts = [one for one in found.values() for one in (one if isinstance(one, list | tuple) else [one])]
+    if not any(isinstance(one, str | list | tuple | dict) for one in texts):
+        return way
+    shape = next((one for one in shapes if one.unit(path, None)), shapes[0])
     for name in _IN_UNIT & found.keys():
         given = found[name]
         several = isinstance(given, list | tuple)
