@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -66,9 +65,3 @@ def _lane_functions(*functions: ca.Function) -> str:
     if not found:
         raise InputError("this plant has an operation without vector code, so that environments cannot run it in lanes")
     return found
-
-
-def function(name: str, given: dict[str, ca.SX], value: ca.SX) -> ca.Function:
-    """A dense SX function of named inputs."""
-    values: Sequence[ca.SX] = ca.cse([ca.densify(ca.SX(value))])
-    return ca.Function(f"environment_{name}", [*given.values()], values, [*given], ["y"])

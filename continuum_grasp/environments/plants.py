@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -44,7 +45,7 @@ class Plants:
     """All plants that an environment draws from.
 
     ``p`` (D, np), ``start`` (D, nx) and ``forces`` (D, nw) have a row per scene; ``setpoints`` (D or 1, K + 1 or 1, nr)
-    are at the ends of periods, constant ones once.
+    are at the ends of ``periods`` of length ``period`` [s], constant ones once.
     """
 
     scenes: tuple[ControlScene, ...]
@@ -58,6 +59,18 @@ class Plants:
     forces: Array
     setpoints: Array
     periods: int
+    period: float
+
+    def rows(self, drawn: NDArray[np.int64], at: NDArray[np.int64]) -> Array:
+        """Setpoints (count, nr) of scenes at the starts of periods; after the last one these are held."""
+        scenes, times, width = self.setpoints.shape
+        table = self.setpoints.reshape(-1, width)
+        if len(table) == 1:
+            return np.repeat(table, len(drawn), axis=0)
+        # What does not vary has one row.
+        places = drawn * (times * (scenes > 1)) + np.minimum(at, self.periods) * (times > 1)
+        found: Array = np.take(table, places, axis=0)
+        return found
 
 
 def scenes_of(
@@ -65,7 +78,7 @@ def scenes_of(
 ) -> tuple[tuple[ControlScene, ...], tuple[str, ...], tuple[tuple[Any, ...], ...]]:
     """The scenes of an environment, and of a sweep its varied keys and their values in each scene."""
     if isinstance(given, (str, os.PathLike)):
-        loaded: Any = load(given)
+        loaded: Any = load(Path(given))
         if not isinstance(loaded, (ControlScene, Sweep)):
             raise other_kind(given, (ControlScene, Sweep), loaded)
         given = given if isinstance(loaded, Sweep) else loaded
@@ -139,6 +152,7 @@ def plants_of(
         np.array([_forces(model, one) for one in around]),
         np.ascontiguousarray(table),
         periods,
+        first.controller.step,
     )
     for k in _that_differ(values):
         _check_plant(found, k)

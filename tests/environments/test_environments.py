@@ -47,12 +47,10 @@ TOUCHING = {
 
 
 @cache
-def envs(
-    which: str = "free", sensors: str | None = "state", mode: str = "NextStep", count: int = 12
-) -> FingerVectorEnv:
+def envs(which: str = "free", sensors: str | None = "state", mode: str = "NextStep") -> FingerVectorEnv:
     """Compiled once for all tests, which begin with a reset."""
     scene = {"free": SWEEP, "touching": TOUCHING}[which]
-    return FingerVectorEnv(scene, count, sensors=sensors, autoreset_mode=AutoresetMode(mode))
+    return FingerVectorEnv(scene, 12, sensors=sensors, autoreset_mode=AutoresetMode(mode))
 
 
 def commands(env: FingerVectorEnv, steps: int, seed: int = 0, share: float = 0.15) -> np.ndarray:
@@ -68,7 +66,7 @@ def commands(env: FingerVectorEnv, steps: int, seed: int = 0, share: float = 0.1
 @pytest.mark.parametrize("which", ["free", "touching"])
 def test_a_plant_is_that_of_its_scene(which):
     """Plant k moves as RK4 steps of a plant that is built and compiled from scene k alone, to rounding."""
-    env = envs(which, count=12)
+    env = envs(which)
     env.reset(seed=0, options={"scene": np.arange(12) % len(env.scenes)})
     start, period = env.x.copy(), env.scenes[0].controller.step
     chosen, moved = [0, 1, 5], []
@@ -139,7 +137,7 @@ def test_rewards_are_those_of_the_controllers_stages():
         _, reward, *_ = env.step(u)
         for k in range(6):
             moment = _controller_state(env, x[k], held[k])
-            r = env._table[0]
+            r = env._plants.setpoints[0, 0]
             expected = stages.cost(moment, env._u[k], stages.p_nominal, r, stages.weights)[0]
             assert reward[k] == pytest.approx(-float(expected), rel=1e-9)
 
@@ -212,7 +210,7 @@ def test_scenes_that_are_no_environment(scene, message):
 
 
 def test_sweeps_of_closed_loops_are_for_environments(tmp_path):
-    with pytest.raises(InputError, match="are for continuum_grasp.environments"):
+    with pytest.raises(InputError, match=r"are for continuum_grasp\.environments"):
         cg.sweep(SWEEP, folder=tmp_path)
 
 
@@ -334,7 +332,7 @@ def test_sensors_are_those_of_the_plant():
     """Noise and delay of the estimator's sensors; the readings behind them are those of the closed loop's plant."""
     scene = cg.load(SWEEP["scene"], {**SWEEP["set"], "plant.noise": 0.0, "estimator.delay": 0.02})
     env = FingerEnv(scene, substeps=8)
-    assert env.lanes.sensor_names == ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
+    assert env.lanes._sensing.names == ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
     plant = cg.closed_loop.Plant(scene)
     observation, _ = env.reset(seed=0)
     for u in commands(env.lanes, 15)[:, 0]:
@@ -346,10 +344,10 @@ def test_sensors_are_those_of_the_plant():
 def test_noise_has_the_deviation_of_the_sensors():
     env = envs(sensors=None)
     env.reset(seed=0, options={"scene": 0})
-    assert env._std.tolist() == [3e-4, 3e-4, 0.1, 0.1]
+    assert env._sensing.std.tolist() == [3e-4, 3e-4, 0.1, 0.1]
     many = np.array([env._observation()[:, :4] for _ in range(400)])
     # 4,800 draws each: a standard error of 1 %.
-    np.testing.assert_allclose((many - many.mean(axis=0)).std(axis=(0, 1)), env._std, rtol=0.05)
+    np.testing.assert_allclose((many - many.mean(axis=0)).std(axis=(0, 1)), env._sensing.std, rtol=0.05)
 
 
 def test_fewer_sensors():
@@ -368,8 +366,9 @@ def test_setpoints_ahead():
     for _ in range(7):
         observation, *_ = env.step([1.0, 1.0])
     shown = observation[-6:].reshape(3, 2)
-    np.testing.assert_allclose(shown, env.lanes._table[[7, 22, 37], :2], rtol=1e-6, atol=1e-8)
-    np.testing.assert_allclose(env.lanes._table[10, :2], [-0.01201, 0.17946], atol=1e-12)  # of the file, at 0.1 s
+    rows = env.lanes._plants.setpoints[0, :, :2]
+    np.testing.assert_allclose(shown, rows[[7, 22, 37]], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(rows[10], [-0.01201, 0.17946], atol=1e-12)  # of the file, at 0.1 s
     assert env.lanes.observation_names[-1] == "setpoint_tip_y [m] 0.3 s ahead"
 
 
@@ -382,7 +381,7 @@ def test_a_plant_out_of_range_is_terminated_and_charged():
     env.reset(seed=0)
     pull = np.tile([60.0, 1.0], (4, 1))
     pull[1:] = [8.0, 1.0]
-    for k in range(100):
+    for left in range(100, 0, -1):
         x, held = env.x.copy(), env._u.copy()
         observation, reward, terminated, _, info = env.step(pull)
         assert observation in env.observation_space
@@ -394,7 +393,7 @@ def test_a_plant_out_of_range_is_terminated_and_charged():
     alone.reset(seed=0)
     alone.x[:], alone._u[:] = x[:1], held[:1]
     cost = -alone.step(pull[:1])[1][0] / 100.0  # of its own first step, with 99 to go
-    assert reward[0] == pytest.approx(-cost * (100 - k), rel=1e-9)
+    assert reward[0] == pytest.approx(-cost * left, rel=1e-9)
 
 
 def test_a_plant_that_diverges_is_terminated_with_its_last_observation():
@@ -419,7 +418,7 @@ def test_a_plant_that_diverges_is_terminated_with_its_last_observation():
 
 def test_contact_forces():
     """Those of the controller's contacts, by the normal force of the plant itself."""
-    env = envs("touching", count=12)
+    env = envs("touching")
     env.reset(seed=0)
     low = env.single_action_space.low
     pull = np.tile([30.0, low[1]], (12, 1))
