@@ -30,7 +30,7 @@ from continuum_grasp.sweeps.worker import scene_data
 
 Array = NDArray[np.float64]
 
-MOST_SCENES = 100_000
+MOST_SCENES = 10_000
 """Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""
 _PROBES, _SHAPES = 4, 400
 """States at which a plant with run-time parameters is compared with one that is built from its own scene, in free space
@@ -61,16 +61,16 @@ class Plants:
     periods: int
     period: float
 
-    def rows(self, drawn: NDArray[np.int64], at: NDArray[np.int64]) -> Array:
-        """Setpoints (count, nr) of scenes at the starts of periods; after the last one these are held."""
-        scenes, times, width = self.setpoints.shape
-        table = self.setpoints.reshape(-1, width)
-        if len(table) == 1:
-            return np.repeat(table, len(drawn), axis=0)
-        # What does not vary has one row.
-        places = drawn * (times * (scenes > 1)) + np.minimum(at, self.periods) * (times > 1)
-        found: Array = np.take(table, places, axis=0)
-        return found
+
+def rows_of(table: NDArray[Any], drawn: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[Any]:
+    """Rows (count, width) of a table (scenes, periods, width), in which what does not vary has one entry."""
+    scenes, times, width = table.shape
+    flat = table.reshape(-1, width)
+    if len(flat) == 1:
+        return np.repeat(flat, len(drawn), axis=0)
+    places = drawn * (times * (scenes > 1)) + np.minimum(at, times - 1) * (times > 1)
+    found: NDArray[Any] = flat.take(places, axis=0)
+    return found
 
 
 def scenes_of(

@@ -24,7 +24,7 @@ STATE = "state"
 
 @dataclass(frozen=True)
 class Sensing:
-    """Columns of readings: ``names`` of sensors, then contact forces, then ``use`` of the range, x and y of the tip.
+    """Columns of readings: ``names`` of sensors, then contact forces, then use of the range, x and y of the tip.
 
     ``std`` is the noise of each sensor, ``late`` its delay in periods.
     """
@@ -40,11 +40,6 @@ class Sensing:
     def forces(self) -> slice:
         """Where contact forces are [N]."""
         return slice(len(self.names), len(self.names) + len(self.contacts))
-
-    @property
-    def use(self) -> int:
-        """Where the greatest share of its bending range is that an element uses [1]."""
-        return len(self.names) + len(self.contacts)
 
 
 def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
@@ -81,6 +76,7 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
         _function("slope", given, model.forward_dynamics(x, u, w, p)),
         _function("cost", {"x": x, "u": u, "held": held, "w": w, "p": p, "r": r}, cost),
         _function("readings", given, readings),
+        len(read) + len(touched),
     )
     contacts = tuple(model.system.touch_names[k] for k in touched)
     return Sensing(asked, tuple(read), np.array(std), late, contacts, periods)

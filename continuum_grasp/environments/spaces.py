@@ -23,15 +23,15 @@ _AWAY = 10.0
 
 @dataclass(frozen=True)
 class Observed:
-    """Entries of an observation: readings, the command before, setpoints ``columns`` at periods ``ahead``.
+    """Entries of an observation: readings, the command before, setpoints.
 
-    ``bounds`` (entries, 2) have the least and the greatest of each.
+    ``bounds`` (entries, 2) have the least and the greatest of each; ``setpoints`` (scenes or 1, periods or 1, width) are
+    those that are shown at the start of a period.
     """
 
     names: tuple[str, ...]
     bounds: Array
-    columns: NDArray[np.intp]
-    ahead: tuple[int, ...]
+    setpoints: NDArray[np.float32]
 
 
 def observed_of(plants: Plants, sensing: Sensing, of_state: Array) -> Observed:
@@ -45,7 +45,7 @@ def observed_of(plants: Plants, sensing: Sensing, of_state: Array) -> Observed:
     columns = np.flatnonzero([bool(term.reference) for term in terms for _ in term.names(cost, plants.prediction)])
     horizon = scene.controller.horizon
     length = round(horizon.stages * horizon.stage / plants.period)
-    ahead = (0, length // 2, length) if plants.setpoints.shape[1] > 1 else (0,)
+    ahead: tuple[int, ...] = (0, length // 2, length) if plants.setpoints.shape[1] > 1 else (0,)
     when = ["" if k == 0 else f" {k * plants.period:g} s ahead" for k in ahead]
     names = (
         *sensing.names,
@@ -56,7 +56,10 @@ def observed_of(plants: Plants, sensing: Sensing, of_state: Array) -> Observed:
     setpoints = np.stack([shown.min(axis=0), shown.max(axis=0)], axis=1)
     command = np.transpose(scene.input_limits)
     bounds = np.vstack([np.reshape(sensed, (-1, 2)), command, np.tile(setpoints, (len(ahead), 1))])
-    return Observed(names, bounds, columns, ahead)
+    times = plants.setpoints.shape[1]
+    later = np.minimum(np.arange(times)[:, None] + np.array(ahead), times - 1)
+    table = plants.setpoints[:, later][..., columns].astype(np.float32)
+    return Observed(names, bounds, np.ascontiguousarray(table.reshape(*table.shape[:2], -1)))
 
 
 def single_precision(bounds: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.environments.plants import Plants
+from continuum_grasp.environments.plants import Plants, rows_of
 from continuum_grasp.environments.sensing import Sensing
 from continuum_grasp.errors import InputError
 
@@ -86,12 +86,16 @@ def _tips(
     count, periods = len(chosen), sensing.periods
     x, held = plants.start[chosen], np.tile(plants.model.rest_input, (count, 1))
     p, w = plants.p[chosen], plants.forces[chosen]
-    readings, rows = np.zeros((count, periods.sizes["y"])), plants.rows(chosen, np.zeros(count, dtype=np.int64))
+    readings, rows = (
+        np.zeros((count, periods.sizes["y"])),
+        rows_of(plants.setpoints, chosen, np.zeros(count, dtype=np.int64)),
+    )
+    everything = np.tile([-np.inf, np.inf], (x.shape[1], 1)).T.copy()
     found, lost = np.full((len(commands), count, 2), np.nan), np.zeros(count, dtype=np.bool_)
     for k, asked in enumerate(commands):
         u = np.clip(asked, held - change, held + change)
-        _, stopped = periods(x, u, held, w, p, rows, readings, substeps, plants.period / substeps)
-        lost |= stopped | (readings[:, sensing.use] > 1.0)
+        _, stopped = periods(x, u, held, w, p, rows, everything, readings, substeps, plants.period / substeps)
+        lost |= stopped > 0
         found[k, ~lost] = readings[~lost, -2:]
         x[lost], held = plants.start[chosen][lost], u
     return found

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.closed_loop.plant import choose_method
-from continuum_grasp.environments.plants import Plants, plants_of, scenes_of
+from continuum_grasp.environments.plants import Plants, plants_of, rows_of, scenes_of
 from continuum_grasp.environments.sensing import sensing_of
 from continuum_grasp.environments.spaces import observed_of, single_precision, state_bounds
 from continuum_grasp.environments.substeps import check_stiffness, choose_substeps
@@ -141,8 +141,9 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
             check_stiffness(radius, plants.period)
         self._sensing = sensing_of(plants, sensors)
         self.sensors, self.contact_names = self._sensing.sensors, self._sensing.contacts
-        self._x_bounds = state_bounds(plants, radius)
-        self._observed = observed_of(plants, self._sensing, self._x_bounds)
+        of_state = state_bounds(plants, radius)
+        self._x_bounds = np.ascontiguousarray(of_state.T)
+        self._observed = observed_of(plants, self._sensing, of_state)
         self.observation_names = self._observed.names
         self._least, self._most = single_precision(self._observed.bounds)
         self.single_observation_space = Box(self._least, self._most, dtype=np.float32)
@@ -155,8 +156,9 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         # Readings at the start, with the command at rest.
         rest = np.tile(model.rest_input, (len(plants.p), 1))
         self._first = np.empty((len(plants.p), self._sensing.periods.sizes["y"]))
-        rows = plants.rows(np.arange(len(plants.p)), np.zeros(len(plants.p), dtype=np.int64))
-        self._sensing.periods(plants.start.copy(), rest, rest, plants.forces, plants.p, rows, self._first, 0, 0.0)
+        rows = rows_of(plants.setpoints, np.arange(len(plants.p)), np.zeros(len(plants.p), dtype=np.int64))
+        at_rest = plants.start.copy(), rest, rest, plants.forces, plants.p, rows
+        self._sensing.periods(*at_rest, self._x_bounds, self._first, 0, 0.0)
         count = self.num_envs
         self.drawn = np.zeros(count, dtype=np.int64)
         self.x, self._u = np.empty((count, model.nx)), np.empty((count, model.nu))
@@ -164,7 +166,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._at = np.zeros(count, dtype=np.int64)
         self._readings = np.empty((count, self._first.shape[1]))
         self._past = np.empty((self._sensing.late + 1, count, len(self._sensing.names)))
-        self._noisy = bool(self._sensing.std.any())
+        self._std = self._sensing.std.astype(np.float32)
+        self._noisy = bool(self._std.any())
         self._done = np.ones(count, dtype=np.bool_)
         self._begun = False
 
@@ -252,18 +255,15 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         held = self._u
         u = np.clip(asked, np.maximum(self._low, held - self._change), np.minimum(self._high, held + self._change))
         plants = self._plants
-        rows = plants.rows(self.drawn, self._at)
-        cost, stopped = self._sensing.periods(
-            self.x, u, held, self._w, self._p, rows, self._readings, self.substeps, plants.period / self.substeps
-        )
+        rows = rows_of(plants.setpoints, self.drawn, self._at)
+        arrays = self.x, u, held, self._w, self._p, rows, self._x_bounds, self._readings
+        cost, stopped = self._sensing.periods(*arrays, self.substeps, plants.period / self.substeps)
         self._u = u
         self._at += 1
         if self._sensing.late:
             self._past[:-1] = self._past[1:]
         self._past[-1] = self._readings[:, : len(self._sensing.names)]
-        beyond = self._readings[:, self._sensing.use] > 1.0
-        beyond |= ((self.x < self._x_bounds[:, 0]) | (self.x > self._x_bounds[:, 1])).any(axis=1)
-        terminated = stopped | beyond
+        terminated = stopped > 0
         reward = -cost
         info: dict[str, Any] = {}
         if terminated.any() or (self._at >= self._plants.periods).any() or waiting.any():
@@ -281,7 +281,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     def _end(
         self,
         reward: Array,
-        stopped: NDArray[np.bool_],
+        stopped: NDArray[np.int8],
         terminated: NDArray[np.bool_],
         waiting: NDArray[np.bool_],
         info: dict[str, Any],
@@ -296,7 +296,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         if self._done.any():
             why = np.full(self.num_envs, None, dtype=object)
             why[over], why[terminated] = Ended.TIME.value, Ended.RANGE.value
-            why[terminated & stopped] = Ended.DIVERGED.value
+            why[terminated & (stopped == 1)] = Ended.DIVERGED.value
             info |= {"ended": why, "_ended": self._done.copy()}
 
     def _begin_at_once(self, info: dict[str, Any]) -> None:
@@ -318,15 +318,13 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         return {"contact_force": self._readings[:, self._sensing.forces].copy(), "_contact_force": everywhere}
 
     def _observation(self) -> NDArray[np.float32]:
-        sensed = self._past[0]
-        if self._noisy:
-            sensed = sensed + self._sensing.std * self.np_random.standard_normal(sensed.shape)
-        a, b = sensed.shape[1], sensed.shape[1] + self._u.shape[1]
+        a, b = self._past.shape[2], self._past.shape[2] + self._u.shape[1]
         found = np.empty((self.num_envs, len(self._least)), dtype=np.float32)
-        found[:, :a], found[:, a:b] = sensed, self._u
-        shown = self._observed
-        for k, ahead in enumerate(shown.ahead):
-            at = b + k * len(shown.columns)
-            rows = self._plants.rows(self.drawn, self._at + ahead)
-            found[:, at : at + len(shown.columns)] = rows[:, shown.columns]
-        return np.clip(found, self._least, self._most, out=found)
+        sensed = found[:, :a]
+        sensed[:] = self._past[0]
+        if self._noisy:
+            sensed += self._std * self.np_random.standard_normal(sensed.shape, dtype=np.float32)
+        np.clip(sensed, self._least[:a], self._most[:a], out=sensed)
+        found[:, a:b] = self._u
+        found[:, b:] = rows_of(self._observed.setpoints, self.drawn, self._at)
+        return found

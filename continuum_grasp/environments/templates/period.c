@@ -1,7 +1,7 @@
-/* One control period of many plants: steps of RK4 under a constant input, in lanes. ``ended`` receives 0, or 1 where a
- * number is not finite: then x and the readings of that plant stay as they were. */
+/* One control period of many plants: steps of RK4 under a constant input, in lanes. ``ended`` receives 0; 1 where a number
+ * is not finite: then x and the readings of that plant stay as they were; 2 where it left the range of its model. */
 void environment_period(long long count, long long sub, double h, double *x, const double *u, const double *held,
-    const double *w, const double *p, const double *r, double *cost, double *readings, signed char *ended)
+    const double *w, const double *p, const double *r, const double *bounds, double *cost, double *readings, signed char *ended)
 {
   cg_lanes vx[<<nx1>>], at[<<nx1>>], slope[<<nx1>>], sum[<<nx1>>], vu[<<nu1>>], vheld[<<nu1>>], vw[<<nw1>>], vp[<<np1>>];
   cg_lanes vr[<<nr1>>], vcost[1], vread[<<ny1>>];
@@ -37,7 +37,11 @@ void environment_period(long long count, long long sub, double h, double *x, con
       for (int j = 0; j < <<nx>>; ++j) ended[b + l] |= !(vx[j][l] - vx[j][l] == 0);
       for (int j = 0; j < <<ny>>; ++j) ended[b + l] |= !(vread[j][l] - vread[j][l] == 0);
       if (ended[b + l]) continue;
-      for (int j = 0; j < <<nx>>; ++j) x[(b + l) * <<nx>> + j] = vx[j][l];
+      if (vread[<<use>>][l] > 1) ended[b + l] = 2;
+      for (int j = 0; j < <<nx>>; ++j) {
+        if (vx[j][l] < bounds[j] || vx[j][l] > bounds[<<nx>> + j]) ended[b + l] = 2;
+        x[(b + l) * <<nx>> + j] = vx[j][l];
+      }
       for (int j = 0; j < <<ny>>; ++j) readings[(b + l) * <<ny>> + j] = vread[j][l];
     }
   }
