@@ -23,7 +23,6 @@ from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Measured
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
 
 Array = NDArray[np.float64]
@@ -259,7 +258,7 @@ class Sensors:
             self.delay, self.std = 0.0, np.zeros(len(self.names))
             self.value = plant.function("state", y=_nearest_state(plant, prediction))
             return
-        measured = _measured(scene.estimator.measured, plant)
+        measured = {name: value for of in sensor_expressions(scene, plant).values() for name, value in of.items()}
         self.names = tuple(measured)
         self.delay = scene.estimator.delay if scene.plant.delay is None else scene.plant.delay
         self.std = scene.plant.noise * np.array([measurement_std(scene, name) for name in self.names])
@@ -270,29 +269,34 @@ class Sensors:
         return np.array(self.value(x, u, w)).ravel() + self.std * self._rng.standard_normal(len(self.std))
 
 
-def _measured(measured: Measured, plant: PlantModel) -> dict[str, ca.SX]:
-    """Expression of each measured number by its name and unit."""
-    found: dict[str, ca.SX] = {}
+def sensor_expressions(scene: ControlScene, plant: PlantModel) -> dict[str, dict[str, ca.SX]]:
+    """Expression of each number that the estimator of a scene measures, by its name and unit, by sensor."""
+    if scene.estimator is None:
+        return {}
+    measured, found = scene.estimator.measured, dict[str, dict[str, ca.SX]]()
     if measured.tip is not None:
-        found |= zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True)
+        found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True))
     if measured.tension is not None:
         wound = plant.scene.finger.winches
         names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names
-        found |= zip(names, ca.vertsplit(plant.tensions if wound else plant.drive), strict=True)
+        tensions = ca.vertsplit(plant.tensions if wound else plant.drive)
+        found["tension"] = dict(zip(names, tensions, strict=True))
     states = plant.named_states
     for sensor, word in (("length", "length_"), ("angle", "motor_angle_")):
         if getattr(measured, sensor) is not None:
-            found |= {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
+            own = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
+            found[sensor] = own
     if measured.torque is not None or measured.current is not None:
+        felt = found["torque" if measured.current is None else "current"] = {}
         for k, winch in enumerate(plant.system.finger_model.structure.winches):
             position, rate = (states[name] for name in winch.names(k + 1)[:2])
             torque = ca.SX(winch.torque(plant.command[k], position, rate))
-            found[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, winch)
+            felt[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, winch)
     if measured.bending is not None:
         angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
-        found |= {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
+        found["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
     if measured.object is not None:
-        found |= zip(OBJECT_POSE, ca.vertsplit(plant.object_pose[:3]), strict=True)
+        found["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(plant.object_pose[:3]), strict=True))
     return found
 
 

@@ -28,6 +28,9 @@ from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
 
+_LAG = "drive_time_constant"
+"""Parameter that is the lag of commanded tensions."""
+
 
 def plant_scene(scene: ControlScene) -> Scene:
     """Build the plant's finger in its surroundings, with the input at rest and the loads that the controller does not
@@ -103,6 +106,7 @@ class PlantModel(Remade):
         The plant's finger in its surroundings, where it is not that of ``plant_scene``.
     parameters, object_parameters : sequence of str
         What of finger and object may be changed without compiling anew: the values in ``p``, which may be assigned to.
+        ``drive_time_constant`` of commanded tensions is the last one there.
 
     Attributes
     ----------
@@ -148,6 +152,9 @@ class PlantModel(Remade):
         own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
         guides = scene.plant.guides
         self.system: System | ChainSystem
+        varied_lag = _LAG in parameters and not finger.winches and self._lag is not None
+        if varied_lag:
+            parameters = [name for name in parameters if name != _LAG]
         if guides is not None:
             self.system = ChainSystem(own, guides, scene.plant.axial_stiffness, parameters, object_parameters)
         else:
@@ -168,11 +175,16 @@ class PlantModel(Remade):
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
-        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np)
+        self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
         self.p: Array = np.array(self.system.p_nominal)
         if varies:
             # Run-time numbers, so that plants that differ in them share one compiled integrator.
             self.p[-2:] *= (scene.plant.object_mass, scene.plant.object_friction)
+        # What the drive's equations take: numbers, or the argument.
+        self._time: ca.DM | ca.SX = ca.DM() if self._lag is None else ca.DM(self._lag)
+        if varied_lag and self._lag is not None:
+            self.p = np.append(self.p, self._lag[0])
+            self._time = self._p[-1]
         self.outside: dict[str, Callable[[Array], Array]] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
 
@@ -194,7 +206,7 @@ class PlantModel(Remade):
         """Rates of the drive's states: of what it exerts, and of these unless it is of first order."""
         if self._lag is None:
             return ca.SX(0, 1)
-        away, lag = self._u - self.drive, ca.DM(self._lag)
+        away, lag = self._u - self.drive, self._time
         if self._order == 1:
             return away / lag
         rate = self._x[-self.nu :]
@@ -288,7 +300,7 @@ class PlantModel(Remade):
 
     @property
     def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return self._x[: self.system.nx], self._acting, self._p
+        return self._x[: self.system.nx], self._acting, self._p[: self.system.np]
 
     @cached_property
     def _rate(self) -> ca.SX:
@@ -401,27 +413,30 @@ class PlantModel(Remade):
     @cached_property
     def start(self) -> Array:
         """State at time zero (nx)."""
-        model, pose = self.system.finger_model, self._start_pose
-        finger = initial_state(self.scene, model)
+        return self.start_of(self.scene)
+
+    def start_of(self, scene: Scene) -> Array:
+        """State at time zero (nx) of a scene that differs from that of this plant by values of parameters."""
+        model, pose = self.system.finger_model, self._start_pose(scene)
+        finger = initial_state(scene, model)
         own = np.zeros(self.nx - self.system.nx)
         own[: self.nu] = self.rest_input[: own.size]
         if isinstance(self.system, ChainSystem):
             q, qd = finger[: model.n], finger[model.n : 2 * model.n]
             drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
-            x = self.system.start(q, qd, drives, self.rest_input, self.scene.initial)
+            x = self.system.start(q, qd, drives, self.rest_input, scene.initial)
             if pose is not None:
                 x[self.system.object_states] = pose
             return np.concatenate([x, own])
         return np.concatenate([finger, self.system.state(pose=pose)[model.nx :], own])
 
-    @property
-    def _start_pose(self) -> list[float] | None:
-        """Pose of a moving object at the start, where a table is under it."""
-        around = self.system.surroundings
-        if around is None or around.object is None or around.contact_law is None or around.table is None:
+    @staticmethod
+    def _start_pose(around: Surroundings) -> list[float] | None:
+        """Pose of a moving object at the start."""
+        if around.object is None or not around.object_moves:
             return None
-        if around.table.wall is not None or around.table.stays:  # the pose itself is where it stands
-            return None
+        if around.contact_law is None or around.table is None or around.table.wall is not None or around.table.stays:
+            return list(around.object.pose)  # where it stands
         # Where the table's spring carries the weight, so that the run begins at rest.
         sunk = around.object.mass * around.out_of_plane_gravity / around.contact_law.stiffness
         return [*around.object.pose, -sunk]

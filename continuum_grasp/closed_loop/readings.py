@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -38,13 +39,13 @@ class Bound:
 
 @dataclass(frozen=True)
 class _PlantQuantities:
-    """What cost terms are computed from: expressions of a plant, and its inputs (K, nu) over time."""
+    """What cost terms are computed from: expressions of a plant, and its inputs: (K, nu) over time, or expressions."""
 
     plant: PlantModel
     length: float
     edges: Array
-    input: Array
-    input_rate: Array
+    input: Any
+    input_rate: Any
 
     @property
     def tip(self) -> ca.SX:
@@ -79,13 +80,29 @@ class _PlantQuantities:
         return self.plant.sections(at)
 
 
+def tracked_expression(plant: PlantModel, prediction: Prediction, held: ca.SX, stage: float) -> ca.SX:
+    """What the cost tracks of a plant (nr), of its x, u, w and p and the input before, ``held`` (nu).
+
+    Terms of the input are those of the command; its rate is per ``stage`` [s], as the controller's.
+    """
+    cost = plant.control.controller.cost
+    rate = (plant.command - held) / stage
+    quantities = _PlantQuantities(plant, *_elements(plant, prediction), plant.command, rate)
+    return ca.SX(ca.vertcat(*[term.value(quantities, cost) for term in cost_terms(cost)]))
+
+
+def _elements(plant: PlantModel, prediction: Prediction) -> tuple[float, Array]:
+    """Length of the plant's finger, and where on it the controller's elements end [m]."""
+    length = plant.scene.finger.rod.length
+    return length, np.minimum(np.cumsum(prediction.system.finger_model.lengths), length)
+
+
 class Readings:
     """Values over time of everything that the controller's problem names; bending is that of its model's elements."""
 
     def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
         self._scene, self.plant, self._stages = scene, plant, stages
-        self._length = plant.scene.finger.rod.length
-        self._edges = np.minimum(np.cumsum(prediction.system.finger_model.lengths), self._length)
+        self._length, self._edges = _elements(plant, prediction)
 
     def _map(self, function: ca.Function, x: Array, u: Array, w: Array) -> Array:
         """Rows (K, size) of a function of states, inputs and forces."""

@@ -59,7 +59,7 @@ class Parameters:
     ) -> None:
         self._graded = finger.profile.graded
         self.branches = len(finger.damping.dry_friction)
-        self._nominal = _nominal_values(finger, gravity, lengths)
+        self._nominal = nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
                 near = difflib.get_close_matches(name, self._nominal, n=1)
@@ -119,7 +119,8 @@ def _unit(name: str) -> str:
     return _UNITS.get(name, "kg")
 
 
-def _nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
+def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
+    """Values of all parameters that a finger has, by name."""
     rod, length, graded = finger.rod, finger.rod.length, finger.profile.graded
     values = {
         "base_position": list(finger.base.position),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 from pydantic import BaseModel
@@ -24,7 +24,7 @@ class Shape:
 
     @cached_property
     def _root(self) -> _Node:
-        return self._model.model_json_schema()
+        return _schema(self._model)
 
     @cached_property
     def discriminators(self) -> tuple[str, ...]:
@@ -111,6 +111,12 @@ class Shape:
             yield from self._branches(branch, value)
         if not inner:
             yield node
+
+
+@cache
+def _schema(model: type[BaseModel]) -> _Node:
+    """Of a closed loop it takes 0.5 s, and a sweep asks for it several times."""
+    return model.model_json_schema()
 
 
 def _children(node: _Node, part: str | int) -> Iterator[_Node]:

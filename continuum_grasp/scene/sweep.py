@@ -1,4 +1,4 @@
-"""Sweeps: one grasp scene with some of its keys varied."""
+"""Sweeps: one scene with some of its keys varied."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class Front(Value):
 
 
 class Sweep(Varied):
-    """A grasp scene with some of its keys varied: a grid, random draws, or both."""
+    """A grasp with some of its keys varied, or a closed loop for environments: a grid, random draws, or both."""
 
     vary: dict[Key, Grid] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""

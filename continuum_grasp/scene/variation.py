@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, path_of, placed, validated
+from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.document import Change, Document, KeyPath
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.problems import input_error, nearest
@@ -59,6 +60,8 @@ class Tie:
 class Variation:
     """A sweep, resolved."""
 
+    kind: str
+    """Of the scene: grasp, or mpc."""
     base: dict[str, Any]
     """The scene as plain data, with fingers from other files and what the sweep sets put in."""
     axes: tuple[Axis, ...]
@@ -75,10 +78,17 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
     return _Resolver(sweep, document, Path(file)).variation()
 
 
-class SceneKeys:
-    """The grasp scene that a configuration names, and the keys that it varies of it."""
+_SCENES: dict[str, tuple[type[GraspScene] | type[ControlScene], str]] = {
+    "grasp": (GraspScene, "a grasp (finger, object, ...)"),
+    "mpc": (ControlScene, "a closed loop (finger, controller, ...)"),
+}
+"""What may be varied by kind: its model, and what it is in words."""
 
-    def __init__(self, config: Varied, document: Document, file: Path) -> None:
+
+class SceneKeys:
+    """The scene that a configuration names, one of ``kinds``, and the keys that it varies of it."""
+
+    def __init__(self, config: Varied, document: Document, file: Path, kinds: Sequence[str] = ("grasp",)) -> None:
         self.document = document
         self._folder = file.parent
         place = document.nearest(("scene",))
@@ -87,11 +97,13 @@ class SceneKeys:
             raise place.error(f"no such file: {self.file}", ("scene",))
         fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
         self.base = assembled(self.file, fixed)
-        kind = kind_of(self.base.value)
-        if kind != "grasp":
-            raise place.error(f"expected a grasp (finger, object, ...), got a file of kind {kind}", ("scene",))
-        validated(self.base, GraspScene)
-        self.shape = Shape(GraspScene)
+        self.kind = kind_of(self.base.value)
+        if self.kind not in kinds:
+            expected = " or ".join(_SCENES[kind][1] for kind in kinds)
+            raise place.error(f"expected {expected}, got a file of kind {self.kind}", ("scene",))
+        self.model, _ = _SCENES[self.kind]
+        validated(self.base, self.model)
+        self.shape = Shape(self.model)
         # So that equal scenes are equal data, by which a sweep resumes.
         self.base.value = self.shape.in_si((), self.base.value, self.base.value)
 
@@ -106,12 +118,12 @@ class SceneKeys:
             tried = changed(self.base, [(path, new)], self.file)
             found.append(self.shape.in_si(path, tried.get(path), tried.value))
             try:
-                GraspScene.model_validate(tried.value)
+                self.model.model_validate(tried.value)
             except ValidationError as error:
                 kinds = {one["type"] for one in error.errors(include_url=False, include_context=False)}
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
-                    raise input_error(error, GraspScene, tried) from error
+                    raise input_error(error, self.model, tried) from error
         return path, tuple(found)
 
     def change(self, where: KeyPath, key: str, value: Any) -> Change:
@@ -132,7 +144,7 @@ class SceneKeys:
 
 class _Resolver(SceneKeys):
     def __init__(self, sweep: Sweep, document: Document, file: Path) -> None:
-        super().__init__(sweep, document, file)
+        super().__init__(sweep, document, file, ("grasp", "mpc"))
         self.sweep = sweep
 
     def variation(self) -> Variation:
@@ -155,7 +167,7 @@ class _Resolver(SceneKeys):
             path, _ = self.values(where, key, [follow.times + follow.plus], listed=False, only_key=True)
             ties.append(Tie(key, path, self.unit(path), follow.key, follow.times, follow.plus))
         self._pictures([*self.sweep.vary, *(draw.key for draw in draws), *self.sweep.follow])
-        return Variation(self.base.value, tuple(axes), tuple(draws), tuple(ties))
+        return Variation(self.kind, self.base.value, tuple(axes), tuple(draws), tuple(ties))
 
     def _random(self, key: str, draw: Draw) -> Random:
         numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)

@@ -1,7 +1,8 @@
-"""What configurations share that vary keys of one grasp scene."""
+"""What configurations share that vary keys of one scene."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -9,6 +10,7 @@ from pydantic import Field, PrivateAttr
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import path_of
+from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import Unit
@@ -27,17 +29,21 @@ _IN_UNIT = {
 
 def in_si(given: Any) -> Any:
     """Ways to vary keys, with texts such as 65 mm as numbers in the SI unit that each key has in the scene."""
-    # Without the scene itself: a key has one unit in all shapes of objects.
-    shape = Shape(GraspScene)
-    return {key: _way_in_si(key, way, shape) for key, way in given.items()} if isinstance(given, dict) else given
+    # Without the scene itself: a key has one unit in all shapes of objects, and in grasps and closed loops.
+    shapes = Shape(GraspScene), Shape(ControlScene)
+    return {key: _way_in_si(key, way, shapes) for key, way in given.items()} if isinstance(given, dict) else given
 
 
-def _way_in_si(key: Any, way: Any, shape: Shape) -> Any:
+def _way_in_si(key: Any, way: Any, shapes: Sequence[Shape]) -> Any:
     try:
         path = path_of(key, "")
     except (InputError, TypeError):  # reported where the key is looked up in the scene
         return way
     found = dict(way) if isinstance(way, dict) else {}
+    texts = [one for one in found.values() for one in (one if isinstance(one, list | tuple) else [one])]
+    if not any(isinstance(one, str | list | tuple | dict) for one in texts):
+        return way
+    shape = next((one for one in shapes if one.unit(path, None)), shapes[0])
     for name in _IN_UNIT & found.keys():
         given = found[name]
         several = isinstance(given, list | tuple)
@@ -57,14 +63,14 @@ class Follow(Value):
 
 
 class Varied(Value):
-    """A grasp scene of which some keys are varied."""
+    """A scene of which some keys are varied."""
 
     schema_version: Literal[1] = 1
     """Format of a file, which must state it; not needed in Python."""
     name: str | None = None
     """Title of reports and pictures."""
     scene: str
-    """Path of the grasp scene that is varied, relative to this file."""
+    """Path of the scene that is varied, relative to this file."""
     set: dict[Key, Any] = Field(default_factory=dict)
     """Key paths in the scene with values that differ from its file in all runs."""
 

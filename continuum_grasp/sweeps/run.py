@@ -152,6 +152,11 @@ def sweep(
         raise InputError("give an executor or the address of a scheduler, not both", key="executor")
     count = None if workers is None else checked_count(workers)
     plan = plan_of(config, overrides)
+    if plan.variation.kind != "grasp":
+        raise InputError(
+            "expected a grasp: a sweep finds grasps; draws of a closed loop are for continuum_grasp.environments",
+            key="scene",
+        )
     target = _folder(config, folder)
     with locked(target):
         # The plan comes before any row: a table is never without the plan that it is of.

@@ -92,11 +92,11 @@ def run_chunk(job: Job, points: Sequence[Point]) -> list[Outcome]:
 
 def row_of_crash(job: Job, point: Point, message: str) -> Outcome:
     """The row of a scene that took its worker process with it, twice."""
-    return _outcome(job, point, scene_data(job, point), "crashed", message)
+    return _outcome(job, point, scene_data(job.base, job.paths, point), "crashed", message)
 
 
 def _run(job: Job, point: Point) -> Outcome:
-    data = scene_data(job, point)
+    data = scene_data(job.base, job.paths, point)
     began = time.perf_counter()
 
     def seconds() -> float:
@@ -145,11 +145,11 @@ def _outcome(
     return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), files or {})
 
 
-def scene_data(job: Job, point: Point) -> dict[str, Any]:
+def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> dict[str, Any]:
     """The scene of a point as plain data; shorter paths are set first."""
-    data = copy.deepcopy(job.base)
+    data = copy.deepcopy(base)
     # So that ``finger.base`` is set in the ``finger`` that is varied too.
-    for path, value in sorted(zip(job.paths, point.values, strict=True), key=lambda pair: len(pair[0])):
+    for path, value in sorted(zip(paths, point.values, strict=True), key=lambda pair: len(pair[0])):
         parent: Any = data
         for part in path[:-1]:
             child = parent.get(part) if isinstance(parent, dict) else parent[part]

@@ -149,7 +149,7 @@ def test_the_scene_of_a_point_is_what_the_file_with_overrides_is():
     found = plan(**more)
     job = Job(found.variation.base, found.keys, found.paths, (), "none", solve)
     for index, extra in enumerate([{}, {"finger.strain_limit": 0.03}]):
-        data = scene_data(job, found.point(index))
+        data = scene_data(job.base, job.paths, found.point(index))
         scene = type(load(MUG)).model_validate(data)
         same = {
             "finger": str(FINGER),

@@ -1,0 +1,312 @@
+"""The plants of an environment: one compiled model, and what each scene of a sweep sets in it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.closed_loop.readings import tracked_expression
+from continuum_grasp.control.ocp.cost_terms import Outputs
+from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError
+from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.model.parameters import nominal_values
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import load, other_kind
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.sweep import Sweep
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.sweeps.plan import Plan, plan_of
+from continuum_grasp.sweeps.worker import scene_data
+
+Array = NDArray[np.float64]
+
+MOST_SCENES = 10_000
+"""Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""
+_PROBES, _SHAPES = 4, 400
+"""States at which a plant with run-time parameters is compared with one that is built from its own scene, in free space
+and in contact, and shapes among which those that touch are looked for [1]."""
+_ROUNDING = 1e-8
+"""Greatest relative difference between the two [1]: folded constants round otherwise, by 1e-13; a parameter that is
+missing changes digits that can be seen."""
+
+
+@dataclass(frozen=True)
+class Plants:
+    """All plants that an environment draws from.
+
+    ``p`` (D, np), ``start`` (D, nx) and ``forces`` (D, nw) have a row per scene; ``setpoints`` (D or 1, K + 1 or 1, nr)
+    are at the ends of ``periods`` of length ``period`` [s], constant ones once.
+    """
+
+    scenes: tuple[ControlScene, ...]
+    keys: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]
+    model: PlantModel
+    prediction: Prediction
+    outputs: Outputs
+    p: Array
+    start: Array
+    forces: Array
+    setpoints: Array
+    periods: int
+    period: float
+
+
+def rows_of(table: NDArray[Any], drawn: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[Any]:
+    """Rows (count, width) of a table (scenes, periods, width), in which what does not vary has one entry."""
+    scenes, times, width = table.shape
+    flat = table.reshape(-1, width)
+    if len(flat) == 1:
+        return np.repeat(flat, len(drawn), axis=0)
+    places = drawn * (times * (scenes > 1)) + np.minimum(at, times - 1) * (times > 1)
+    found: NDArray[Any] = flat.take(places, axis=0)
+    return found
+
+
+def scenes_of(
+    given: ControlScene | Sweep | str | os.PathLike[str] | Mapping[str, Any],
+) -> tuple[tuple[ControlScene, ...], tuple[str, ...], tuple[tuple[Any, ...], ...]]:
+    """The scenes of an environment, and of a sweep its varied keys and their values in each scene."""
+    if isinstance(given, (str, os.PathLike)):
+        loaded: Any = load(Path(given))
+        if not isinstance(loaded, (ControlScene, Sweep)):
+            raise other_kind(given, (ControlScene, Sweep), loaded)
+        given = given if isinstance(loaded, Sweep) else loaded
+    if isinstance(given, ControlScene):
+        return (given,), (), ((),)
+    plan = plan_of(given)
+    if plan.variation.kind != "mpc":
+        raise InputError("an environment needs a closed loop (finger, controller, ...), got a grasp", key="scene")
+    if len(plan) > MOST_SCENES:
+        raise InputError(f"expected {MOST_SCENES} scenes at most, got {len(plan)}", key="sample.count")
+    points = list(plan)
+    scenes = tuple(_scene(plan, point) for point in points)
+    return scenes, plan.keys, tuple(point.labels for point in points)
+
+
+def _scene(plan: Plan, point: Any) -> ControlScene:
+    from pydantic import ValidationError
+
+    from continuum_grasp.scene.problems import explain
+
+    data = scene_data(plan.variation.base, plan.paths, point)
+    try:
+        return ControlScene.model_validate(data)
+    except ValidationError as error:
+        drawn = ", ".join(f"{key} = {value}" for key, value in zip(plan.keys, point.labels, strict=True))
+        texts = "; ".join(problem.message for problem in explain(error, ControlScene, data))
+        raise InputError(f"scene {point.index} ({drawn}): {texts}") from None
+
+
+def plants_of(
+    scenes: Sequence[ControlScene], keys: tuple[str, ...] = (), values: tuple[tuple[Any, ...], ...] = ((),)
+) -> Plants:
+    """Build one model of scenes that differ in parameters, starts, constant loads and setpoints alone."""
+    first = scenes[0]
+    if first.duration is None:
+        raise InputError("an environment needs a duration [s], after which an episode is truncated", key="duration")
+    if first.plant.guides is not None:
+        raise InputError("a chain of guides does not run in vector lanes: leave it out", key="plant.guides")
+    for scene in scenes[1:]:
+        _check_fixed(first, scene, keys)
+    around = [plant_scene(scene) for scene in scenes]
+    names, rows = _finger_parameters(around)
+    object_names, object_rows = _object_parameters(scenes)
+    model = PlantModel(first, parameters=names, object_parameters=object_names)
+    if not model.steady:
+        raise InputError("loads of an environment must be constant", key="loads")
+    # Run-time parameters are in this order: the finger's, the object's, the lag of the drive.
+    lag = [name == "drive_time_constant" and len(model.p) > model.system.np for name in names for _ in rows[name][0]]
+    finger = np.hstack([np.zeros((len(scenes), 0)), *[np.array(rows[name]) for name in names]])
+    of_object = np.array(object_rows).reshape(len(scenes), -1)
+    p = np.hstack([finger[:, ~np.array(lag, dtype=bool)], of_object, finger[:, np.array(lag, dtype=bool)]])
+    prediction = Prediction(first)
+    outputs = Outputs.of(first.controller.cost, prediction)
+    periods = max(1, round(first.duration / first.controller.step))
+    times = first.controller.step * np.arange(periods + 1)
+    rows_of_setpoints = [setpoints(outputs, scene.reference).rows(times) for scene in scenes]
+    table = np.array(rows_of_setpoints)
+    if np.all(table == table[:, :1]):
+        table = table[:, :1]
+    if np.all(table == table[:1]):
+        table = table[:1]
+    found = Plants(
+        tuple(scenes),
+        keys,
+        values,
+        model,
+        prediction,
+        outputs,
+        np.ascontiguousarray(p),
+        np.array([model.start_of(one) for one in around]),
+        np.array([_forces(model, one) for one in around]),
+        np.ascontiguousarray(table),
+        periods,
+        first.controller.step,
+    )
+    for k in _that_differ(values):
+        _check_plant(found, k)
+    return found
+
+
+def _that_differ(values: Sequence[tuple[Any, ...]]) -> list[int]:
+    """Few scenes that have another value than the first one of every key that varies."""
+    found: list[int] = []
+    for key, own in enumerate(values[0]):
+        if not any(values[k][key] != own for k in found):
+            found += [k for k in reversed(range(len(values))) if values[k][key] != own][:1]
+    return found
+
+
+def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
+    """The part of a scene's object and contacts that no parameter or state has."""
+    body, law = scene.object, scene.contact_law
+    if body is not None:
+        body = body.replaced(mass=1.0, position=(0.0, 0.0), angle=0.0 if scene.object_moves else body.angle)
+    return body, law if law is None else law.replaced(friction=1.0), scene.supports, scene.table, scene.object_moves
+
+
+def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) -> None:
+    """Refuse a scene that differs in what all plants of an environment have in common."""
+    varied = ", ".join(keys)
+    for name in ("controller", "estimator", "duration", "input_limits", "rest_input", "fidelity", "contacts"):
+        if getattr(scene, name) != getattr(first, name):
+            raise InputError(f"all plants of an environment have the same {name}, which {varied} changes", key="sample")
+    if _of_contact(scene) != _of_contact(first):
+        raise InputError(
+            f"all plants of an environment have the same surroundings but for friction of contact_law, position of a "
+            f"fixed object, and mass and start of one that moves, which {varied} changes",
+            key="sample",
+        )
+    for name in ("fidelity", "drive_order", "noise", "delay", "seed"):
+        if getattr(scene.plant, name) != getattr(first.plant, name):
+            raise InputError(f"all plants of an environment have the same plant.{name}", key="sample")
+
+
+def _finger_parameters(around: Sequence[Scene]) -> tuple[list[str], dict[str, list[list[float]]]]:
+    """Names of the finger's parameters that differ between scenes, and their values by scene."""
+    own = [_values(scene) for scene in around]
+    names = [name for name, value in own[0].items() if any(one.get(name) != value for one in own)]
+    return names, {name: [one.get(name, own[0][name]) for one in own] for name in names}
+
+
+def _values(scene: Scene) -> dict[str, list[float]]:
+    lengths = element_lengths(scene.finger.profile, scene.contacts, scene.fidelity.elements)
+    return nominal_values(scene.finger, scene.gravity, lengths)
+
+
+def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...], list[list[float]]]:
+    """Names of the object's parameters that the model needs, and their values by scene."""
+    first = scenes[0]
+    if first.object is None:
+        return (), [[] for _ in scenes]
+    friction = [_friction_of(scene) / (_friction_of(first) or 1.0) for scene in scenes]
+    if first.object_moves:  # parameters of every plant with such an object
+        masses = [scene.object.mass * scene.plant.object_mass for scene in scenes if scene.object is not None]
+        factors = [one * scene.plant.object_friction for one, scene in zip(friction, scenes, strict=True)]
+        return (), [list(row) for row in zip(masses, factors, strict=True)]
+    rows = {"friction_factor": friction}
+    for k, name in enumerate(("object_x", "object_y")):
+        rows[name] = [scene.object.position[k] for scene in scenes if scene.object is not None]
+    varied = {name: column for name, column in rows.items() if any(value != column[0] for value in column)}
+    return tuple(varied), [list(row) for row in zip(*varied.values(), strict=True)] or [[] for _ in scenes]
+
+
+def _friction_of(scene: ControlScene) -> float:
+    return 0.0 if scene.contact_law is None else scene.contact_law.friction
+
+
+def _forces(model: PlantModel, scene: Scene) -> Array:
+    known = Signals(scene, model.system.finger_model).w(0.0)[0]
+    row = np.zeros(model.nw)
+    row[: len(known)] = known
+    return row
+
+
+def readings_of(model: PlantModel, prediction: Prediction, given: Mapping[str, ca.SX]) -> ca.SX:
+    """Everything that depends on the shape: what the cost tracks, and the tip."""
+    period = model.control.controller.horizon.stage
+    return ca.vertcat(tracked_expression(model, prediction, given["held"], period), model.tip)
+
+
+def _check_plant(plants: Plants, k: int) -> None:
+    """Refuse a scene of which the model with its parameters is not that which is built from the scene itself."""
+    scene, shared = plants.scenes[k], plants.model
+    own = PlantModel(scene)
+    why = None
+    if own.x_names != shared.x_names or own.w_names != shared.w_names:
+        why = "its plant has other states or forces"
+    else:
+        prediction = Prediction(scene)
+        if not np.allclose(own.start, plants.start[k], rtol=_ROUNDING, atol=1e-12):
+            why = "its plant starts elsewhere"
+        else:
+            given = _probes(plants, k)
+            pair = _probed(own, prediction, own.p, given), _probed(shared, plants.prediction, plants.p[k], given)
+            why = None if _equal(*pair) else "its plant moves otherwise"
+    if why is not None:
+        varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
+        known = ", ".join(sorted(_values(plant_scene(plants.scenes[0]))))
+        raise InputError(
+            f"scene {k} ({varied}): {why} than the model of scene 0 can by its run-time parameters ({known}; of an "
+            "object its mass and friction, or its position where it is fixed); vary keys that set these, the start, "
+            "constant loads or the reference",
+            key="sample",
+        )
+
+
+def _probes(plants: Plants, k: int) -> tuple[Array, Array, Array, Array]:
+    """States (count, nx), inputs, inputs before, and forces at which two models of a scene are compared.
+
+    Those of bent fingers, and where there is an object some that touch it: what does not act is not compared.
+    """
+    model, scene = plants.model, plants.scenes[k]
+    system, rng = model.system, np.random.default_rng(0)
+    n, reach = system.n, np.array(system.finger_model.structure.coordinate_limits())
+    states = np.tile(plants.start[k], (_SHAPES, 1))
+    states[:, :n] += 0.8 * reach * rng.uniform(-1.0, 1.0, (_SHAPES, n))
+    states[:, n : 2 * n] += reach * rng.uniform(-1.0, 1.0, (_SHAPES, n))
+    others = states[:, 2 * n :]
+    others += 0.1 * (1.0 + np.abs(others)) * rng.uniform(0.0, 1.0, others.shape)
+    low, high = np.array(scene.input_limits)
+    u, held = rng.uniform(low, high, (2, _SHAPES, model.nu))
+    w = model.forces(0.0)[0] + 0.1 * rng.uniform(-1.0, 1.0, (_SHAPES, model.nw))  # [N], [N m]
+    chosen = np.arange(_PROBES)
+    if system.touch_names:
+        given = model.symbols
+        read = ca.Function("read", [*given], [model.tip, ca.vec(model.touch["gap"])])
+        mapped = [
+            np.array(value).T for value in read.map(_SHAPES)(states.T, u.T, w.T, np.tile(plants.p[k], (_SHAPES, 1)).T)
+        ]
+        pose = system.object_states
+        if pose.stop > pose.start:  # that moves: to where the tip is, but for some of its size
+            states[:, pose.start : pose.start + 2] = mapped[0] + 1e-3 * rng.uniform(-1.0, 1.0, (_SHAPES, 2))
+        else:
+            gaps = mapped[1].min(axis=1)
+            chosen = np.concatenate([chosen, np.argsort(np.where(gaps < 0.0, -gaps, np.inf))[:_PROBES]])
+    return states[chosen], u[chosen], held[chosen], w[chosen]
+
+
+def _probed(model: PlantModel, prediction: Prediction, p: Array, given: tuple[Array, Array, Array, Array]) -> Array:
+    """Rates, and what is read off the shape (count, size)."""
+    x, u, w, parameters = model.symbols
+    held = ca.SX.sym("held", model.nu)
+    read = readings_of(model, prediction, {"held": held})
+    values = ca.vertcat(model.forward_dynamics(x, u, w, parameters), read)
+    function = ca.Function("probed", [x, u, held, w, parameters], [values])
+    return np.array([np.array(function(*row, p)).ravel() for row in zip(*given, strict=True)])
+
+
+def _equal(one: Array, other: Array) -> bool:
+    size = np.maximum(np.abs(one).max(axis=0), 1e-9)
+    return bool(np.all(np.isfinite(one)) and np.all(np.abs(one - other) <= _ROUNDING * size))

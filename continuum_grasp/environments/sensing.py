@@ -1,0 +1,87 @@
+"""What an environment reads off its plants: sensors, contact forces, use of the model's range, tip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant import sensor_expressions
+from continuum_grasp.closed_loop.readings import tracked_expression
+from continuum_grasp.control.estimation.noise import measurement_std
+from continuum_grasp.environments.period import Periods
+from continuum_grasp.environments.plants import Plants
+from continuum_grasp.errors import InputError
+
+Array = NDArray[np.float64]
+
+STATE = "state"
+"""Sensor that reads the whole state of the plant, exactly and at once."""
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Columns of readings: ``names`` of sensors, then contact forces, then use of the range, x and y of the tip.
+
+    ``std`` is the noise of each sensor, ``late`` its delay in periods.
+    """
+
+    sensors: tuple[str, ...]
+    names: tuple[str, ...]
+    std: Array
+    late: int
+    contacts: tuple[str, ...]
+    periods: Periods
+
+    @property
+    def forces(self) -> slice:
+        """Where contact forces are [N]."""
+        return slice(len(self.names), len(self.names) + len(self.contacts))
+
+
+def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
+    """Compile the periods of plants, with the readings of sensors; see ``FingerVectorEnv``."""
+    model, scene = plants.model, plants.scenes[0]
+    x, u, w, p = model.symbols
+    known = {STATE: dict(zip(model.x_names, ca.vertsplit(x), strict=True)), **sensor_expressions(scene, model)}
+    measured = tuple(name for name in known if name != STATE) or (STATE,)
+    asked = measured if sensors is None else (sensors,) if isinstance(sensors, str) else tuple(sensors)
+    if not asked or any(name not in known or asked.count(name) > 1 for name in asked):
+        raise InputError(
+            f"expected each once of {', '.join(known)} (what estimator.measured has), got {list(asked)}", key="sensors"
+        )
+    delay = scene.plant.delay
+    if delay is None:
+        delay = 0.0 if scene.estimator is None else scene.estimator.delay
+    late = 0 if asked == (STATE,) else round(delay / plants.period)
+    if asked != (STATE,) and abs(late * plants.period - delay) > 1e-6 * plants.period:
+        raise InputError(f"expected whole periods of {plants.period:g} s, got {delay:g} s", key="plant.delay")
+    if late and STATE in asked:
+        raise InputError("state is observed at once, other sensors late: give one or the other", key="sensors")
+    read = {name: value for sensor in asked for name, value in known[sensor].items()}
+    exact = known[STATE] if STATE in asked else {}
+    std = [0.0 if name in exact else scene.plant.noise * measurement_std(scene, name) for name in read]
+    touched = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
+    forces = [model.touch["normal_force"][k] for k in touched]
+    held, r = ca.SX.sym("held", model.nu), ca.SX.sym("r", len(plants.outputs.names))
+    error = tracked_expression(model, plants.prediction, held, scene.controller.horizon.stage) - r
+    # The running cost of a controller, over a period of which it holds the command.
+    cost = 0.5 * plants.period * ca.dot(ca.DM(plants.outputs.weights[:, 0]), error**2)
+    given = {"x": x, "u": u, "w": w, "p": p}
+    readings = ca.vertcat(*read.values(), *forces, ca.mmax(ca.fabs(model.range_use)), model.tip)
+    periods = Periods(
+        _function("slope", given, model.forward_dynamics(x, u, w, p)),
+        _function("cost", {"x": x, "u": u, "held": held, "w": w, "p": p, "r": r}, cost),
+        _function("readings", given, readings),
+        len(read) + len(touched),
+    )
+    contacts = tuple(model.system.touch_names[k] for k in touched)
+    return Sensing(asked, tuple(read), np.array(std), late, contacts, periods)
+
+
+def _function(name: str, given: dict[str, ca.SX], value: ca.SX) -> ca.Function:
+    values: Sequence[ca.SX] = ca.cse([ca.densify(ca.SX(value))])
+    return ca.Function(f"environment_{name}", [*given.values()], values, [*given], ["y"])
