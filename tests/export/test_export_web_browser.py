@@ -14,7 +14,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 playwright = pytest.importorskip("playwright.sync_api")
 pytestmark = [needs("clang", "wasm-ld"), pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
 
-MOTION = "({ code: page.world.code, tip: [...page.memory.position].slice(-2), x: [...page.memory.x] })"
+MOTION = "({ code: page.world.code, tip: page.section(24), x: [...page.memory.x] })"
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_a_pushed_finger_gives_way_and_comes_back(opened):
     page = stopped(opened("steady_tip"))
     page.evaluate("page.advance(1500)")
     before = np.array(page.evaluate(MOTION)["tip"])
-    middle = page.evaluate("[...page.memory.pushed].slice(2, 4)")
+    middle = page.evaluate("page.section(12)")
     drag(page, middle, np.array(middle) + np.array([0.05, 0.0]))
     page.evaluate("page.advance(30)")
     assert page.evaluate("page.world.push[2]") > 0.0
