@@ -157,7 +157,7 @@ def page_of(
         "plant": _plant(plant, scene),
         "controller": loop,
         "view": _view(plant, scene),
-        "record": None,
+        "record": None if played is None else played.frames(),
     }
     if played is not None:
         known["plant"]["table"] = played.table()
