@@ -144,6 +144,7 @@ def page_of(
         folder = Path(work)
         if isinstance(scene, ControlScene):
             plant, sensors = plant_of_loop(scene, plant_model)
+            played = None if record is None else record(plant)
             loop, wrapper = _controller(scene, plant, folder)
             loop["reference"] = _reference(scene)
             modules["controller"] = (folder / "wasm" / "finger.wasm").read_bytes()
@@ -151,8 +152,8 @@ def page_of(
             loop["delay"] = sensors.delay
         else:
             plant, loop, wrapper = plant_of_scene(scene), None, ""
+            played = None if record is None else record(plant)
         modules["plant"] = _compiled(plant, folder)
-    played = None if record is None else record(plant)
     known: dict[str, Any] = {
         "plant": _plant(plant, scene),
         "controller": loop,

@@ -137,9 +137,9 @@ def _record(
     reference: Array | None = None,
 ) -> Record:
     missing = [name for name in (*plant.x_names, *plant.u_names) if name not in {**x, **u}]
-    if missing or len(t) < 2:
-        why = f"the model of the page has states that the run has not ({', '.join(missing[:3])})" if missing else ""
-        raise InputError(f"this run cannot be shown: {why or 'it has one instant only'}")
+    if missing:
+        lacks = ", ".join(missing[:3])
+        raise InputError(f"the model of a page has states that this run has not ({lacks}): take animate")
     nothing, chosen = np.zeros(len(t)), frames_of(t)
     forces = [w.get(name, nothing) if k not in plant.hands else nothing for k, name in enumerate(plant.system.w_names)]
     rows = [x[name] for name in plant.x_names], [u[name] for name in plant.u_names], forces
@@ -160,13 +160,13 @@ def _record(
     )
 
 
-def _changes(run: MissionRun) -> list[Any]:
+def controller_changes(run: MissionRun) -> list[Any]:
     """What a mission changes of its controller from phase to phase."""
     found: list[Any] = []
     loop = run.runs[0]
 
     @dataclass
-    class Told:
+    class Beginning:
         """What the beginning of a phase is given: the controller, and the plant with its last command."""
 
         t: float
@@ -180,8 +180,8 @@ def _changes(run: MissionRun) -> list[Any]:
     for span, phase in zip(run.spans, run.timetable.phases(stages_of(loop.scene)), strict=True):
         if phase.begin is not None:
             at = min(max(int(np.searchsorted(loop.t, span.start)) - 1, 0), len(loop.u) - 1)
-            told = Told(span.start, loop.u[at])
-            phase.begin(told, told)
+            beginning = Beginning(span.start, loop.u[at])
+            phase.begin(beginning, beginning)
     return found
 
 
@@ -192,6 +192,8 @@ def page_of_run(run: MotionResult) -> Page:
     from continuum_grasp.mission.result import MissionRun
     from continuum_grasp.simulation.trajectory import Trajectory
 
+    if len(run.t) < 2:
+        raise InputError("this run has one instant only: there is nothing to show")
     if isinstance(run, Trajectory):
         motion = run
         return page_of(motion.scene, lambda plant: trajectory_record(motion, plant))
@@ -199,7 +201,7 @@ def page_of_run(run: MotionResult) -> Page:
     if isinstance(run, MissionRun):
         if run.run is None:
             raise InputError(f"a page has one finger, and this mission {len(run.runs)}: take run.animate")
-        changes = _changes(run)
+        changes = controller_changes(run)
         run = run.run
     if isinstance(run, ControlRun):
         loop = run

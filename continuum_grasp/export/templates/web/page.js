@@ -266,8 +266,21 @@ function readColors() {
   }
 }
 
+// Widths are asked for when they change: each question would lay out the page anew, texts having been written.
+const widths = new Map(), resized = new ResizeObserver((all) => {
+  for (const { target } of all) widths.set(target, target.clientWidth);
+});
+
+function widthOf(what) {
+  if (!widths.has(what)) {
+    widths.set(what, what.clientWidth);
+    resized.observe(what);
+  }
+  return widths.get(what);
+}
+
 function fit(what, height) {
-  const ratio = window.devicePixelRatio || 1, width = what.clientWidth;
+  const ratio = window.devicePixelRatio || 1, width = widthOf(what);
   if (what.width !== Math.round(width * ratio) || what.height !== Math.round(height * ratio)) {
     what.width = Math.round(width * ratio);
     what.height = Math.round(height * ratio);
@@ -277,7 +290,7 @@ function fit(what, height) {
 }
 
 function draw() {
-  const width = canvas.clientWidth, shape = (TOP - BOTTOM) / (RIGHT - LEFT);
+  const width = widthOf(canvas), shape = (TOP - BOTTOM) / (RIGHT - LEFT);
   const [w, h, ratio] = fit(canvas, Math.round(Math.min(width * shape, 0.62 * window.innerHeight, 560)));
   scale = Math.min(w / (RIGHT - LEFT), h / (TOP - BOTTOM));
   const ox = 0.5 * (w - scale * (RIGHT + LEFT)), oy = 0.5 * (h + scale * (TOP + BOTTOM));
@@ -484,13 +497,13 @@ class Plot {
       if (shown.style.color !== color) shown.style.color = color;
       write(shown, `${this.shown.length > 1 ? `${words(this.names[k].split(" ")[0])} ` : ""}${digits(last[k + 1])}`);
     }
-    const x = (t) => w - ((world.time - t) / SPAN) * w, y = (v) => h - 4 - ((v - low) / (high - low)) * (h - 10);
+    const x = (t) => w - ((world.time - t) / SPAN) * w, y = (v) => h - 4 - ((v - low) / (high - low)) * (h - 24);
     p.strokeStyle = colors.line;
     p.beginPath(); p.moveTo(0, y(0)); p.lineTo(w, y(0)); p.stroke();
     p.font = "12px system-ui, sans-serif";
     p.fillStyle = colors.faint;
-    p.fillText(digits(high), 4, 13);
-    if (low < 0) p.fillText(digits(low), 4, h - 4);
+    if (high > 1e-8) p.fillText(digits(high), 4, 14);
+    if (low < -1e-8) p.fillText(digits(low), 4, h - 6);
     for (let k = 1; k < last.length; ++k) {
       p.strokeStyle = shades[(k - 1) % shades.length];
       p.lineWidth = 1.6;
