@@ -27,8 +27,9 @@ def export_c(
         typer.Option(
             "--what",
             metavar="PART,...",
-            help="Some of dynamics, step, implicit_step, kinematics, statics, linearization; of a closed loop also "
-            "estimator and mpc (default: of a closed loop those two, else dynamics, step, kinematics and statics).",
+            help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
+            "contact, metadata; of a closed loop also estimator and mpc (default: of a closed loop those two, else "
+            "dynamics, step, kinematics and statics).",
         ),
     ] = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
@@ -43,6 +44,9 @@ def export_c(
         float | None, typer.Option("--step", metavar="SECONDS", help="Longest step (default: that of the scene).")
     ] = None,
     substeps: Annotated[int, typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one.")] = 1,
+    sections: Annotated[
+        int, typer.Option("--sections", metavar="N", help="Sections that shape and velocities give in one call.")
+    ] = 25,
     error: Annotated[
         float | None, typer.Option("--error", metavar="NUMBER", help="Greatest relative error within the ranges.")
     ] = None,
@@ -63,7 +67,12 @@ def export_c(
 ) -> None:
     """Write a finger, its estimator or controller as a C package: for a microcontroller, a host, or a browser."""
     given = {"--real": real, "--what": what, "--range": ranges, "--step": step, "--error": error}
-    given |= {"--target": target != "host", "--substeps": substeps != 1, "--measure": measure}
+    given |= {
+        "--target": target != "host",
+        "--substeps": substeps != 1,
+        "--sections": sections != 25,
+        "--measure": measure,
+    }
     if casadi is not None and (others := [option for option, value in given.items() if value]):
         raise InputError(f"--casadi cannot be combined with {', '.join(others)}: plain functions have none of these")
     from continuum_grasp.scene.control import ControlScene
@@ -97,13 +106,15 @@ def export_c(
             ranges=ranges_of(ranges or ()),
             step=step,
             substeps=substeps,
+            sections=sections,
             error=error,
             measured=measure,
         )
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
     # Estimator and controller have the object in their model, the plain functions only its forces.
-    if (made["configuration"].get("object") is not None) and not {"estimator", "mpc"}.issuperset(made["parts"]):
+    own = {"estimator", "mpc", "metadata"}.issuperset(made["parts"]) or "contact" in made["parts"]
+    if made["configuration"].get("object") is not None and not own:
         output.say("the object of the scene is no part of the model: what it presses with is given as forces")
     output.pairs(
         {

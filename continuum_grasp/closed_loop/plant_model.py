@@ -165,7 +165,7 @@ class PlantModel(Remade):
                 parameters=parameters,
                 object_parameters=object_parameters,
             )
-        self.finger_parameters = len(parameters)
+        self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
         self.u_names = tuple(self.system.u_names[: len(lags)])
         names: tuple[str, ...] = ()
         if self._lag is not None:

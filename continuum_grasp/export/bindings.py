@@ -181,6 +181,8 @@ def wasm_files(contents: Contents) -> dict[str, str]:
     names += [f"{function.types[0]}_{method.name}" for function in stateful for method in function.methods]
     names += [call.name for call in calls] + (["init_abi"] if calls else [])
     names += [name for function in stateful for name in (function.name, f"{function.types[0]}_init_abi")]
+    described = any(part.describes is not None for part in contents.parts)
+    names += ["fields", *(f"field_{of}" for of in _DESCRIBED)] if described else []
     used = [_use_of_call(contents, call) for call in calls[:1]]
     used += [contents.fill("wasm/use_stateful.mjs", owner=f.types[0], output=f.output) for f in stateful]
     if calls:
@@ -199,6 +201,8 @@ def wasm_files(contents: Contents) -> dict[str, str]:
     return {**found, f"wasm/{prefix}.mjs": contents.fill("wasm/wrapper.mjs", **more)}
 
 
+_DESCRIBED = ("struct", "name", "unit", "size", "low", "high")
+"""What is known of a field at run time, of the part ``metadata``."""
 _WASM = ("build.sh", "test.mjs", "string.h", "string.c", "vectors.c")
 
 

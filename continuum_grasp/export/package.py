@@ -24,7 +24,7 @@ from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, w
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
-from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, source_of
+from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, sections_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
@@ -64,6 +64,7 @@ def export_c(
     ranges: Mapping[str, Sequence[float]] | None = None,
     step: float | None = None,
     substeps: int = 1,
+    sections: int = 25,
     error: float | None = None,
     measured: bool = False,
 ) -> Package:
@@ -79,10 +80,9 @@ def export_c(
     real : {"float", "double"}, optional
         What to compute in; that of the target by default.
     what : sequence of str
-        Parts: dynamics, step, implicit_step, kinematics, statics, linearization, and of a closed loop estimator and
-        mpc; by default those two of a closed loop, else dynamics, step, kinematics and statics. They may be mixed: the
-        model is that of
-        the controller's prediction.
+        Parts: dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, of a
+        closed loop estimator and mpc, and metadata; by default estimator and mpc of a closed loop, else dynamics, step,
+        kinematics and statics. They may be mixed: the model is that of the controller's prediction.
     prefix : str
         Of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
@@ -93,6 +93,8 @@ def export_c(
         Longest step that will be asked for [s]; that of the scene where it has one.
     substeps : int
         Runge-Kutta steps within one.
+    sections : int
+        Sections that shape and velocities give in one call, evenly spaced from base to tip.
     error : float, optional
         Greatest relative error of the functions within the bending range; 1e-2 in float by default.
     measured : bool
@@ -131,6 +133,7 @@ def export_c(
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
     subject = _subject(source, names, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
+    subject = replace(subject, sections=sections_of(sections), surroundings=source.surroundings)
     parts = [PARTS[name](subject) for name in names]
     # The same in double: the truth for the errors of single precision.
     wide = [PARTS[name](replace(subject, real=REALS["double"])) for name in names]
@@ -160,7 +163,7 @@ def export_c(
         measured=found,
         source=source.name,
         wasm=target == "wasm",
-        touching=(source.configuration or {}).get("object") is not None,
+        touching="contact" not in names and (source.configuration or {}).get("object") is not None,
     )
     values = manifest(
         contents,

@@ -23,6 +23,7 @@ from continuum_grasp.model.stumpff import ROUNDING
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.surroundings import Surroundings
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """What may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
@@ -47,6 +48,8 @@ class Source:
     """The resolved scene as plain values."""
     loop: ControlScene | RtiSolver | None = None
     """The closed loop, where it is one, or a solver."""
+    surroundings: Surroundings | None = None
+    """What the finger may touch."""
 
     @property
     def finger(self) -> FingerModel:
@@ -85,7 +88,7 @@ def source_of(given: Given, real: Real) -> Source:
         scene, _ = resolve_fidelity(scene)
     model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
-    return Source(model, *names_of(scene), step, scene.model_dump(mode="json"))
+    return Source(model, *names_of(scene), step, scene.model_dump(mode="json"), surroundings=scene)
 
 
 def _of_precision(model: FingerModel, real: Real) -> FingerModel:
@@ -109,7 +112,7 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
         fidelity = scene.fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})
         scene = scene.model_copy(update={"fidelity": fidelity})
         model = Prediction(scene).system.finger_model
-    return Source(model, *names_of(scene), None, scene.model_dump(mode="json"), scene)
+    return Source(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
 
 
 def names_of(scene: Scene | ControlScene) -> tuple[str, str]:
@@ -151,6 +154,17 @@ def count_of(given: Any) -> int:
     return given
 
 
+def sections_of(given: Any) -> int:
+    """A number of sections that are seen at once."""
+    if type(given) is not int or not 2 <= given <= MOST_SECTIONS:
+        raise InputError(f"expected a whole number from 2 to {MOST_SECTIONS}, got {given!r:.60}", key="sections")
+    return given
+
+
+MOST_SECTIONS = 200
+"""Each is code of its own."""
+
+
 def positive(given: float | None, key: str) -> float | None:
     """A number above zero, or None; InputError for anything else."""
     if given is not None and not (isinstance(given, (int, float)) and 0.0 < given < math.inf):
@@ -167,6 +181,8 @@ def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
         usual = [name for name in PARTS if name not in ASKED_FOR]
         what = [name for name in usual if (name in OF_LOOPS) == (loop is not None) and name not in without]
     names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
+    if names == ["metadata"]:
+        raise InputError("metadata describes the structs of other parts: ask for one of them too", key="what")
     return [name for name in PARTS if name in names]
 
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -19,8 +20,9 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
 from continuum_grasp.export.ranges import JointRange, force_fields, input_fields, parameter_fields, state_fields
 from continuum_grasp.export.template import fill
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.spectrum import SLIDING
 
 
@@ -41,6 +43,10 @@ class Subject:
         (x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate.
     loop : Loop or None
         The closed loop that it is part of.
+    sections : int
+        How many are seen at once, evenly spaced from base to tip.
+    surroundings : Surroundings or None
+        What the finger may touch.
     """
 
     finger: FingerModel | None
@@ -55,6 +61,8 @@ class Subject:
     substeps: int
     guard: Kernel | None
     loop: Loop | None = None
+    sections: int = 25
+    surroundings: Surroundings | None = None
 
     @staticmethod
     def of(
@@ -122,6 +130,20 @@ class Subject:
         if self.finger_equations is None:
             raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
         return self.finger_equations
+
+    @property
+    def stations(self) -> list[float]:
+        """Positions of the sections that are seen at once [m]."""
+        return [float(at) for at in np.linspace(0.0, sum(self.model.lengths), self.sections)]
+
+    @cached_property
+    def system(self) -> System:
+        """The same finger with what it may touch; positions of a fixed object stay run-time numbers."""
+        given, options = self.model.structure.asked
+        around = self.surroundings
+        fixed = around is not None and around.object is not None and not around.object_moves
+        own = ("object_x", "object_y") if fixed else ()
+        return System(given, surroundings=around, object_parameters=own, **options)
 
     @property
     def longest_step(self) -> float:

@@ -111,6 +111,16 @@ class Chain:
             found.append((moved.perp(), omega))
         return found
 
+    def velocity(self, place: Place, rates: Sequence[Scalar]) -> tuple[Vec, Scalar]:
+        """Velocity and angular velocity of a section, of rates of the global coordinates."""
+        velocity, omega = self.end_velocities(rates)[place.link - 1] if place.link else (ZERO, 0.0)
+        section, at, arms = self._section(place)
+        local, moved = [rates[a] for a in self.coordinates[place.link]], at.scaled(omega)
+        for arm, angle, rate in zip(arms, section.angles, local, strict=True):
+            moved += arm.scaled(rate)
+            omega += angle * rate
+        return velocity + moved.perp(), omega
+
     # -- kinetics ------------------------------------------------------------------------------------------------
 
     @cached_property

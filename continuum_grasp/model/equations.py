@@ -249,6 +249,11 @@ class Equations:
         angle += self.chain.links[place.link].link.bend(place.fraction)
         return self.to_world(self.chain.position(place)), angle
 
+    def section_velocity(self, place: Place) -> tuple[Vec, Scalar]:
+        """World velocity [m/s] and turning rate [rad/s] of a section."""
+        velocity, spin = self.chain.velocity(place, self.full_rates)
+        return self.turn.apply(velocity), spin
+
     @property
     def curvature(self) -> list[Scalar]:
         """Curvature [1/m] that belongs to each coordinate, from base to tip, and at a matched tip."""

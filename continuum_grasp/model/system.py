@@ -243,6 +243,16 @@ class System(Functions):
         r, angles = _columns(at for at, _ in found), [angle for _, angle in found]
         return self._function("sections", "x u p", r=r, angle=angles)
 
+    def section_velocities(self, stations: Sequence[float]) -> ca.Function:
+        """``(x, u, p) -> v, spin``: world velocities (2, K) [m/s] and turning rates (K) [rad/s] of sections.
+
+        Stations are those of ``sections``. Of a matched tip without rates of its input, the moment is constant.
+        """
+        eq, lengths = self._equations, self.finger_model.lengths
+        found = [eq.section_velocity(place_at(at, lengths)) for at in stations]
+        v, spin = _columns(velocity for velocity, _ in found), [spin for _, spin in found]
+        return self._function("section_velocities", "x u p", v=v, spin=spin)
+
     energy = named("x u p", kinetic=lambda eq: eq.energies[0], potential=lambda eq: eq.energies[1])
     touch = named(
         "x u w p",

@@ -33,6 +33,32 @@ class MotionResult(Result):
         found: float = self.scene.finger.rod.length
         return found
 
+    def show(self) -> Any:
+        """Show the run as a page that plays it back, and goes on by its own computation from where one takes over.
+
+        Drag the object, the target or the finger, or move a slider, to take over: from the state of that instant the
+        page computes what follows, with the plant, the estimator and the controller of the scene as WebAssembly.
+
+        Returns
+        -------
+        continuum_grasp.export.web.Page
+            A notebook shows it; ``save`` writes it to a file.
+
+        Raises
+        ------
+        InputError
+            There is no page of such a run, its scene cannot be exported, or clang or wasm-ld is missing.
+
+        Examples
+        --------
+        >>> import shutil
+        >>> import continuum_grasp as cg
+        >>> run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.1"]))
+        >>> if shutil.which("clang") and shutil.which("wasm-ld"):
+        ...     assert list(run.show().modules) == ["plant"]
+        """
+        return maker_of("export.web.record:page_of_run")(self)
+
     def animate(
         self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640
     ) -> Path:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
+import html
 import json
 import re
 import subprocess
@@ -15,6 +17,8 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.web.page import _compiled
 from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
+from continuum_grasp.export.web.record import loop_record, page_of_run, trajectory_record
+from continuum_grasp.results.motion import MotionResult
 from tests.export_cases import needs
 
 pytestmark = needs("clang", "wasm-ld", "node", "gcc")
@@ -41,6 +45,10 @@ def native(plant, folder):
     return library, arrays
 
 
+def tip_of(arrays):
+    return np.array([arrays["section_x"][-1], arrays["section_y"][-1]])
+
+
 @pytest.fixture(scope="module")
 def release():
     return cg.load("configs/simulate/nitinol_release_020g.yaml")
@@ -55,7 +63,7 @@ def test_a_release_is_that_of_simulate_to_the_order_of_the_method(release, facto
     exact = cg.simulate(
         release.changed({"fidelity": {"family": "clothoid", "elements": 3}, "time": {"duration": 0.3, "step": 1e-4}})
     )
-    away = np.linalg.norm(arrays["position"][-2:] - exact.tip[-1])
+    away = np.linalg.norm(tip_of(arrays) - exact.tip[-1])
     # 2.4 mm would be a step of order 1; halved steps leave a quarter.
     assert away < 2.0e-4 / factor**2 * 1.3
 
@@ -70,21 +78,14 @@ def test_what_is_seen_is_what_the_model_says(release, tmp_path):
     system, x, u, w = plant.system, arrays["x"], arrays["u"], arrays["w"]
     length = scene.finger.rod.length
     r, angle = (np.array(v) for v in system.sections(plant.at.tolist())(x, u, []))
-    np.testing.assert_allclose(arrays["position"].reshape(-1, 2).T, r, rtol=1e-12, atol=1e-14)
-    np.testing.assert_allclose(arrays["angle"], angle.ravel(), rtol=1e-12)
+    np.testing.assert_allclose([arrays["section_x"], arrays["section_y"]], r, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(arrays["section_angle"], angle.ravel(), rtol=1e-12)
     names = system.touch.name_out()
     for name, value in zip(names, system.touch(x, u, w, []), strict=True):
-        np.testing.assert_allclose(arrays[name], np.array(value).ravel(order="F"), rtol=1e-9, atol=1e-9)
+        found = [arrays[f"{name}_x"], arrays[f"{name}_y"]] if name in ("force", "point", "normal") else arrays[name]
+        np.testing.assert_allclose(found, np.array(value).reshape(np.shape(found)), rtol=1e-9, atol=1e-9)
     assert arrays["normal_force"].max() > 1.0
-    step = 1e-6
-    before, after = arrays["pushed"].copy(), None
-    speed = arrays["velocity"].copy()
-    assert library.advance(step, 1) == 0
-    library.look()
-    after = arrays["pushed"]
-    np.testing.assert_allclose((after - before) / step, speed, atol=1e-3 * max(1e-3, abs(speed).max()) + 1e-6)
-    pushed = system.sections([share * length for share in PUSHED])(x, u, [])[0]
-    np.testing.assert_allclose(after.reshape(-1, 2).T, np.array(pushed), rtol=1e-12, atol=1e-14)
+    assert plant.at[plant.pushed] == pytest.approx([share * length for share in PUSHED])
 
 
 def test_a_hand_pushes_where_it_is(release, tmp_path):
@@ -97,7 +98,7 @@ def test_a_hand_pushes_where_it_is(release, tmp_path):
     library.look()
     rod = release.finger.rod
     # A cantilever with a small force at its tip bends by F L^3 / 3 E I.
-    assert arrays["position"][-1] == pytest.approx(0.02 * rod.length**3 / 3.0 / rod.stiffness, rel=2e-2)
+    assert tip_of(arrays)[1] == pytest.approx(0.02 * rod.length**3 / 3.0 / rod.stiffness, rel=2e-2)
 
 
 def test_the_same_bits_in_webassembly(tmp_path):
@@ -146,7 +147,7 @@ def test_the_plant_of_a_loop_is_that_of_closed_loops(tmp_path):
         arrays["u"][:] = [1.0 + 0.3 * k, 1.0]
         assert library.advance(plant.step, round(scene.controller.step / plant.step)) == 0
         other.advance(arrays["u"])
-    library.look()
+    library.sense()
     read = sensors.value(other.x, arrays["u"], other.model.forces(0.0)[0])
     np.testing.assert_allclose(arrays["sensed"], np.array(read).ravel(), atol=2e-4 * scene.finger.rod.length)
 
@@ -163,6 +164,69 @@ def test_a_page_is_one_file_whose_texts_end_no_script(release, tmp_path):
     # The same page every time.
     again = cg.export_web(release.changed({"name": name, **RELEASE}), tmp_path / "again.html")
     assert again.file.read_bytes() == page.file.read_bytes()
+
+
+def record_of(page):
+    return json.loads(re.search(r'id="known">(.*?)</script>', page.text)[1])
+
+
+@pytest.mark.parametrize(
+    ("config", "changes"),
+    [
+        # The tip of matched clothoids is no state of the run, but one of the page.
+        ("nitinol_release_020g", ["time.duration=0.2"]),
+        ("swing_against_disc", ["time.duration=0.3"]),
+    ],
+)
+def test_a_run_is_played_back_as_it_was(config, changes, tmp_path):
+    run = cg.simulate(cg.load(f"configs/simulate/{config}.yaml", changes))
+    plant = plant_of_scene(run.scene)
+    found = trajectory_record(run, plant).frames()
+    library, arrays = native(plant, tmp_path)
+    assert found["t"][0] == run.t[0]
+    assert found["t"][-1] == pytest.approx(run.t[-1])
+    for k in range(0, len(found["t"]), 4):
+        arrays["x"][:], arrays["u"][:], arrays["w"][:] = found["x"][k], found["u"][k], found["w"][k]
+        library.look()
+        at = int(np.argmin(abs(run.t - found["t"][k])))
+        assert run.t[at] == pytest.approx(found["t"][k], abs=1e-6)  # an instant of the run, not one between
+        np.testing.assert_allclose(tip_of(arrays), run.tip[at], atol=1e-7)
+        if run.contacts is not None:
+            np.testing.assert_allclose(arrays["normal_force"], run.contacts.normal_force[at], atol=1e-3)
+
+
+def test_a_notebook_shows_a_run_without_a_file(tmp_path):
+    run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.1"]))
+    page = run.show()
+    assert page.file is None
+    assert record_of(page)["record"]["t"][-1] == pytest.approx(0.1)
+    assert "0.1 s. From where you take over" in page.text
+    assert html.unescape(page._repr_html_()).count(page.text) == 1
+    assert page.save(tmp_path / "deep" / "page.html").file.read_text() == page.text
+
+
+def test_a_loop_is_played_back_with_what_its_controller_knew():
+    scene = cg.load("configs/mpc/unknown_payload.yaml", ["duration=0.2", "controller.horizon.stages=8"])
+    run = cg.run_closed_loop(scene)
+    record = dataclasses.asdict(loop_record(run, plant_of_loop(scene, run.readings.plant)[0]))
+    periods = np.array([int(np.argmin(abs(run.t - t))) for t in record["t"]])
+    np.testing.assert_allclose(record["x"], run.x[periods], rtol=1e-6, atol=1e-9)
+    at = np.minimum(periods, len(run.u) - 1)
+    np.testing.assert_allclose(record["u"], run.u[at], rtol=1e-6)
+    nx = run.estimate.shape[1]
+    np.testing.assert_allclose(np.array(record["z"])[:, :nx], run.estimate[at], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(np.array(record["z"])[:, nx:], run.disturbance[at], rtol=1e-6, atol=1e-9)
+    assert np.abs(run.disturbance[-1]).max() > 0.0
+    np.testing.assert_allclose(record["reference"][0], run.r[0], rtol=1e-6)
+
+
+def test_what_no_page_plays_back_says_why():
+    run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.01", "time.step=0.01"]))
+    with pytest.raises(InputError, match="there is no page of a Other"):
+        page_of_run(type("Other", (MotionResult,), {"t": run.t})())
+    one = dataclasses.replace(run, **{name: getattr(run, name)[:1] for name in "txuw"})
+    with pytest.raises(InputError, match="one instant only"):
+        one.show()
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 playwright = pytest.importorskip("playwright.sync_api")
 pytestmark = [needs("clang", "wasm-ld"), pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
 
-MOTION = "({ code: page.world.code, tip: [...page.memory.position].slice(-2), x: [...page.memory.x] })"
+MOTION = "({ code: page.world.code, tip: page.section(24), x: [...page.memory.x] })"
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +22,8 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     for name in ("mpc/steady_tip", "simulate/close_on_mug"):
         cg.export_web(f"configs/{name}.yaml", folder / f"{name.partition('/')[2]}.html")
+    run = cg.run_closed_loop(cg.load("configs/mpc/tip_steps.yaml", ["duration=1.0"]))
+    run.show().save(folder / "run.html")
     return folder
 
 
@@ -93,7 +95,7 @@ def test_a_pushed_finger_gives_way_and_comes_back(opened):
     page = stopped(opened("steady_tip"))
     page.evaluate("page.advance(1500)")
     before = np.array(page.evaluate(MOTION)["tip"])
-    middle = page.evaluate("[...page.memory.pushed].slice(2, 4)")
+    middle = page.evaluate("page.section(12)")
     drag(page, middle, np.array(middle) + np.array([0.05, 0.0]))
     page.evaluate("page.advance(30)")
     assert page.evaluate("page.world.push[2]") > 0.0
@@ -119,6 +121,36 @@ def test_a_mug_is_held_and_a_hand_pulls_it_out(opened):
     pulled = np.array(page.evaluate(MOTION)["x"][at : at + 2])
     assert page.evaluate("page.world.push[2]") > 1.0
     assert np.linalg.norm(pulled - held) > 1e-4
+
+
+def test_a_run_plays_and_is_taken_over(opened):
+    page = stopped(opened("run"))
+    last = page.evaluate("page.record.t.length - 1")
+    page.evaluate("page.play(0.6)")
+    k = page.evaluate("page.world.played")
+    assert page.evaluate("page.record.t[page.world.played]") == pytest.approx(0.6, abs=0.02)
+    assert page.evaluate("[...page.memory.x]") == page.evaluate(f"page.record.x[{k}]")
+    assert page.is_visible("#take")
+    # From there the controller goes on as it did: it starts from what it estimated.
+    page.click("#take")
+    page.wait_for_function("document.getElementById('take').hidden")
+    page.evaluate("page.advance(200)")
+    here = np.array(page.evaluate("page.section(24)"))
+    page.evaluate("page.reset()")
+    page.wait_for_function("page.world.played === 0")
+    page.evaluate("page.play(0.8)")
+    assert np.linalg.norm(here - page.evaluate("page.section(24)")) < 3e-3
+    # A slider shows where it is, and the end is said.
+    page.evaluate("page.play(9)")
+    assert page.evaluate("page.world.played") == last
+    page.wait_for_function("document.getElementById('state').textContent.includes('end of the recorded run')")
+    page.fill("input[name=recorded_time]", "0.5")
+    assert page.evaluate("page.world.time") == pytest.approx(0.5, abs=0.01)
+    # What is dragged takes over.
+    target = page.evaluate("page.world.target")
+    drag(page, target, np.array(target) - np.array([0.0, 0.01]))
+    page.mouse.up()
+    assert page.evaluate("page.world.played") == -1
 
 
 def test_keys_and_sliders(opened):

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
+from continuum_grasp.export.parts.metadata import metadata
 from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
+from continuum_grasp.export.parts.seen import contact, shape, velocities
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["ASKED_FOR", "OF_LOOPS", "PARTS"]
@@ -19,11 +21,15 @@ PARTS: dict[str, Callable[[Subject], Part]] = {
     "kinematics": kinematics,
     "statics": statics,
     "linearization": linearization,
+    "shape": shape,
+    "velocities": velocities,
+    "contact": contact,
     "estimator": estimator,
     "mpc": mpc,
+    "metadata": metadata,
 }
 """What makes each part of a subject."""
-ASKED_FOR = ("implicit_step", "linearization")
+ASKED_FOR = ("implicit_step", "linearization", "shape", "velocities", "contact", "metadata")
 """Parts that no package has by default."""
 OF_LOOPS = ("estimator", "mpc")
 """Parts that need a closed loop."""

@@ -5,6 +5,8 @@ A step is one of the classical Runge-Kutta method of order 4, which calls the dy
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -35,32 +37,34 @@ def codes_of(result: Array) -> Array:
     return np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
 
 
-def _refusing(subject: Subject, kernel: Kernel) -> Reference:
-    """Reference of a function that refuses states out of range, and has no warnings; its kernel has one output."""
-    (output,) = kernel.outputs
+def refusing(subject: Subject, kernel: Kernel) -> Reference:
+    """Reference of a function that refuses states out of range, and has no warnings; outputs one behind the other."""
 
     def reference(rows: Rows) -> tuple[Array, Array]:
-        result = kernel.evaluate(subject.real, **rows)[output]
+        result = np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
         return result, np.where(subject.refused(rows), Code.ERR_RANGE, codes_of(result))
 
     return reference
 
 
+def rate_fields(states: Sequence[Field]) -> tuple[Field, ...]:
+    """Rates of entries of a state."""
+    return tuple(
+        Field(f.name, f"{f.unit.removesuffix('/s')}/s2" if f.unit.endswith("/s") else f"{f.unit}/s") for f in states
+    )
+
+
 def dynamics(subject: Subject) -> Part:
     """Rate of change of the state."""
     kernel = _dynamics_kernel(subject)
-    rates = tuple(
-        Field(f.name, f"{f.unit.removesuffix('/s')}/s2" if f.unit.endswith("/s") else f"{f.unit}/s")
-        for f in subject.state.fields
-    )
-    rate = Struct("rate", "Rate of change of each entry of the state.", rates)
+    rate = Struct("rate", "Rate of change of each entry of the state.", rate_fields(subject.state.fields))
     call = Call(
         "dynamics",
         "Rate of change of the state: accelerations of the finger under input and forces.",
         subject.acting(),
         Argument("rate", rate, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', xd='result')}\n",
-        _refusing(subject, kernel),
+        refusing(subject, kernel),
         subject.guard_source,
     )
     return Part("dynamics", (kernel, *subject.kernels), (call,))
@@ -94,7 +98,7 @@ def statics(subject: Subject) -> Part:
         subject.acting(),
         Argument("balance", balance, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
-        _refusing(subject, kernel),
+        refusing(subject, kernel),
         subject.guard_source,
     )
     return Part("statics", (kernel, *subject.kernels), (call,))
@@ -124,27 +128,24 @@ def kinematics(subject: Subject) -> Part:
     length = max(longest, subject.model.finger.rod.length)  # of the longest finger that the parameters may make
     position = Field("s", "m", "position along the finger", 0.0, length, length)
     acting, output = subject.acting(forces=False, drawn=True), Argument("section", section, "result")
-    prefix, codes = subject.prefix, (Code.WARN_LEFT_RANGE,)
-    beyond = f"check(u, input_low, input_high, {prefix.upper()}_NU) < 0 || {subject.left_range('x')}"
-    warning = f"  if ({beyond}) code = {prefix.upper()}_WARN_LEFT_RANGE;\n"
-    drawn = " A state that no step takes is drawn all the same, less accurately, with a warning."
+    prefix, codes, warning = subject.prefix, (Code.WARN_LEFT_RANGE,), range_warning(subject)
     calls = (
         Call(
             "tip",
-            f"The tip: position, angle, and derivatives by the bending coordinates.{drawn}",
+            f"The tip: position, angle, and derivatives by the bending coordinates.{DRAWN}",
             acting,
             output,
             f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n{warning}",
-            _drawing(subject, tip_kernel),
+            drawing(subject, lambda rows: tip_kernel.evaluate(subject.real, **rows)["at"]),
             codes=codes,
         ),
         Call(
             "section_at",
-            f"The section at a position s along the finger, from the base.{drawn}",
+            f"The section at a position s along the finger, from the base.{DRAWN}",
             (*acting, Argument("s", position, "s")),
             output,
             f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n{warning}",
-            _drawing(subject, section_kernel),
+            drawing(subject, lambda rows: section_kernel.evaluate(subject.real, **rows)["at"]),
             codes=codes,
         ),
     )
@@ -186,17 +187,27 @@ def linearization(subject: Subject) -> Part:
         subject.acting(),
         Argument("linearization", struct, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', by='result')}\n",
-        _refusing(subject, kernel),
+        refusing(subject, kernel),
         subject.guard_source,
     )
     return Part("linearization", (kernel, *subject.kernels), (call,))
 
 
-def _drawing(subject: Subject, kernel: Kernel) -> Reference:
-    """Reference of a function that warns of states and inputs out of range."""
+DRAWN = " A state that no step takes is drawn all the same, less accurately, with a warning."
+
+
+def range_warning(subject: Subject) -> str:
+    """C of a function that warns of states and inputs out of range."""
+    big = subject.prefix.upper()
+    beyond = f"check(u, input_low, input_high, {big}_NU) < 0 || {subject.left_range('x')}"
+    return f"  if ({beyond}) code = {big}_WARN_LEFT_RANGE;\n"
+
+
+def drawing(subject: Subject, value: Callable[[Rows], Array]) -> Reference:
+    """Reference of such a function, from the value of its output."""
 
     def reference(rows: Rows) -> tuple[Array, Array]:
-        result = kernel.evaluate(subject.real, **rows)["at"]
+        result = value(rows)
         codes = codes_of(result)
         beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
         return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)

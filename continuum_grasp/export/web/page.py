@@ -11,7 +11,8 @@ import os
 import shutil
 import subprocess
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,18 @@ from numpy.typing import NDArray
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.cost_terms import Outputs
+from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.export.control.loop import identifiers
 from continuum_grasp.export.package import export_c
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
+from continuum_grasp.export.web.record import Record, rounded
+from continuum_grasp.results import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
@@ -44,25 +52,42 @@ _PULL = 0.25
 
 @dataclass(frozen=True)
 class Page:
-    """A page that was written.
+    """A page, which a notebook shows.
 
     Attributes
     ----------
-    file : pathlib.Path
-    size : int
-        Of the file [bytes].
+    text : str
+        HTML.
     modules : dict of str to int
         Size of each WebAssembly module, as it is before it is compressed [bytes].
+    file : pathlib.Path or None
+        Where it was written; None where a run shows it.
     """
 
-    file: Path
-    size: int
+    text: str = field(repr=False)
     modules: dict[str, int]
+    file: Path | None = None
+
+    @property
+    def size(self) -> int:
+        """Size of the text [bytes]."""
+        return len(self.text.encode())
+
+    def save(self, file: str | os.PathLike[str]) -> Page:
+        """Write it to a file, whose folder is made where missing; an earlier file is replaced."""
+        target = Path(file)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(self.text, target)
+        return replace(self, file=target)
 
     def _repr_html_(self) -> str:
         """The page in a notebook."""
-        text = html.escape(self.file.read_text(encoding="utf-8"))
-        return f'<iframe srcdoc="{text}" style="width:100%;height:820px;border:0"></iframe>'
+        text = html.escape(self.text)
+        return f'<iframe srcdoc="{text}" title="{self._title}" style="width:100%;height:860px;border:0"></iframe>'
+
+    @property
+    def _title(self) -> str:
+        return self.text.partition("<title>")[2].partition("</title>")[0]
 
 
 @interrupt.listening()
@@ -99,7 +124,18 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     ...     page = cg.export_web("configs/simulate/hanging.yaml", tempfile.mkdtemp() + "/page.html")
     ...     assert list(page.modules) == ["plant"]
     """
-    scene = scene_of(given, (Scene, ControlScene))
+    return page_of(scene_of(given, (Scene, ControlScene))).save(file)
+
+
+def page_of(
+    scene: Scene | ControlScene,
+    record: Callable[[WebPlant], Record] | None = None,
+    plant_model: PlantModel | None = None,
+) -> Page:
+    """The page of a scene, which plays back a record before anything else, where there is one.
+
+    ``plant_model`` is the plant of a closed loop where it is not the scene's.
+    """
     missing = [tool for tool in TOOLS if shutil.which(tool) is None]
     if missing:
         raise InputError(f"a page needs {' and '.join(missing)} to make WebAssembly (Debian: clang, lld)")
@@ -107,18 +143,30 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
         if isinstance(scene, ControlScene):
-            plant, sensors = plant_of_loop(scene)
-            loop, wrapper = _controller(scene, folder)
+            plant, sensors = plant_of_loop(scene, plant_model)
+            played = None if record is None else record(plant)
+            loop, wrapper = _controller(scene, plant, folder)
+            loop["reference"] = _reference(scene)
             modules["controller"] = (folder / "wasm" / "finger.wasm").read_bytes()
             loop |= {"names": [name.split(" ")[0] for name in sensors.names], "std": sensors.std.tolist()}
             loop["delay"] = sensors.delay
         else:
             plant, loop, wrapper = plant_of_scene(scene), None, ""
+            played = None if record is None else record(plant)
         modules["plant"] = _compiled(plant, folder)
-    known = {"plant": _plant(plant, scene), "controller": loop, "view": _view(plant, scene)}
+    known: dict[str, Any] = {
+        "plant": _plant(plant, scene),
+        "controller": loop,
+        "view": _view(plant, scene),
+        "record": None if played is None else played.frames(),
+    }
+    if played is not None:
+        known["plant"]["table"] = played.table()
+        if loop is not None and played.reference is not None:
+            loop["reference"] |= {"dt": played.dt, "rows": played.reference}
     words = {
         "title": html.escape(scene.name or "a continuum finger"),
-        "about": html.escape(_about(plant, scene)),
+        "about": html.escape(_about(plant, scene, played)),
         "version": __version__,
         "known": _script(json.dumps(known)),
         "modules": json.dumps({name: _packed(binary) for name, binary in modules.items()}),
@@ -126,10 +174,7 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
         "wrapper": wrapper,
         "script": fill("web/page.js", {}),
     }
-    target = Path(file)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(fill("web/page.html", words), encoding="utf-8")
-    return Page(target, target.stat().st_size, {name: len(binary) for name, binary in modules.items()})
+    return Page(fill("web/page.html", words), {name: len(binary) for name, binary in modules.items()})
 
 
 def _packed(binary: bytes) -> str:
@@ -152,7 +197,7 @@ def _compiled(plant: WebPlant, folder: Path) -> bytes:
     """The plant as WebAssembly."""
     source, found = folder / "plant.c", folder / "plant.wasm"
     source.write_text(plant.source, encoding="utf-8")
-    exports = ["advance", "look", "restart", *(f"at_{name}" for name in plant.arrays)]
+    exports = ["advance", "look", "sense", "restart", *(f"at_{name}" for name in plant.arrays)]
     words = [*_FLAGS.split(), "-Wl,--no-entry", "-Wl,--strip-all", *(f"-Wl,--export={name}" for name in exports)]
     (folder / "string.h").write_text(fill("wasm/string.h", {}), encoding="utf-8")
     (folder / "string.c").write_text(fill("wasm/string.c", {}), encoding="utf-8")
@@ -160,12 +205,23 @@ def _compiled(plant: WebPlant, folder: Path) -> bytes:
     return found.read_bytes()
 
 
-def _controller(scene: ControlScene, folder: Path) -> tuple[dict[str, Any], str]:
+def _controller(scene: ControlScene, plant: WebPlant, folder: Path) -> tuple[dict[str, Any], str]:
     """What the page must know of the controller, and its wrapper; its module is in the folder."""
     export_c(scene, folder, what=["mpc"], target="wasm")
     _run("sh", str(folder / "wasm" / "build.sh"), str(folder / "wasm"), "library")
     wrapper = (folder / "wasm" / "finger.mjs").read_text(encoding="utf-8")
-    return {"period": scene.controller.step}, wrapper
+    starts = "estimate" if scene.estimator is not None else "measurement"
+    return {"period": scene.controller.step, "starts": starts, "commands": identifiers(plant.u_names)}, wrapper
+
+
+def _reference(scene: ControlScene) -> dict[str, Any]:
+    """Setpoints of the scene over time, by rows, of which the last one holds."""
+    c = scene.controller
+    wanted = setpoints(Outputs.of(c.cost, Prediction(scene)), scene.reference)
+    rows = wanted.rows(np.arange(0.0, (scene.duration or 0.0) + c.step, c.step))
+    if (rows == rows[0]).all():
+        rows = rows[:1]
+    return {"dt": c.step, "stage": c.horizon.stage, "names": identifiers(wanted.names), "rows": rounded(rows)}
 
 
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
@@ -185,7 +241,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     found: dict[str, Any] = {
         "arrays": plant.arrays,
         "step": plant.step,
-        "start": {"x": plant.start.tolist(), "u": plant.rest.tolist(), "p": list(system.p_nominal)},
+        "start": {"x": plant.start.tolist(), "u": plant.rest.tolist(), "p": plant.p.tolist()},
         "table": {
             "dt": _TABLE,
             "u": plant.signals.u(instants)[:, :nu].tolist() if isinstance(scene, Scene) else [],
@@ -196,7 +252,11 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
         "parameters": [_slider(f, value) for f, value in zip(fields, own.p_nominal, strict=True)],
         "half": [round(float(v), _DIGITS) for v in finger.profile.half_thickness(plant.at)],
         "length": length,
-        "pushes": {"first": plant.pushes, "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2},
+        "pushes": {
+            "first": plant.pushes,
+            "sections": plant.pushed,
+            "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2,
+        },
         "masses": [[mass.at / length, mass.mass] for mass in finger.masses],
         "touches": system.touch_names,
     }
@@ -247,11 +307,15 @@ def _view(plant: WebPlant, scene: Scene | ControlScene) -> list[float]:
     return [float(v) for v in (*(low - edge), *(high + edge))]
 
 
-def _about(plant: WebPlant, scene: Scene | ControlScene) -> str:
+def _about(plant: WebPlant, scene: Scene | ControlScene, played: Record | None) -> str:
     """What is computed, in a sentence or two."""
     model = plant.system.finger_model
-    text = (
-        f"What moves is computed in this page: a finger of {len(model.lengths)} {model.family.replace('_', ' ')} "
+    text = "What moves is computed in this page"
+    if played is not None:
+        text = f"First the run is played back as it was recorded, {played.t[-1]:g} s. From where you take over, what "
+        text += "moves is computed in this page"
+    text += (
+        f": a finger of {len(model.lengths)} {model.family.replace('_', ' ')} "
         f"elements, {plant.given['x'].numel()} states in all, in L-stable steps of {1e3 * plant.step:g} ms, by the C "
         "that continuum_grasp writes, here as WebAssembly."
     )

@@ -6,6 +6,7 @@ motion. Hands push the finger at ``PUSHED`` of its length, and an object that mo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant import Sensors
-from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
@@ -22,9 +23,10 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
+from continuum_grasp.export.parts.seen import contact_kernel, shape_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
-from continuum_grasp.model import System
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import ForceLoad
@@ -37,7 +39,7 @@ Array = NDArray[np.float64]
 PUSHED = (0.25, 0.5, 0.75, 1.0)
 """Where a finger can be pushed, as parts of its length."""
 SECTIONS = 25
-"""Sections that are drawn, evenly spaced from base to tip."""
+"""Sections that are drawn, evenly spaced from base to tip; those where a finger can be pushed are among them."""
 STEP, CONTACT_STEP = 1e-3, 2.5e-4
 """Steps in time without an object and with one [s]."""
 
@@ -76,6 +78,8 @@ class WebPlant:
         State and input at time zero.
     signals : Signals
         Inputs and forces over time, as the scene has them.
+    p : ndarray
+        Parameters.
     x_names : tuple of str
         Name and unit of each state.
     """
@@ -88,12 +92,23 @@ class WebPlant:
     start: Array
     rest: Array
     signals: Signals
+    p: Array
     x_names: tuple[str, ...]
 
     @property
     def pushes(self) -> int:
         """Index in ``w`` of the first component of the first push; the others follow."""
         return int(self.system.finger_model.nw) - 2 * len(PUSHED)
+
+    @property
+    def hands(self) -> range:
+        """Indices in ``w`` of what hands push with."""
+        return range(self.pushes, self.pushes + 2 * len(PUSHED))
+
+    @property
+    def pushed(self) -> list[int]:
+        """Sections where it can be pushed."""
+        return [round(share * (SECTIONS - 1)) for share in PUSHED]
 
     @property
     def at(self) -> Array:
@@ -115,17 +130,27 @@ class WebPlant:
         return found + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(found) :]]
 
     @cached_property
-    def look(self) -> Kernel:
-        """Sections, velocities where the finger can be pushed, contacts, and what is measured."""
+    def look(self) -> tuple[Kernel, ...]:
+        """What is drawn: sections and contacts, by the kernels of ``export-c``."""
         x, _, w, p = self.symbols
-        own, length = x[: self.system.nx], self.system.finger_model.finger.rod.length
-        r, angle = self.system.sections(self.at.tolist())(own, self.acting, p)
-        pushed, _ = self.system.sections([share * length for share in PUSHED])(own, self.acting, p)
-        found = {"position": r, "angle": angle, "pushed": pushed, "velocity": ca.jtimes(ca.vec(pushed), x, self.rate)}
-        found |= zip(self.system.touch.name_out(), self.system.touch(own, self.acting, w, p), strict=True)
-        found["sensed"] = self.sensed
-        seen = {name: ca.densify(ca.vec(ca.SX(value))) for name, value in found.items()}
-        return Kernel("look", straight_function("look", self.given, seen), "What is drawn, felt and measured.")
+        own, given = x[: self.system.nx], self.given
+        shape = shape_kernel(self.system, self.at.tolist(), given, own, self.acting, p)
+        if not self.system.touch_names:
+            return (shape,)
+        return shape, contact_kernel(self.system, given, own, self.acting, w, p)
+
+    @cached_property
+    def sense(self) -> Kernel | None:
+        """What is measured, if anything is."""
+        if not self.sensed.numel():
+            return None
+        seen = {"sensed": ca.densify(ca.vec(ca.SX(self.sensed)))}
+        return Kernel("sense", straight_function("sense", self.given, seen), "What is measured.")
+
+    @property
+    def _kernels(self) -> tuple[Kernel, ...]:
+        """All that it computes by."""
+        return self._rates, *self.look, *([] if self.sense is None else [self.sense])
 
     @property
     def step(self) -> float:
@@ -136,10 +161,10 @@ class WebPlant:
     def source(self) -> str:
         """All of its C: one file without a library."""
         real = REALS["double"]
-        kernels = self._rates, self.look
-        strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, "plant")
+        strict = c_source(set().union(*(kernel.calls for kernel in self._kernels)), real, "plant")
+        names = {name: name for name in self.arrays}
         words = {
-            "kernels": "\n".join([strict, *(kernel.c_source("plant", real) for kernel in kernels)]),
+            "kernels": "\n".join([strict, *(kernel.c_source("plant", real) for kernel in self._kernels)]),
             "exponent": real.bit_pattern(real.exponent_mask),
             "nx": len(self.scales),
             "n": self.system.n,
@@ -152,7 +177,8 @@ class WebPlant:
             "settled": real.literal(SETTLED),
             "memory": ", ".join(f"{name}[{max(size, 1)}]" for name, size in self.arrays.items()),
             "rate": self._rates.call("plant", x="at", u="u", w="w", p="p", rate="rate"),
-            "look": self.look.call("plant", **{name: name for name in self.arrays}),
+            "look": "\n  ".join(kernel.call("plant", **names) for kernel in self.look),
+            "sense": "" if self.sense is None else self.sense.call("plant", **names),
             "addresses": "\n".join(f"plant_real *at_{name}(void) {{ return {name}; }}" for name in self.arrays),
         }
         return fill("web/plant.c", words)
@@ -170,24 +196,26 @@ class WebPlant:
     @property
     def arrays(self) -> dict[str, int]:
         """Sizes of the arrays in its memory."""
-        return {name: value.numel() for name, value in self.given.items()} | self.look.outputs
+        seen = [kernel.outputs for kernel in self._kernels[1:]]
+        return {name: value.numel() for name, value in self.given.items()} | {
+            k: v for of in seen for k, v in of.items()
+        }
 
 
-def _pushed(scene: Scene) -> Scene:
-    """The scene with forces of size zero where a hand may push."""
+def _pushed(scene: Scene, lengths: Sequence[float]) -> Scene:
+    """The scene with forces of size zero where a hand may push, and its own elements [m], which these do not split."""
     length = scene.finger.rod.length
     more = tuple(ForceLoad(at=share * length, force=(0.0, 0.0)) for share in PUSHED)
-    return scene.replaced(loads=(*scene.loads, *more))
-
-
-def _object_parameters(scene: Scene) -> tuple[str, ...]:
-    """What of an object a hand moves: where it is, if nothing else moves it."""
-    return ("object_x", "object_y") if scene.object is not None and not scene.object_moves else ()
+    return scene.replaced(loads=(*scene.loads, *more), fidelity=scene.fidelity.replaced(elements=tuple(lengths)))
 
 
 def plant_of_scene(given: Scene) -> WebPlant:
     """The plant of a scene whose inputs a hand gives."""
-    scene = _pushed(given)
+    if given.fidelity.tolerance is not None:
+        from continuum_grasp.accuracy.choose import resolve_fidelity
+
+        given, _ = resolve_fidelity(given)
+    scene = _pushed(given, FingerModel(given).lengths)
     finger, family = scene.finger, scene.fidelity.family
     lagged = any(channel.time_constant is not None for channel in finger.channels)
     # A hand changes inputs at once, with which a matched tip would jump.
@@ -201,24 +229,26 @@ def plant_of_scene(given: Scene) -> WebPlant:
     rest = signals.u(0.0)[0]
     start = initial_state(scene, system)
     rate, names = system.forward_dynamics(*symbols), tuple(system.x_names)
-    return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, names)
+    return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, np.array(system.p_nominal), names)
 
 
-def plant_of_loop(scene: ControlScene) -> tuple[WebPlant, Sensors]:
-    """The plant of a closed loop, which its controller drives, and its sensors."""
+def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[WebPlant, Sensors]:
+    """The plant of a closed loop, which its controller drives, and its sensors; ``of`` where it is not the scene's."""
     if scene.plant.guides is not None:
         raise InputError(
             "a chain of guides is integrated by code that a page does not have: leave plant.guides out",
             key="plant.guides",
         )
-    prediction = Prediction(scene)
-    model = PlantModel(scene, _pushed(plant_scene(scene)))
-    sensors, system = Sensors(scene, model, prediction, None), model.elements
+    own = of or PlantModel(scene)
+    model = PlantModel(
+        scene, _pushed(own.scene, own.elements.finger_model.lengths), own.parameters, own.elements.object_parameters
+    )
+    sensors, system = Sensors(scene, model, Prediction(scene), None), model.elements
     sensed = sensors.value(*model.symbols[:3])
     signals = Signals(model.scene, system.finger_model, nw=system.nw)
     rate = model.forward_dynamics(*model.symbols)
     plant = WebPlant(
-        system, model.symbols, rate, model.acting, sensed, model.start, model.rest_input, signals, model.x_names
+        system, model.symbols, rate, model.acting, sensed, model.start, model.rest_input, signals, own.p, model.x_names
     )
     return plant, sensors
 

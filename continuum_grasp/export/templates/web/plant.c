@@ -118,8 +118,14 @@ int advance(plant_real h, int steps)
   return code;
 }
 
-/* Write what is seen of the state. */
+/* Write what is drawn of the state. */
 void look(void)
 {
   <<look>>
+}
+
+/* Write what is measured of it. */
+void sense(void)
+{
+  <<sense>>
 }

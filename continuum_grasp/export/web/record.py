@@ -1,0 +1,211 @@
+"""The record of a run that a page plays back, and the page of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.errors import InputError
+from continuum_grasp.export.web.plant import WebPlant
+from continuum_grasp.model import System
+from continuum_grasp.results.motion import MotionResult
+
+if TYPE_CHECKING:
+    from continuum_grasp.closed_loop.result import ControlRun
+    from continuum_grasp.export.web.page import Page
+    from continuum_grasp.mission.result import MissionRun
+    from continuum_grasp.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_FRAME = 1.0 / 60.0
+"""Least time between frames of a record [s]; screens show no more."""
+_MOST = 1200
+"""Most frames of a record."""
+_DIGITS = 8
+"""Of recorded numbers: contacts are stiff, 1e-7 of a length is a force that is seen."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """States of a page's plant over time, as they were recorded.
+
+    Attributes
+    ----------
+    t : list of float
+        Instants [s].
+    x, u, w : list of list of float
+        States, inputs and forces at them.
+    z, known : list of list of float or None
+        What the controller would start from, and what it knows of the finger; None without one.
+    changes : list of dict
+        Weights of setpoints, least and greatest input from instants on, ``t``, ``weights``, ``low`` and ``high``.
+    reference : list of list of float or None
+        Setpoints, in rows that are ``dt`` [s] apart.
+    dt : float
+        Time between rows of setpoints, and of the inputs and forces that go on from where one takes over [s].
+    """
+
+    t: list[float]
+    x: list[Any]
+    u: list[Any]
+    w: list[Any]
+    z: list[Any] | None
+    known: list[Any] | None
+    changes: list[Any]
+    reference: list[Any] | None
+    dt: float
+
+    def frames(self) -> dict[str, Any]:
+        """What is played back."""
+        return {name: getattr(self, name) for name in ("t", "x", "u", "w", "z", "known", "changes")}
+
+    def table(self) -> dict[str, Any]:
+        """Inputs and forces in rows of even steps."""
+        at = np.arange(0.0, self.t[-1] + self.dt, self.dt)
+        return {"dt": self.dt, "u": self._at(self.u, at), "w": self._at(self.w, at)}
+
+    def _at(self, rows: list[Any], at: Array) -> list[Any]:
+        columns = np.array(rows).T
+        return rounded(np.array([np.interp(at, self.t, column) for column in columns]).T.reshape(len(at), -1))
+
+
+def rounded(rows: ArrayLike) -> list[Any]:
+    """Numbers that are short in JSON."""
+    return [[float(f"{v:.{_DIGITS}g}") for v in row] for row in np.asarray(rows, dtype=float)]
+
+
+def frames_of(t: Array) -> NDArray[np.intp]:
+    """Indices of the instants that are shown."""
+    least = max(_FRAME, float(t[-1]) / _MOST)
+    chosen = [0]
+    for k in range(1, len(t)):
+        if t[k] - t[chosen[-1]] >= least * (1.0 - 1e-9):
+            chosen.append(k)
+    return np.array(chosen if chosen[-1] == len(t) - 1 else [*chosen, len(t) - 1])
+
+
+def trajectory_record(run: Trajectory, plant: WebPlant) -> Record:
+    """The record of a motion."""
+    known = _columns(run.x_names, run.x)
+    if not known.keys() >= set(plant.x_names):
+        known = _with_tip(run) | known
+    return _record(plant, run.t, known, _columns(run.u_names, run.u), _columns(run.w_names, run.w))
+
+
+def _with_tip(run: Trajectory) -> dict[str, Array]:
+    """Curvature at the tip of matched clothoids, which those of a page have as a coordinate: its inputs may jump."""
+    given, options = run.model.structure.asked
+    system = System(given, **options) if run.system is None else run.system
+    rows = [np.array(system.curvature(x, u, system.p_nominal)).ravel() for x, u in zip(run.x, run.u, strict=True)]
+    columns = {f"kappa_{k}": column for k, column in enumerate(np.array(rows).T)}
+    rates = {f"{name}_rate [1/m/s]": np.gradient(column, run.t) for name, column in columns.items()}
+    return {f"{name} [1/m]": column for name, column in columns.items()} | rates
+
+
+def loop_record(run: ControlRun, plant: WebPlant) -> Record:
+    """The record of a closed loop."""
+    periods = len(run.u)
+    u = np.vstack([run.u, run.u[-1:]])
+    z = np.zeros((periods, len(run.estimated_names)))
+    z[:, : run.estimate.shape[1]] = run.estimate
+    for name, column in zip(run.disturbance_names, run.disturbance.T, strict=True):
+        z[:, run.estimated_names.index(name)] = column
+    columns = _columns(run.x_names, run.x), _columns(run.u_names, u), _columns(run.readings.plant.w_names, run.w)
+    known = run.given_parameters
+    return _record(
+        plant, run.t, *columns, z=np.vstack([z, z[-1:]]), known=np.vstack([known, known[-1:]]), reference=run.r
+    )
+
+
+def _columns(names: Any, rows: Array) -> dict[str, Array]:
+    return dict(zip(names, rows.T, strict=True))
+
+
+def _record(
+    plant: WebPlant,
+    t: Array,
+    x: dict[str, Array],
+    u: dict[str, Array],
+    w: dict[str, Array],
+    z: Array | None = None,
+    known: Array | None = None,
+    reference: Array | None = None,
+) -> Record:
+    missing = [name for name in (*plant.x_names, *plant.u_names) if name not in {**x, **u}]
+    if missing:
+        lacks = ", ".join(missing[:3])
+        raise InputError(f"the model of a page has states that this run has not ({lacks}): take animate")
+    nothing, chosen = np.zeros(len(t)), frames_of(t)
+    forces = [w.get(name, nothing) if k not in plant.hands else nothing for k, name in enumerate(plant.system.w_names)]
+    rows = [x[name] for name in plant.x_names], [u[name] for name in plant.u_names], forces
+    step = max(float(np.diff(t).min()), 0.005)
+    at = np.arange(0.0, t[-1] + step, step)
+    wanted = None if reference is None else np.array([np.interp(at, t, column) for column in reference.T]).T
+    state, given, pushing = (rounded(np.array(of).reshape(len(of), len(t)).T[chosen]) for of in rows)
+    return Record(
+        [float(f"{v:.7g}") for v in t[chosen]],
+        state,
+        given,
+        pushing,
+        z=None if z is None else rounded(z[chosen]),
+        known=None if known is None else rounded(known[chosen]),
+        changes=[],
+        reference=None if wanted is None else rounded(wanted),
+        dt=step,
+    )
+
+
+def controller_changes(run: MissionRun) -> list[Any]:
+    """What a mission changes of its controller from phase to phase."""
+    found: list[Any] = []
+    loop = run.runs[0]
+
+    @dataclass
+    class Beginning:
+        """What the beginning of a phase is given: the controller, and the plant with its last command."""
+
+        t: float
+        command: Array
+
+        def change(self, *, weights: Array, u_min: Array, u_max: Array) -> None:
+            """Note what is changed."""
+            wanted = {"weights": weights, "low": u_min, "high": u_max}
+            found.append({"t": self.t, **{name: rounded([value])[0] for name, value in wanted.items()}})
+
+    for span, phase in zip(run.spans, run.timetable.phases(stages_of(loop.scene)), strict=True):
+        if phase.begin is not None:
+            at = min(max(int(np.searchsorted(loop.t, span.start)) - 1, 0), len(loop.u) - 1)
+            beginning = Beginning(span.start, loop.u[at])
+            phase.begin(beginning, beginning)
+    return found
+
+
+def page_of_run(run: MotionResult) -> Page:
+    """The page of a result that moves, see ``MotionResult.show``."""
+    from continuum_grasp.closed_loop.result import ControlRun
+    from continuum_grasp.export.web.page import page_of
+    from continuum_grasp.mission.result import MissionRun
+    from continuum_grasp.simulation.trajectory import Trajectory
+
+    if len(run.t) < 2:
+        raise InputError("this run has one instant only: there is nothing to show")
+    if isinstance(run, Trajectory):
+        motion = run
+        return page_of(motion.scene, lambda plant: trajectory_record(motion, plant))
+    changes: list[Any] = []
+    if isinstance(run, MissionRun):
+        if run.run is None:
+            raise InputError(f"a page has one finger, and this mission {len(run.runs)}: take run.animate")
+        changes = controller_changes(run)
+        run = run.run
+    if isinstance(run, ControlRun):
+        loop = run
+        return page_of(
+            loop.scene, lambda plant: replace(loop_record(loop, plant), changes=changes), loop.readings.plant
+        )
+    raise InputError(f"there is no page of a {type(run).__name__}: take animate")
