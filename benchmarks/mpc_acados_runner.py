@@ -96,7 +96,7 @@ def rendered(source: str, target: str, folder: str, numbers: str, template_glob:
     for name in set(re.findall(r"set_global (\w+)", re.sub(r"\w+set_global|set_global\(", "", text))):
         text = re.sub(r"({%-?\s*)set_global " + name, rf"\1set {name}", text)
         text = re.sub(
-            r"{[{%].*?[}%]}", lambda tag, name=name: re.sub(rf"(?<![\w.]){name}\b", f"kept.{name}", tag[0]), text
+            r"{[{%].*?[}%]}", lambda tag, name=name: re.sub(rf"(?<![\w.]){name}\b", f"shared.{name}", tag[0]), text
         )
     environment = jinja2.Environment(
         extensions=["jinja2.ext.loopcontrols"],
@@ -107,7 +107,7 @@ def rendered(source: str, target: str, folder: str, numbers: str, template_glob:
     environment.tests["starting_with"] = lambda text, part: text.startswith(part)
     environment.globals["range"] = lambda start=0, end=0: range(start, end)
     given = json.loads(Path(numbers).read_text(encoding="utf-8"))
-    made = environment.from_string("{% set kept = namespace() %}" + text).render(given)
+    made = environment.from_string("{% set shared = namespace() %}" + text).render(given)
     Path(folder).mkdir(parents=True, exist_ok=True)
     (Path(folder) / target).write_text(made, encoding="utf-8")
 
