@@ -104,6 +104,7 @@ class ControlRun(MotionResult):
         Picture("disturbances", "plotting.control:plot_disturbances", needs="disturbance_names"),
     )
     frames: ClassVar[str] = "plotting.control:control_frames"
+    page: ClassVar[str] = "export.web.page:page_of_loop"
 
     scene: ControlScene
     readings: Readings = field(repr=False)

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.errors import InputError
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import plant_friction
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
 from continuum_grasp.mission.verdict import Verdict, force_estimate, present
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.results.plain import plain
 from continuum_grasp.results.result import Result
@@ -80,6 +83,7 @@ class MissionRun(MotionResult):
         Picture("timeline", "plotting.mission:plot_mission_timeline", panels=True),
     )
     frames: ClassVar[str] = "plotting.mission:mission_frames"
+    page: ClassVar[str] = "export.web.page:page_of_loop"
     fps: ClassVar[float] = 25.0
 
     assignments: tuple[Assignment, ...]
@@ -194,6 +198,29 @@ class MissionRun(MotionResult):
     def object_pose(self) -> Array:
         """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
         return present(self.runs[0].object_pose)
+
+    def _page(self) -> Any:
+        if self.run is None:
+            raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
+        return maker_of(self.page)(self.run, self.controller_changes)
+
+    @property
+    def controller_changes(self) -> list[dict[str, Any]]:
+        """What phases changed of the controller of the only finger: from instants ``t`` [s] on ``weights`` of setpoints
+        and limits ``low`` and ``high`` of the input.
+        """
+        run, found = self.runs[0], list[dict[str, Any]]()
+        for span, phase in zip(self.spans, self.timetable.phases(stages_of(run.scene)), strict=True):
+            if phase.begin is None:
+                continue
+
+            def note(*, weights: Array, u_min: Array, u_max: Array, start: float = span.start) -> None:
+                found.append({"t": start, "weights": weights, "low": u_min, "high": u_max})
+
+            # The command before the phase, by which limits are moved.
+            before = run.u[min(max(int(np.searchsorted(run.t, span.start)) - 1, 0), len(run.u) - 1)]
+            phase.begin(SimpleNamespace(change=note), SimpleNamespace(command=before))
+        return found
 
     @property
     def body(self) -> GraspObject:

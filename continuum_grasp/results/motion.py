@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any, ClassVar
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.results.result import Result
 
@@ -20,10 +21,13 @@ class MotionResult(Result):
         it yields frames.
     fps : float
         Frames per second where none are asked for.
+    page : str
+        What makes the page that `show` gives, as `File.maker`; empty where there is none.
     """
 
     frames: ClassVar[str]
     fps: ClassVar[float] = 30.0
+    page: ClassVar[str] = ""
 
     t: Any
 
@@ -57,7 +61,14 @@ class MotionResult(Result):
         >>> if shutil.which("clang") and shutil.which("wasm-ld"):
         ...     assert list(run.show().modules) == ["plant"]
         """
-        return maker_of("export.web.record:page_of_run")(self)
+        if len(self.t) < 2:
+            raise InputError("this run has one instant only: there is nothing to show")
+        return self._page()
+
+    def _page(self) -> Any:
+        if not self.page:
+            raise InputError(f"there is no page of a {type(self).__name__}: take animate")
+        return maker_of(self.page)(self)
 
     def animate(
         self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640

@@ -13,7 +13,7 @@ import continuum_grasp as cg
 from continuum_grasp import System
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from tests.export_cases import needs, scene, shared_library
+from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
 from tests.rods import ROOT
 
 DISC = ROOT / "configs/simulate/swing_against_disc.yaml"
@@ -180,3 +180,13 @@ def test_what_cannot_be_seen_is_refused(options, message, tmp_path):
     with pytest.raises(InputError, match=message):
         export_c(scene("arcs"), tmp_path, **options)
     assert not list(tmp_path.iterdir())
+
+
+@needs("gcc")
+@pytest.mark.parametrize("real", ["float", "double"])
+def test_compilers_have_nothing_to_say_and_no_input_breaks_it(real, tmp_path):
+    what = ["shape", "velocities", "contact", "metadata"]
+    export_c(DISC, tmp_path / "made", what=what, real=real, sections=5)
+    programs = compile_programs("gcc", tmp_path / "made", tmp_path, "main fuzz", *STRICT, *WARNINGS, "-O1")
+    assert "0 of" in run(programs[0])
+    run(programs[1], 2000)

@@ -17,7 +17,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.web.page import _compiled
 from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
-from continuum_grasp.export.web.record import loop_record, page_of_run, trajectory_record
+from continuum_grasp.export.web.record import loop_record, trajectory_record
 from continuum_grasp.results.motion import MotionResult
 from tests.export_cases import needs
 
@@ -223,7 +223,7 @@ def test_a_loop_is_played_back_with_what_its_controller_knew():
 def test_what_no_page_plays_back_says_why():
     run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.01", "time.step=0.01"]))
     with pytest.raises(InputError, match="there is no page of a Other"):
-        page_of_run(type("Other", (MotionResult,), {"t": run.t})())
+        type("Other", (MotionResult,), {"t": run.t})().show()
     one = dataclasses.replace(run, **{name: getattr(run, name)[:1] for name in "txuw"})
     with pytest.raises(InputError, match="one instant only"):
         one.show()

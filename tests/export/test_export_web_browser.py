@@ -173,6 +173,26 @@ def test_keys_and_sliders(opened):
     assert page.get_attribute("#pause", "aria-pressed") == "false"
 
 
+@pytest.mark.parametrize("name", ["steady_tip", "close_on_mug"])
+def test_fifty_frames_a_second_leave_half_of_a_core(opened, name):
+    """By the time of its thread, which does not depend on what else the machine does."""
+    page = opened(name)
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
+    page.evaluate("window.frames_seen = 0; (function count() { ++frames_seen; requestAnimationFrame(count); })()")
+
+    def seen():
+        found = {m["name"]: m["value"] for m in session.send("Performance.getMetrics")["metrics"]}
+        return np.array([found["TaskDuration"], page.evaluate("frames_seen")])
+
+    page.wait_for_function("page.world.time > 0.3", timeout=60000)
+    first = seen()
+    page.wait_for_timeout(1500)
+    spent, frames = seen() - first
+    assert frames > 5
+    assert spent / frames < 0.5 / 50.0
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_is_outside_of_a_narrow_page(opened, scheme):
     page = opened("close_on_mug", viewport={"width": 420, "height": 800}, color_scheme=scheme)

@@ -17,7 +17,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.export.web.plant import plant_of_loop
-from continuum_grasp.export.web.record import controller_changes, loop_record
+from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
 from continuum_grasp.mission.assignment import assign
@@ -362,11 +362,11 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     table = plant.system.w_names.index("table_height [m]")
     assert min(row[table] for row in record.w) == pytest.approx(loop.w[:, -1].min(), rel=1e-6)
     assert plant.p == pytest.approx(loop.readings.plant.p)
-    changes = controller_changes(held)
+    changes = held.controller_changes
     assert [change["t"] for change in changes] == [
         held.timetable.span(n).start for n in ("approach", "lift", "release")
     ]
-    # A posture is followed on the way, a force once the object is held.
+    # A posture is followed until it is there, a force once the object is held.
     force = [name.startswith("contact_force") and "rate" not in name for name in loop.r_names]
     weights = np.array([change["weights"] for change in changes])
     assert (weights[:, force].max(axis=1) > 0.0).tolist() == [False, True, False]
@@ -374,6 +374,7 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
         replace(held, runs=(loop, loop)).show()
 
 
+@pytest.mark.slow
 def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(runner, held):
     """Other plants in between leave no trace."""
     dropped = runner.run(Variation(friction=0.3))

@@ -11,7 +11,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.prediction import Prediction
@@ -31,11 +32,12 @@ from continuum_grasp.export.package import export_c
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
-from continuum_grasp.export.web.record import Record, rounded
+from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.results import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -175,6 +177,16 @@ def page_of(
         "script": fill("web/page.js", {}),
     }
     return Page(fill("web/page.html", words), {name: len(binary) for name, binary in modules.items()})
+
+
+def page_of_motion(run: Trajectory) -> Page:
+    """The page of a motion, see ``MotionResult.show``."""
+    return page_of(run.scene, lambda plant: trajectory_record(run, plant))
+
+
+def page_of_loop(run: ControlRun, changes: Sequence[Any] = ()) -> Page:
+    """The page of a closed loop, and what changed of its controller."""
+    return page_of(run.scene, lambda plant: loop_record(run, plant, changes), run.readings.plant)
 
 
 def _packed(binary: bytes) -> str:

@@ -1,24 +1,19 @@
-"""The record of a run that a page plays back, and the page of a run."""
+"""The record of a run that a page plays back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.web.plant import WebPlant
 from continuum_grasp.model import System
-from continuum_grasp.results.motion import MotionResult
-
-if TYPE_CHECKING:
-    from continuum_grasp.closed_loop.result import ControlRun
-    from continuum_grasp.export.web.page import Page
-    from continuum_grasp.mission.result import MissionRun
-    from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -107,8 +102,8 @@ def _with_tip(run: Trajectory) -> dict[str, Array]:
     return {f"{name} [1/m]": column for name, column in columns.items()} | rates
 
 
-def loop_record(run: ControlRun, plant: WebPlant) -> Record:
-    """The record of a closed loop."""
+def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -> Record:
+    """The record of a closed loop, and what changed of its controller."""
     periods = len(run.u)
     u = np.vstack([run.u, run.u[-1:]])
     z = np.zeros((periods, len(run.estimated_names)))
@@ -118,7 +113,13 @@ def loop_record(run: ControlRun, plant: WebPlant) -> Record:
     columns = _columns(run.x_names, run.x), _columns(run.u_names, u), _columns(run.readings.plant.w_names, run.w)
     known = run.given_parameters
     return _record(
-        plant, run.t, *columns, z=np.vstack([z, z[-1:]]), known=np.vstack([known, known[-1:]]), reference=run.r
+        plant,
+        run.t,
+        *columns,
+        z=np.vstack([z, z[-1:]]),
+        known=np.vstack([known, known[-1:]]),
+        reference=run.r,
+        changes=changes,
     )
 
 
@@ -135,6 +136,7 @@ def _record(
     z: Array | None = None,
     known: Array | None = None,
     reference: Array | None = None,
+    changes: Sequence[Any] = (),
 ) -> Record:
     missing = [name for name in (*plant.x_names, *plant.u_names) if name not in {**x, **u}]
     if missing:
@@ -154,58 +156,7 @@ def _record(
         pushing,
         z=None if z is None else rounded(z[chosen]),
         known=None if known is None else rounded(known[chosen]),
-        changes=[],
+        changes=[{k: v if k == "t" else rounded([v])[0] for k, v in one.items()} for one in changes],
         reference=None if wanted is None else rounded(wanted),
         dt=step,
     )
-
-
-def controller_changes(run: MissionRun) -> list[Any]:
-    """What a mission changes of its controller from phase to phase."""
-    found: list[Any] = []
-    loop = run.runs[0]
-
-    @dataclass
-    class Beginning:
-        """What the beginning of a phase is given: the controller, and the plant with its last command."""
-
-        t: float
-        command: Array
-
-        def change(self, *, weights: Array, u_min: Array, u_max: Array) -> None:
-            """Note what is changed."""
-            wanted = {"weights": weights, "low": u_min, "high": u_max}
-            found.append({"t": self.t, **{name: rounded([value])[0] for name, value in wanted.items()}})
-
-    for span, phase in zip(run.spans, run.timetable.phases(stages_of(loop.scene)), strict=True):
-        if phase.begin is not None:
-            at = min(max(int(np.searchsorted(loop.t, span.start)) - 1, 0), len(loop.u) - 1)
-            beginning = Beginning(span.start, loop.u[at])
-            phase.begin(beginning, beginning)
-    return found
-
-
-def page_of_run(run: MotionResult) -> Page:
-    """The page of a result that moves, see ``MotionResult.show``."""
-    from continuum_grasp.closed_loop.result import ControlRun
-    from continuum_grasp.export.web.page import page_of
-    from continuum_grasp.mission.result import MissionRun
-    from continuum_grasp.simulation.trajectory import Trajectory
-
-    if len(run.t) < 2:
-        raise InputError("this run has one instant only: there is nothing to show")
-    if isinstance(run, Trajectory):
-        motion = run
-        return page_of(motion.scene, lambda plant: trajectory_record(motion, plant))
-    changes: list[Any] = []
-    if isinstance(run, MissionRun):
-        if run.run is None:
-            raise InputError(f"a page has one finger, and this mission {len(run.runs)}: take run.animate")
-        changes = controller_changes(run)
-        run = run.run
-    if isinstance(run, ControlRun):
-        loop = run
-        return page_of(
-            loop.scene, lambda plant: replace(loop_record(loop, plant), changes=changes), loop.readings.plant
-        )
-    raise InputError(f"there is no page of a {type(run).__name__}: take animate")
