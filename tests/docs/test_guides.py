@@ -14,7 +14,7 @@ from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-PAGES = ("first_finger", "simulate", "recipes", "chains", "fmu")
+PAGES = ("first_finger", "simulate", "recipes", "chains", "fmu", "learning")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -117,7 +117,7 @@ def test_the_page_of_simulate_has_every_key():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_of_a_page_runs(page, tmp_path):
-    for package in ("pandas", "mujoco", "fmpy"):
+    for package in ("pandas", "mujoco", "fmpy", "gymnasium"):
         if f"import {package}" in page_text(page):
             pytest.importorskip(package)
     done = run(page, tmp_path)

@@ -381,7 +381,9 @@ def test_a_plant_out_of_range_is_terminated_and_charged():
     env.reset(seed=0)
     pull = np.tile([60.0, 1.0], (4, 1))
     pull[1:] = [8.0, 1.0]
-    for left in range(100, 0, -1):
+    left = 101
+    while left:
+        left -= 1
         x, held = env.x.copy(), env._u.copy()
         observation, reward, terminated, _, info = env.step(pull)
         assert observation in env.observation_space
