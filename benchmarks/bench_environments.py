@@ -1,9 +1,10 @@
 """Steps per second of the environments for reinforcement learning, on one core.
 
-Run ``python -m benchmarks.bench_environments`` in the root of the repository (1 min, with the extra gym). Each environment
-of ``continuum_grasp.environments.TASKS`` takes random commands, drawn beforehand, which hold for some periods; ``state``
-observes the state, ``sensors`` what the estimator measures, with noise and delay. CPU time of the thread, medians of rounds:
-a step of all plants by ``FingerVectorEnv.step`` with observations, rewards and resets, and the compiled periods in it alone.
+Run ``python -m benchmarks.bench_environments`` in the root of the repository (1 min, with the extra gym). Each
+environment of ``continuum_grasp.environments.TASKS`` takes random commands, drawn beforehand, which hold for some
+periods; ``state`` observes the state, other names what the estimator measures, with noise and delay. CPU time of the
+thread, medians of rounds: a step of all plants by ``FingerVectorEnv.step`` with observations, rewards and resets, and
+the compiled periods in it alone.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -101,8 +102,18 @@ class Readings:
     """Values over time of everything that the controller's problem names; bending is that of its model's elements."""
 
     def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
-        self._scene, self.plant, self._stages = scene, plant, stages
+        self._scene, self._plant, self._stages = scene, plant, stages
+        self._numbers = plant.__getstate__()
         self._length, self._edges = _elements(plant, prediction)
+
+    @property
+    def plant(self) -> PlantModel:
+        """The plant of this run; missions give their equations other numbers in every run."""
+        p, outside = self._numbers
+        if not np.array_equal(self._plant.p, p) or self._plant.outside != outside:
+            self._plant = copy(self._plant)
+            self._plant.__setstate__(self._numbers)
+        return self._plant
 
     def _map(self, function: ca.Function, x: Array, u: Array, w: Array) -> Array:
         """Rows (K, size) of a function of states, inputs and forces."""

@@ -6,15 +6,18 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.environments.vector import FingerVectorEnv
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.sweep import Sweep
+
+# After the module that states what to install where gymnasium is missing.
+# isort: split
+import gymnasium
+from gymnasium.vector import AutoresetMode
 
 Array = NDArray[np.float64]
 

@@ -25,8 +25,8 @@ _AWAY = 10.0
 class Observed:
     """Entries of an observation: readings, the command before, setpoints.
 
-    ``bounds`` (entries, 2) have the least and the greatest of each; ``setpoints`` (scenes or 1, periods or 1, width) are
-    those that are shown at the start of a period.
+    ``bounds`` (entries, 2) have the least and the greatest of each; ``setpoints`` (scenes or 1, periods or 1, width)
+    are those that are shown at the start of a period.
     """
 
     names: tuple[str, ...]

@@ -117,7 +117,7 @@ def test_the_page_of_simulate_has_every_key():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_of_a_page_runs(page, tmp_path):
-    for package in ("pandas", "mujoco", "fmpy", "jax"):
+    for package in ("pandas", "mujoco", "fmpy", "jax", "gymnasium"):
         if f"import {package}" in page_text(page):
             pytest.importorskip(package)
     done = run(page, tmp_path)

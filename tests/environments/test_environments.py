@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
 from functools import cache
 from typing import Any
@@ -381,7 +383,9 @@ def test_a_plant_out_of_range_is_terminated_and_charged():
     env.reset(seed=0)
     pull = np.tile([60.0, 1.0], (4, 1))
     pull[1:] = [8.0, 1.0]
-    for left in range(100, 0, -1):
+    left = 101
+    while left:
+        left -= 1
         x, held = env.x.copy(), env._u.copy()
         observation, reward, terminated, _, info = env.step(pull)
         assert observation in env.observation_space
@@ -489,3 +493,17 @@ def test_objects_that_move():
     for u in applied:
         x = run.advance(x, u[2], 0.0, 0.01, 100)[-1]
     np.testing.assert_allclose(env.x[2], x, rtol=1e-7, atol=1e-9)
+
+
+def test_without_gymnasium():
+    """The sweeps of the environments are there; an environment says what to install."""
+    code = (
+        "import sys; sys.modules['gymnasium'] = None\n"
+        "import continuum_grasp as cg, continuum_grasp.environments as own; print(len(own.TASKS))\n"
+        "for name in ('FingerEnv', 'FingerVectorEnv'):\n"
+        "    try: getattr(own, name)\n"
+        "    except cg.InputError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    missing = "environments need the extra 'gym': pip install 'continuum-grasp[gym]'"
+    assert done.stdout.splitlines() == [str(len(TASKS)), missing, missing]
