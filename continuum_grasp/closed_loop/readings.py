@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from copy import copy
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -14,7 +14,7 @@ from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-PAGES = ("first_finger", "simulate", "recipes", "chains", "fmu", "learning")
+PAGES = ("first_finger", "simulate", "recipes", "chains", "fmu", "learning", "operators")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
