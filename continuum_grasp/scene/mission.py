@@ -83,7 +83,8 @@ class MissionController(Value):
     retained: Annotated[float, Field(gt=0.0, le=1.0, examples=[1.0, "85 %"]), Unit("1")] = 0.85
     """Share of the grasp's tension that the closing tendon keeps while the object is held, however large its force is
     estimated [1]. Commanded positions keep what leaves as much of that at the lift; with 1 they let nothing out again,
-    so that friction of the tendons keeps acting as it did when they were pulled."""
+    so that friction of the tendons keeps acting as it did when they were pulled, and a force that is too high at the
+    lift stays too high."""
     deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
 
