@@ -41,6 +41,8 @@ class Caller:
         self.names = function.name_in()
         sizes = [function.nnz_in(k) for k in range(function.n_in())]
         self._defaults = [nominal if n == "p" else np.zeros(size) for n, size in zip(self.names, sizes, strict=True)]
+        # No friction is one history of many: it is never supposed.
+        self._history = self.names.index("history") if "history" in self.names else None
         self._vectors = not any(m.startswith(f"{function.name()}.") for m in MATRICES)
         # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
         self._inputs = [np.zeros(size) for size in sizes]
@@ -76,6 +78,7 @@ class Caller:
             if at < len(arguments):
                 raise InputError(f"{self.function.name()}: {name} is given twice")
             values[at] = value
+        self._check_history(values)
         # Arrays that fit as they are need no conversion, which would take longer than most functions themselves.
         ready = len(values) == len(self._inputs) and all(
             value is None or (type(value) is np.ndarray and value.dtype == float and value.shape == buffer.shape)
@@ -93,8 +96,19 @@ class Caller:
         whole = tuple(shaped(self.function, k, out[None])[0] for k, out in enumerate(results))
         return whole[0] if len(whole) == 1 else whole
 
+    def _check_history(self, values: Sequence[ArrayLike | None]) -> None:
+        """Refuse a finger with friction whose history is not stated."""
+        at = self._history
+        if at is not None and (len(values) <= at or values[at] is None):
+            raise InputError(
+                f"{self.function.name()}: the finger has friction, and its shape alone does not say which way it acts: "
+                f"give history ({self._inputs[at].size} entries), the friction states and then h; h = 1 alone is a "
+                "finger that was pulled from straight, all zero is one without friction"
+            )
+
     def rows(self, values: Sequence[ArrayLike | None]) -> list[Array]:
         """Contiguous inputs, each one row or a row per state."""
+        self._check_history(values)
         if len(values) > len(self.names):
             raise InputError(f"{self.function.name()}: {len(self.names)} inputs expected, got {len(values)}")
         values = [*values, *[None] * (len(self.names) - len(values))]

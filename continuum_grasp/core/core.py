@@ -85,8 +85,8 @@ class Core(Remade, Summarized):
     """The functions of a model on numpy arrays, compiled where there is a C compiler.
 
     Every function of the model is a method of the same name, with the model's inputs as positional or keyword
-    arguments (missing ones are zero, ``p`` is nominal) and arrays as results. Without a C compiler the same calls run
-    on CasADi's virtual machine, with one warning.
+    arguments and arrays as results. Missing arguments are zero, ``p`` is nominal; the ``history`` of a finger with
+    friction must be given. Without a C compiler the same calls run on CasADi's virtual machine, with one warning.
 
     Attributes
     ----------
@@ -193,7 +193,8 @@ class Core(Remade, Summarized):
         name : str
             Function of the model.
         *arguments : array_like or None
-            Per input a row per state, (count, size), or one row for all, (size,); None for zero (nominal ``p``).
+            Per input a row per state, (count, size), or one row for all, (size,); None for zero (nominal ``p``). A
+            ``history``, of fingers with friction, must be given.
 
         Returns
         -------

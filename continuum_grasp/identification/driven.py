@@ -15,7 +15,8 @@ from continuum_grasp.identification.observation import moving
 from continuum_grasp.identification.rows import runtime_names, symbols
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import friction_history
 from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
@@ -54,14 +55,17 @@ class Driven:
         if model.friction_names:
             # From shape to shape friction stays where it is, or slides.
             slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
-            states = _within(history[:-1] + history[-1] * slid[0])
+            # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse.
+            count = model.structure.tendon_friction_states
+            of_tendons = 2.0 * ca.sin(ca.asin(history[:count]) / 3.0)
+            states = _within(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0])
             for before, now in pairwise(slid):
                 states = _within(states + now - before)
             parts.append(states)
         start = ca.densify(ca.vertcat(*parts))
         slopes = [ca.densify(ca.jacobian(start, by)) for by in (q, u, p)]
         self._start = ca.Function("start", [q, u, p, history], ca.cse([start, *slopes]))
-        self._history = history_of(scene.initial, model)
+        self._passed = tuple(passed)
 
     def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
         """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by the unknowns."""
@@ -95,7 +99,9 @@ class Driven:
         """
         row = self.commands(np.array([t]), delay)[0]
         u = row[: self.model.nu]
-        state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, self._history))
+        # Friction is that of the first shape, and goes on from there.
+        history = friction_history(self.scene.initial, self.model, (*self._passed, q)[0], u, p)
+        state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, history))
         slope = by_q @ by_values + by_p @ turned
         if self._late is not None:
             slope[:, self._late] += by_u @ row[self.model.nu :]
@@ -114,16 +120,3 @@ class Driven:
 
 def _within(states: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(states, -1.0), 1.0)
-
-
-def history_of(initial: Initial, model: FingerModel) -> Array:
-    """Friction at a start, as functions of the model take it: [states, h]; empty without friction."""
-    count = len(model.friction_names)
-    history = np.zeros(count + bool(count))
-    if count and initial.reached_by is not None:
-        model.structure.check_reached_by(initial)
-        if initial.friction_states is not None:
-            history[:count] = initial.friction_states
-        else:
-            history[count] = 1.0 if initial.reached_by == "pulling" else -1.0
-    return history

@@ -44,8 +44,6 @@ _MARGIN = 1.5
 """Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
 _MOST_BEND = 20.0
 """Greatest bending range that a scene may declare [rad]."""
-_LEAST = 0.85
-"""Share of the grasp's tension that is retained while the object is held."""
 _OPPOSED = 3.0
 """What the other tendon may pull meanwhile beyond its least tension [N]."""
 _SLIP_SPEED = 0.003
@@ -167,7 +165,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
     )
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
-    firm = commands.of(np.where(pulls, _LEAST * tensions, least), ends)
+    firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
     loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
     closing = commands.closing(pulls)
     factors = np.minimum(np.asarray(resistance.factors), LARGEST)

@@ -197,9 +197,13 @@ class Timetable:
     def rows(self, t: Array, names: tuple[str, ...]) -> Array:
         """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
         of = self._of
-        # The posture goes from straight to touching, and from there to the grasp; release undoes both at once. After a
-        # turn the object stands as in the grasp, and the finger leaves it from about where it touches there.
-        closed = self._risen(t, "squeeze") - self._risen(t, "release")
+        # The posture goes from straight to touching, and from there to the grasp, the last share of it while the force
+        # is followed; release undoes all at once. After a turn the object stands as in the grasp, and the finger leaves
+        # it from about where it touches there.
+        share = of.mission.phases.squeeze_share
+        closed = share * self._risen(t, "squeeze") - self._risen(t, "release")
+        if share < 1.0:
+            closed += (1.0 - share) * self._risen(t, "settle")
         begun = self._risen(t, "approach") - self._risen(t, "release")
         if self.strokes:
             begun = begun + 1.0 - self._risen(t, f"leave {self.strokes[-1]}")

@@ -43,7 +43,11 @@ class Phases(Value):
     approach: Duration = 0.8
     """From the straight finger until it is about to touch [s]."""
     squeeze: Duration = 0.8
-    """Until the contact forces are those of the grasp [s]."""
+    """Until the contact forces are those of the grasp, or ``squeeze_share`` of them [s]."""
+    squeeze_share: Annotated[float, Field(gt=0.0, le=1.0, examples=[0.85, "85 %"]), Unit("1")] = 1.0
+    """Share of the contact forces that the posture closes up to; the rest rises in ``settle``, where the force is
+    followed [1]. Below 1 the posture of a finger that differs from its model does not overshoot the force: tendons with
+    friction are pulled all the way, and the history of their friction is known."""
     settle: Annotated[NonNegative, Unit("s")] = 0.0
     """While the force is followed and the object still stands on the table [s]; 0: it is followed from the lift on."""
     lift: Duration = 0.3
@@ -58,6 +62,13 @@ class Phases(Value):
     """While the table comes back [s]."""
     release: Duration = 0.8
     """Until the finger is straight again [s]; a quarter of that follows in which nothing is asked."""
+
+    def _check(self) -> None:
+        if self.squeeze_share < 1.0 and self.settle == 0.0:
+            raise ValueError(
+                f"squeeze_share: {self.squeeze_share:g} needs settle, the time in which the rest of the force rises: "
+                "give it a duration, or leave squeeze_share out"
+            )
 
 
 class MissionController(Value):
@@ -92,6 +103,11 @@ class MissionController(Value):
     """Weight of the tensions away from those of the grasp [1/N2]."""
     input_rate: Annotated[NonNegative, Unit("s2/N2")] = 1e-5
     """Weight of the tensions' rates [s2/N2]."""
+    retained: Annotated[float, Field(gt=0.0, le=1.0, examples=[1.0, "85 %"]), Unit("1")] = 0.85
+    """Share of the grasp's tension that the closing tendon keeps while the object is held, however large its force is
+    estimated [1]. Commanded positions keep what leaves as much of that at the lift; with 1 they let nothing out again,
+    so that friction of the tendons keeps acting as it did when they were pulled, and a force that is too high at the
+    lift stays too high."""
     deadline: Duration | None = None
     """Time after which a command counts as late [s]; None: the period."""
 

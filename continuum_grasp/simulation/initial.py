@@ -77,13 +77,30 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
 
 
 def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -> Array:
-    if initial.reached_by is None or not model.friction_names:
-        return np.zeros(len(model.friction_names))
+    if not model.friction_names:
+        return np.zeros(0)
+    *states, moved = friction_history(initial, model, q, u, np.array(model.p_nominal))
+    slid = np.array(model.sliding()(q, u, model.p_nominal)).ravel()
+    return np.asarray(np.clip(states + moved * slid, -1.0, 1.0))
+
+
+def friction_history(initial: Initial, model: FingerModel, q: Array, u: Array, p: Array) -> Array:
+    """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
+
+    Empty without friction; of a shape whose history is not stated nothing slid.
+    """
+    count = len(model.friction_names)
+    history = np.zeros(count + bool(count))
+    if not count or initial.reached_by is None:
+        return history
     model.structure.check_reached_by(initial)
     if initial.friction_states is not None:
-        return np.array(initial.friction_states)
-    slid = np.array(model.sliding()(q, u, model.p_nominal)).ravel()
-    return np.clip(slid, -1.0, 1.0) if initial.reached_by == "pulling" else released_states(slid)
+        history[:count] = initial.friction_states
+    elif initial.reached_by == "pulling":
+        history[count] = 1.0
+    else:
+        history[:count] = released_states(np.array(model.sliding()(q, u, p)).ravel())
+    return history
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

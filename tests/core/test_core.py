@@ -145,6 +145,22 @@ def test_tendon_friction_batches():
     assert rows == pytest.approx(np.tile(expected, (5, 1)), rel=1e-12)
 
 
+@pytest.mark.parametrize("name", ["statics", "inverse_dynamics", "actuation"])
+def test_the_history_of_friction_is_never_supposed(name):
+    """Friction that acts in neither way is a history too, which must be stated."""
+    model = cg.FingerModel(Finger(rod=ROD, tendons=Tendons(offset=0.01, max_tension=50.0, friction=0.3)), family="arc")
+    own, at = core.Core(model, compiled=False), state(model, 1.0)
+    given = {"q": at.x[: model.n], "u": [30.0, 4.0]}
+    count = len(model.friction_names)
+    for call in (lambda: getattr(own, name)(**given), lambda: own.batch(name, np.tile(given["q"], (3, 1)))):
+        with pytest.raises(InputError, match=f"{name}: the finger has friction.*give history \\({count + 1} entries"):
+            call()
+    histories = ([*np.full(count, way), 0.0] for way in (1.0, -1.0, 0.0))
+    found = [getattr(own, name)(**given, history=history) for history in histories]
+    pulled, released, free = (np.array(one[0] if isinstance(one, tuple) else one) for one in found)
+    assert min(np.abs(one - free).max() for one in (pulled, released)) > 0.01 * np.abs(free).max()
+
+
 # Rollouts.
 
 

@@ -12,9 +12,11 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_excitation
 from continuum_grasp.identification.blocks import PosesBlock
+from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.excitation import _predicted, _shares_of_time, csv_of, yaml_of
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
+from continuum_grasp.simulation.initial import initial_state
 from tests.identification_cases import coverage, slope_error
 from tests.truth.tendon_motion import MovingFinger
 
@@ -83,6 +85,26 @@ def test_derivatives_of_motions_with_friction_states(scene, names, readings):
     errors = slope_error(block, at, np.array([one.typical for one in unknowns]))
     assert errors.max() < 2e-3
     assert errors.min() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("bend", "history"),
+    [
+        (0.4, {"reached_by": "pulling"}),
+        (1e-3, {"reached_by": "releasing"}),  # within the presliding: all has slid back all the same
+        (0.4, {"reached_by": "state", "friction_states": [0.4, -0.2, 1.0, 0.0]}),
+        (0.4, {}),
+    ],
+)
+def test_friction_at_a_start_is_that_of_a_simulation(bend, history):
+    scene = driven(WINCHES, "lengths", [], initial={"q": [bend, 0.5 * bend], **history})
+    own = Driven(scene, (), ())
+    q, p = np.array(scene.initial.q), np.array(own.model.p_nominal)
+    found, _ = own.begin(0.0, 0.0, q, np.zeros((2, 0)), p, np.zeros((p.size, 0)))
+    expected = initial_state(scene, own.model)[own.model.nx - found.size :]
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    if history.get("reached_by") == "releasing":
+        assert found[-4:] == pytest.approx(-np.ones(4))
 
 
 def test_derivatives_of_rows_that_follow_one_another():

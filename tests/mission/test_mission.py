@@ -104,6 +104,49 @@ def test_setpoints_are_smooth(table, assignment):
     assert ends == pytest.approx(np.tile([0.0, *assignment.rest, 0.0, 0.0], (2, 1)), abs=1e-9)
 
 
+def test_the_last_share_of_the_force_rises_while_it_is_followed(grasp):
+    """By the posture up to a share, by the force from there: never more than before the lift, and never less again."""
+    phases = SHORT.replace("lift:", "settle: 0.4, squeeze_share: 0.8, lift:")
+    assigned = assign(load(MUG, [*QUICK[:1], f"phases={phases}", *QUICK[2:]]), grasp)[0]
+    table = Timetable(assigned)
+    squeezed, settled, lift = table.span("squeeze"), table.span("settle"), table.span("lift")
+    assert (squeezed.end, settled.end) == pytest.approx((settled.start, lift.start))
+    t = np.linspace(0.0, lift.end, 1001)
+    force, bend = table.rows(t, ("contact_force_finger.1 [N]", "bending_1 [rad]")).T
+    assert np.all(np.diff(force) >= -1e-12)
+    of = {at: np.interp(at, t, force) / assigned.force for at in (squeezed.end, 0.5 * (squeezed.end + settled.end))}
+    assert list(of.values()) == pytest.approx([0.8, 0.9], abs=1e-3)
+    assert (force[-1], bend[-1]) == pytest.approx((assigned.force, assigned.posture[0]))
+    assert np.interp(squeezed.end, t, bend) == pytest.approx(0.8 * bend[-1] + 0.2 * assigned.bends[0], rel=1e-3)
+
+
+def test_positions_that_are_retained_whole_let_nothing_out(grasp, assignment):
+    """Where they are at the lift is the least that is commanded then; by default, 85 % of the tension."""
+    winch = (
+        "tendons={offset: 0.005, max_tension: 65, friction: 0.15, axial_stiffness: 10e3, series_stiffness: 33e3, "
+        "drive: {kind: length, arrangement: one_pulley, time_constant: 0.02, pretension: 2}}"
+    )
+    own = (
+        winch,
+        "drive_tension=null",
+        "controller.input={lengths: [-0.025, 0.025]}",
+        "controller.effort=1e3",
+        "controller.input_rate=300",
+    )
+    least = {}
+    for share in (0.85, 1.0):
+        scene = load(MUG, [*QUICK, *own, f"controller.retained={share}", "estimator.measured.length=5e-5"])
+        assigned = assign(scene, grasp)[0]
+        stages = SimpleNamespace(r_names=(), weights=np.ones(0), u_min=np.full(1, -0.025), u_max=np.full(1, 0.025))
+        lift = next(one for one in Timetable(assigned).phases(stages) if one.name == "lift")
+        plant = SimpleNamespace(command=assigned.held + 5e-4)
+        lift.begin(
+            SimpleNamespace(change=lambda share=share, **new: least.update({share: float(new["u_min"][0])})), plant
+        )
+    assert least[1.0] == pytest.approx(float(plant.command[0]))
+    assert least[0.85] < least[1.0] - 1e-4
+
+
 def test_the_table_sinks_and_every_pull_is_whole(table, assignment):
     outside = table.outside()
     names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
@@ -489,6 +532,9 @@ def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
         ("more_contacts=[0.3]", "more_contacts must lie"),
         ("controller.elements=[0, 2]", r"controller.elements\[0\]"),
         ("drive_tension=-3", "drive_tension"),
+        ("phases.squeeze_share=0.8", "squeeze_share: 0.8 needs settle"),
+        ("phases.squeeze_share=1.2", r"phases.squeeze_share"),
+        ("controller.retained=0", r"controller.retained"),
         ("pull=1.0", "pull: unknown key"),
     ],
 )
