@@ -108,7 +108,7 @@ def test_motors_that_turn_are_modes_of_their_own(kind):
 
 
 def test_tendons_without_friction_slide_where_others_stick():
-    """One arc: E I / L, with E A e^2 / L of the tendon that sticks and e^2 k of the one that does not; slack ones none."""
+    """One arc: E I / L, and E A e^2 / L of a tendon that sticks, e^2 k of one that does not, none of a slack one."""
     own = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": AXIAL, "series_stiffness": SERIES}
     glued, sliding = AXIAL * OFFSET**2 / LENGTH, CABLE * OFFSET**2
     for pulls, added in (((PULL, PULL), glued + sliding), ((PULL, 0.0), glued), ((0.0, PULL), sliding)):
