@@ -72,8 +72,9 @@ class Search:
         Once one has failed, the least distance from the goal is sought first, from that start and the others; where
         there is none left, the problem is solved from there.
         """
-        # Single shooting is what tendons with friction take; a motion that goes on has no rest to come to.
-        if self.scene.finger.has_tendon_friction and self.scene.goal.end != "moving":
+        # A motion that goes on has no rest to come to, and a reference may go to and fro.
+        rests = self.scene.goal.end != "moving" and self.scene.objective != "tracking"
+        if self.scene.finger.has_tendon_friction and rests:
             self._try_one_way()
         if self.best is None and self.warm is not None and not self.over:
             w, multipliers = self._warm_start(self.warm)
