@@ -152,7 +152,7 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviati
         return f"no plan: a fine simulation of its inputs is up to {1e3 * found.tip:.3g} mm off"
     if scene.goal.end != "held" or not scene.finger.has_tendon_friction:
         return ""
-    # Rest is asked of the drives alone: the finger has to follow.
+    # Rest may be asked of the drives alone, and friction may let go: the finger has to stay.
     u, p = plan.u[-1], np.array(model.p_nominal)
     path = Path(plan.x[-2:], np.tile(u, (2, 1)), _HELD)
     ends = states[-1], simulated(scene, model, path, states[-1], 1)[-1]

@@ -18,8 +18,8 @@ _STILL_WHEN_RELAXED = 1e4
 """Weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest too."""
 
 _SETTLED = 1e4
-"""Weight of rest of a finger whose tendons have friction [units of the problem]: it comes to rest by itself once its
-drives do, which they have to, within some 10 ms; what is asked exactly of friction leads to steps of micrometers."""
+"""Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
+friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,11 @@ class GoalPart:
         return derived("goal_cost", z, d, 0.5 * ca.dot(scaled, scaled), exact=motion.exact, squared=scaled)
 
 
-def goal_parts(motion: Motion) -> list[GoalPart]:
-    """The aims of a scene. One with a wrong number of entries raises an InputError."""
+def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
+    """The aims of a scene; ``settles``: the finger comes to rest by itself after its drives.
+
+    One with a wrong number of entries raises an InputError.
+    """
     goal, model, length = motion.scene.goal, motion.prediction, motion.length
     x, u, _, p, _ = motion.physical
     found = []
@@ -108,8 +111,8 @@ def goal_parts(motion: Motion) -> list[GoalPart]:
             value, scale = model.dynamics(x, u, p)[chosen], scale / motion.first_duration
             if motion.scene.transcription == "single_shooting":
                 scale = scale * _stiffness(motion)
-        settles = [motion.scene.finger.has_tendon_friction and k < 2 * model.system.n for k in chosen]
-        for rows, weight in ((np.flatnonzero(~np.array(settles)), None), (np.flatnonzero(settles), _SETTLED)):
+        weighted = [settles and k < 2 * model.system.n for k in chosen]
+        for rows, weight in ((np.flatnonzero(~np.array(weighted)), None), (np.flatnonzero(weighted), _SETTLED)):
             if not rows.size:
                 continue
             names, zero, own = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]

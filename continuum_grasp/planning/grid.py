@@ -63,14 +63,14 @@ def default_substeps(motion: Motion) -> int:
 
 
 def add_shooting(
-    assembly: Assembly, motion: Motion, grid: Grid, substeps: int, weight: float
+    assembly: Assembly, motion: Motion, flow: Term, grid: Grid, substeps: int, weight: float
 ) -> tuple[Term, list[ca.DM]]:
-    """The end of each interval is the next node; the running objective is weighted by ``weight``.
+    """The end of each interval, by a flow, is the next node; the running objective is weighted by ``weight``.
 
     Returns the motion over an interval, and the numbers that it reads in each.
     """
     intervals = grid.intervals
-    term = shooting_interval(motion.flow, motion.ns, intervals, substeps)
+    term = shooting_interval(flow, motion.ns, intervals, substeps)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
     instants = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, 2 * substeps + 1)

@@ -16,6 +16,7 @@ from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.model.tendon_friction import RETURN_TIME, clipped
 from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
@@ -169,8 +170,38 @@ class Motion:
         work = term.hessian.n_instructions() * self.scene.intervals
         simulated = self.scene.transcription == "single_shooting"  # in small steps
         found = _compiled(term) if simulated or work > _COMPILE_FROM else term
-
         return _with_given_friction(found, self.prediction.x_names) if simulated else found
+
+    @cached_property
+    def flow_of_given_friction(self) -> Term:
+        """The same with friction states of tendons that stay as they are, whatever slides."""
+        rows = np.ones(self.flow.size)
+        rows[self.friction_states] = 0.0
+        z, d = (ca.MX.sym(name, self.flow.value.size_in(k)) for k, name in enumerate("zd"))
+        value = ca.DM(rows) * self.flow.value(z, d)
+        return Term(
+            ca.Function("flow_value", [z, d], [value], ["z", "d"], ["o"]), self.flow.jacobian, self.flow.hessian
+        )
+
+    @cached_property
+    def friction_states(self) -> list[int]:
+        """Where the state has the friction of tendons."""
+        return [k for k, name in enumerate(self.prediction.x_names) if name.startswith("friction_")]
+
+    def slid(self, q: Array) -> Array:
+        """Sliding of tendons per presliding from the straight finger to coordinates q (n), per friction state."""
+        finger = self.prediction.system.finger_model
+        found = finger.sliding()(q, np.zeros(finger.nu), finger.p_nominal)
+        return np.array(found).ravel()[: len(self.friction_states)]
+
+    @cached_property
+    def sliding(self) -> ca.SX:
+        """Its rate [1/s] as an expression of the symbols."""
+        x, _, _, p, _ = self.physical
+        z = x[self.friction_states]
+        # A friction state follows what slides, but for its return from beyond its range.
+        rate = self.prediction.dynamics(x, np.zeros(self.nu), p)[self.friction_states]
+        return rate + (z - clipped(z)) / RETURN_TIME
 
     def _errors(self) -> ca.SX:
         """Errors whose half sum of squares per second is the objective."""

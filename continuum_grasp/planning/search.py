@@ -16,7 +16,7 @@ from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
 from continuum_grasp.planning.guess import Hint, Path, Posture, final_posture, first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.problem import PlanProblem
+from continuum_grasp.planning.problem import OneWay, PlanProblem
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import PlanScene
 
@@ -32,6 +32,9 @@ _STARTS_WITH_ZONES = 5
 """The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _BARRIERS = (1e-3, 1e-4, 1e-2)
 """First barrier parameters from a simulated motion with contact, whose forces change steeply."""
+_SLIDES = 5.0
+"""Sliding per presliding between first and last posture from which on tendons slide one way [1]; below, they may stick
+all along."""
 
 
 class Search:
@@ -54,6 +57,7 @@ class Search:
         self.feasible = FEASIBLE_MOTION if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
+        """That of the last attempt."""
         self.budget, options = Budget.of(scene.solver), scene.solver
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
@@ -68,7 +72,11 @@ class Search:
         Once one has failed, the least distance from the goal is sought first, from that start and the others; where
         there is none left, the problem is solved from there.
         """
-        if self.warm is not None:
+        # A motion that goes on has no rest to come to, and a reference may go to and fro.
+        rests = self.scene.goal.end != "moving" and self.scene.objective != "tracking"
+        if self.scene.finger.has_tendon_friction and rests:
+            self._try_one_way()
+        if self.best is None and self.warm is not None and not self.over:
             w, multipliers = self._warm_start(self.warm)
             # Where there are no multipliers, a low first barrier keeps the solver near the plan all the same.
             self._try("warm", w, multipliers, _BARRIERS[0])
@@ -79,6 +87,30 @@ class Search:
         if self.best is not None and self.best.converged and not self.over:
             found = satisfied_between_nodes(self.problem, self.best, self._solved, lambda: self.over)
             self.best, self.tightened = found
+
+    def _try_one_way(self) -> None:
+        """Start with tendons that slide one way, up to rest.
+
+        Their friction is then given: the problem is smooth. Its solution is the start where friction has its states.
+        """
+        change = self.motion.slid(self.last.q) - self.motion.slid(self.first.q)
+        ways = np.where(np.abs(change) > _SLIDES, np.sign(change), 0.0)
+        if not ways.any():
+            return
+        speed = float(np.abs(change).max()) / self.motion.first_duration
+        usual, one_way = self.problem, OneWay(ways, speed)
+        if self.warm is not None:
+            w = self._warm_start(self.warm)[0]
+        else:
+            w = self.problem.start(smooth_path(self.motion, self.x0, self.first, self.last, 0.0))
+        self.problem = PlanProblem(self.motion, self.x0, one_way=replace(one_way, given=True))
+        smooth = self._solved(self.problem, w)
+        self.attempts.append(("friction one way", smooth))
+        if smooth.violation <= self.feasible and not self.over:
+            self.problem = PlanProblem(self.motion, self.x0, one_way=one_way)
+            self._try("sliding one way", smooth.x)
+        if self.best is None and not self.over:
+            self.problem = usual
 
     def _try_motion(self) -> None:
         """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""

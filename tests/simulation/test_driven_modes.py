@@ -105,3 +105,60 @@ def test_motors_that_turn_are_modes_of_their_own(kind):
     free = np.sqrt(linalg.eigvalsh(stiffness, np.diag([mass, INERTIA]))) / (2.0 * math.pi)
     assert found.free_frequencies_hz == pytest.approx(free, rel=1e-6)
     assert found.frequencies_hz == pytest.approx([math.sqrt(stiffness[0][0] / mass) / (2.0 * math.pi)], rel=1e-6)
+
+
+def test_tendons_without_friction_slide_where_others_stick():
+    """One arc: E I / L, and E A e^2 / L of a tendon that sticks, e^2 k of one that does not, none of a slack one."""
+    own = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": AXIAL, "series_stiffness": SERIES}
+    glued, sliding = AXIAL * OFFSET**2 / LENGTH, CABLE * OFFSET**2
+    for pulls, added in (((PULL, PULL), glued + sliding), ((PULL, 0.0), glued), ((0.0, PULL), sliding)):
+        start = [{"pretension": pull} if pull else {"slack": 1e-3} for pull in pulls]
+        tendons = [
+            {**own, "friction": 0.2, "drive": {"kind": "length", "time_constant": 0.02, **start[0]}},
+            {**own, "offset": -OFFSET, "drive": {"kind": "length", "time_constant": 0.02, **start[1]}},
+        ]
+        asked = scene(SERVO, {"lengths": [0.0, 0.0]}, family="arc", elements=1, friction=0.2)
+        found = modes(asked.changed({"finger.tendons": tendons}))
+        about = found.equilibrium
+        mass = float(about.model.mass_matrix(about.q, about.u, about.p))
+        true = math.sqrt((STIFFNESS / LENGTH + added) / mass) / (2.0 * math.pi)
+        assert found.stuck_frequencies_hz == pytest.approx([true], rel=1e-3)
+
+
+def test_tendons_that_stick_are_as_stiff_as_their_distance_squared():
+    """One arc between tapered tendons: E A times the integral of the squared distance over the length's square."""
+    own = {"max_tension": 60.0, "axial_stiffness": AXIAL, "series_stiffness": SERIES, "friction": 0.2, "drive": SERVO}
+    tapered = [{**own, "offset": [side * 0.006, side * 0.003]} for side in (1.0, -1.0)]
+    asked = scene(SERVO, {"lengths": [0.0, 0.0]}, family="arc", elements=1, friction=0.2)
+    found = modes(asked.changed({"finger.tendons": tapered}))
+    about = found.equilibrium
+    mass = float(about.model.mass_matrix(about.q, about.u, about.p))
+    square = (0.006**2 + 0.006 * 0.003 + 0.003**2) / 3.0
+    true = math.sqrt((STIFFNESS + 2.0 * AXIAL * square) / LENGTH / mass) / (2.0 * math.pi)
+    # They are at an angle to the backbone, whose cosine is 1.4e-4 less than one.
+    assert found.stuck_frequencies_hz == pytest.approx([true], rel=2e-4)
+
+
+def test_friction_of_a_bent_finger_acts_on_as_it_did():
+    """Against differences of the equations of motion, whose friction states are those under which they balance."""
+    asked = scene(SERVO, {"lengths": [0.006, -0.004]}, elements=2, friction=0.3)
+    between = {"pose": "equilibrium", "reached_by": "state", "friction_states": [0.5, -0.3, 0.8, 0.1]}
+    for one in (asked, asked.changed({"initial": between})):
+        found = modes(one)
+        about = found.equilibrium
+        model, n = about.model, about.model.n
+        ways = np.array(about.friction_states)
+        # The states whose cubic these are: the least root of each.
+        states = [min(np.roots([-0.5, 0.0, 1.5, -way]).real, key=abs) for way in ways]
+        x = np.concatenate([about.q, np.zeros(n), np.array(model.drives_at(about.q, about.u, ways)).ravel(), states])
+
+        def force(q, x=x, model=model, n=n, about=about):
+            rates = np.array(model.forward_dynamics(np.concatenate([q, x[n:]]), about.u, about.w, about.p)).ravel()
+            return np.array(model.mass_matrix(q, about.u, about.p)) @ rates[n : 2 * n]
+
+        assert np.abs(force(about.q)).max() < 1e-6
+        step = 1e-4
+        stiffness = -np.array([(force(about.q + e) - force(about.q - e)) / (2 * step) for e in step * np.eye(n)]).T
+        mass = np.array(model.mass_matrix(about.q, about.u, about.p))
+        true = np.sqrt(linalg.eigvals(stiffness, mass).real) / (2.0 * math.pi)
+        assert found.frequencies_hz == pytest.approx(np.sort(true), rel=1e-4)
