@@ -140,7 +140,9 @@ COMPLETED = {
         "configs/simulate/stepped_rod.yaml",
         "configs/simulate/swing_against_disc.yaml",
     ],
-    "mpc configs/mi": [f"configs/mission/{name}.yaml" for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch")],
+    "mpc configs/mi": [
+        f"configs/mission/{name}.yaml" for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch")
+    ],
     "grasp configs/mpc/": [],
 }
 """By what is typed; nothing: the shell completes files."""
