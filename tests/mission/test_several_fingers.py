@@ -121,7 +121,7 @@ def test_each_finger_has_its_own_task(assignments, grasp):
 
 
 def test_fingers_of_one_kind_share_their_code(assignments):
-    """What is compiled is the same for both; where they stand is told at run time."""
+    """What is compiled is the same for both; where they stand is a parameter."""
     models = [Prediction(one.control) for one in assignments]
     lower, upper = models
     for name in ("dynamics", "contact_force", "tip"):
