@@ -300,7 +300,7 @@ def test_too_much_friction_of_tendons_is_reported_with_how_much_less_is_enough()
     none = found(0.2)
     (reason,) = none.reasons
     assert (reason.key, reason.limit, none.solved) == ("tendons.friction", 0.2, False)
-    assert "friction states -1 -1" in none.violated[0]
+    assert "friction states of the tendons --" in none.violated[0]
     assert found(reason.needed).solved
     assert not found(0.5 * (0.2 + reason.needed)).solved
 

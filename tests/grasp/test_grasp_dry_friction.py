@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -142,6 +143,16 @@ def test_a_grasp_holds_whatever_the_friction_moments_and_names_the_worst():
     assert found.arrays["held.finger.friction_states"].shape[1] == 4 * 2 * 2
 
 
+def test_no_vertex_of_all_states_is_worse_than_what_the_search_found():
+    """Of a grasp whose pulled and released states lead to a vertex that is not the worst."""
+    found = optimize_grasp(mug(((0.02, 0.005),)))
+    own = {key: value for key, value in found.arrays.items() if not key.startswith("held.")}
+    responder = Responder(found.scene, own, Budget.of(found.scene.solver))
+    every = [responder.to(np.concatenate([np.zeros(OBJECT), z])) for z in product((-1.0, 1.0), repeat=8)]
+    assert all(response.holds for response in every)
+    assert found.robustness.robust.held == 100
+
+
 def test_what_is_stored_of_friction_states_is_verified():
     arrays = dict(held().arrays)
     for key, change in (
@@ -228,3 +239,19 @@ def test_random_grasps_hold_by_code_of_another_hand(seed, share):
     assert found.robustness.robust.holds
     for name, value in residuals(found.scene, found.arrays).items():
         assert value < LIMITS[name], name
+
+
+def test_errors_of_the_object_and_friction_states_together():
+    errors = {"position": 0.0005, "friction": 0.05, "draws": 20}
+    found = optimize_grasp(mug(((0.02, 0.004),), robust=errors, **{"fidelity.elements": 2}))
+    robust = found.robustness.robust
+    assert (robust.held, found.certificate.passed) == (20, True)
+    assert "mm" in robust.worst
+    assert "friction states in bending" in robust.worst
+    responder = Responder(found.scene, found.arrays, Budget.of(found.scene.solver))
+    own = {key: value for key, value in found.arrays.items() if not key.startswith("held.")}
+    for error in found.robustness.errors[:6]:
+        response = responder.to(error)
+        assert response.holds
+        off = residuals(response.scene, {**own, **response.arrays})
+        assert max(off["equilibrium"], off["contact"]) < 1e-6

@@ -11,8 +11,8 @@ first order, in a posture that stays, the greatest reserve of the cones is the o
 right-hand side, so concave: least at a vertex of the box, which need be neither of the two.
 
 So a grasp is tried with both, of several fingers also with some pulled and others released, which push the object
-aside; then with the vertex that the slope of its reserve points to, from there again, and last with states drawn at
-random from the whole box.
+aside; then with the vertex that the slope of its reserve points to, from there again; from the worst of these by
+turning one cell at a time; and last with states drawn at random from the whole box.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ OBJECT = 6
 """Columns of errors of the object, before the friction states."""
 STEPS = 8
 """Steps from friction states to worse ones; the first or the second is the last as a rule (mug)."""
+SAME = 1e-6
+"""Reserve by which friction states must be worse than those known, per force reference: rounding is less."""
 
 
 def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
@@ -79,20 +81,62 @@ def worst_vertex(response: Response) -> Array:
 
 
 def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[Response]:
-    """From each response on to the friction states that lower its reserve, until none does."""
+    """From each response on to the friction states that lower its reserve, until none does; last from the worst of all
+    by turning one cell at a time, since a concave function has several such vertices.
+    """
+    if not responder.scene.state_columns:
+        return
     known = {response.error.tobytes() for response in responses}
-    for response in responses if responder.scene.state_columns else ():
-        last = response
+    found = list(responses)
+
+    def down(last: Response) -> Iterator[Response]:
         for _ in range(STEPS):
             error = worst_vertex(last)
             if error.tobytes() in known:
                 break
             known.add(error.tobytes())
             new = responder.to(error)
+            found.append(new)
             yield new
             if new.reserve >= last.reserve:
                 break
             last = new
+
+    for response in responses:
+        yield from down(response)
+    cells = list(_cells(responder.scene))
+    for _ in range(STEPS):
+        worst = min(found, key=lambda response: response.reserve)
+        turned = [_turned(worst.error, cell) for cell in cells] if np.isfinite(worst.reserve) else []
+        new = min(
+            (responder.to(error) for error in turned if error.tobytes() not in known),
+            key=lambda response: response.reserve,
+            default=worst,
+        )
+        if not new.reserve < worst.reserve - SAME:
+            break
+        known.add(new.error.tobytes())
+        found.append(new)
+        yield new
+        yield from down(new)
+
+
+def _cells(scene: GraspScene) -> Iterator[NDArray[np.int64]]:
+    """Columns of errors of the states that turn together: of one cell of the tendons, or all branches of one cell."""
+    for setup in scene.setups:
+        if setup.name not in scene.state_columns:
+            continue
+        first = OBJECT + scene.state_columns[setup.name].start
+        last = OBJECT + scene.state_columns[setup.name].stop
+        yield from (np.array([k]) for k in range(first, first + setup.tendon_friction_states))
+        branches = max(len(setup.finger.damping.dry_friction), 1)
+        yield from (np.arange(k, k + branches) for k in range(first + setup.tendon_friction_states, last, branches))
+
+
+def _turned(error: Array, cell: NDArray[np.int64]) -> Array:
+    turned = error.copy()
+    turned[cell] *= -1.0
+    return turned
 
 
 def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> list[Response]:
