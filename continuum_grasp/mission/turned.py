@@ -1,4 +1,4 @@
-"""How far an object was turned before its grasp, and what kept it from being turned as asked."""
+"""How far an object was turned before its grasp, and why it was not turned as asked."""
 
 from __future__ import annotations
 
