@@ -59,7 +59,7 @@ def test_transformations_agree(operators):
     ways = (torch.func.jacfwd, torch.func.jacrev)
     both = [way(lambda q: operators.position(q, s=at))(x[0, :2]) for way in ways]
     assert torch.allclose(*both, rtol=1e-13)
-    assert np.allclose(both[0], MODEL.jacobian(x[0, :2].numpy(), 0.0, 0.1, p.numpy()), rtol=1e-12)
+    assert np.allclose(both[0], np.array(MODEL.jacobian(x[0, :2].numpy(), 0.0, 0.1, p.numpy())), rtol=1e-12)
     hessian = torch.func.hessian(lambda q: operators.tip(q)[0])(x[0, :2])
     assert torch.allclose(hessian, hessian.T, rtol=1e-13)
 
