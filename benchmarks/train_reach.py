@@ -110,7 +110,7 @@ def cost_of_controller() -> Any:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=float, default=1e6, help="environment steps of the training")
+    parser.add_argument("--steps", type=float, default=2e6, help="environment steps of the training")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     torch.set_num_threads(1)
