@@ -103,7 +103,7 @@ class MissionController(Value):
     """Weight of the tensions away from those of the grasp [1/N2]."""
     input_rate: Annotated[NonNegative, Unit("s2/N2")] = 1e-5
     """Weight of the tensions' rates [s2/N2]."""
-    retained: Annotated[float, Field(gt=0.0, le=1.0, examples=[1.0, "85 %"]), Unit("1")] = 0.85
+    retained: Annotated[float, Field(gt=0.0, le=1.0, examples=[0.85, "85 %"]), Unit("1")] = 0.85
     """Share of the grasp's tension that the closing tendon keeps while the object is held, however large its force is
     estimated [1]. Commanded positions keep what leaves as much of that at the lift; with 1 they let nothing out again,
     so that friction of the tendons keeps acting as it did when they were pulled, and a force that is too high at the
