@@ -119,7 +119,7 @@ class Turn(Value):
     measures it (``estimator.measured.object``).
     """
 
-    angle: Annotated[Angle, Field(examples=[0.5236, "30 deg"])]
+    angle: Annotated[Angle, Field(examples=[0.5235987755982988, "30 deg"])]
     """By which it is turned until it stands as in the grasp, counter-clockwise [rad]."""
     position: Position
     """World position at which it stands before [m]."""
@@ -127,7 +127,7 @@ class Turn(Value):
     """Into how many equal parts the turn is divided; after each one the tip leaves the object and touches it anew."""
     clearance: Annotated[Extent, Field(examples=[0.02, "20 mm"])] = 0.02
     """Distance to which the tip leaves the object between two strokes [m]."""
-    tolerance: Annotated[Positive, Field(examples=[0.035, "2 deg"]), Unit("rad")] = math.radians(2.0)
+    tolerance: Annotated[Positive, Field(examples=[0.03490658503988659, "2 deg"]), Unit("rad")] = math.radians(2.0)
     """Error of the angle up to which it counts as turned [rad]."""
 
     def _check(self) -> None:
