@@ -119,7 +119,7 @@ class Turn(Value):
     measures it (``estimator.measured.object``).
     """
 
-    angle: Annotated[Angle, Field(examples=[0.5235987755982988, "30 deg"])]
+    angle: Annotated[Angle, Field(examples=[0.5235987755982989, "30 deg"])]
     """By which it is turned until it stands as in the grasp, counter-clockwise [rad]."""
     position: Position
     """World position at which it stands before [m]."""
