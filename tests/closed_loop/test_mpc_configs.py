@@ -217,3 +217,12 @@ def test_a_bar_is_turned_by_30_degrees_and_left_alone():
     seen = found.estimate[:, list(found.estimated_names).index("object_angle [rad]")]
     errors = seen - found.object_pose[: len(seen), 2]
     assert np.degrees(np.sqrt(np.mean(errors[100:] ** 2))) < 0.3
+
+
+def test_a_finger_presses_a_post_with_its_middle_and_lets_go():
+    found = checked(run_closed_loop(load((FOLDER / "wrap_post").with_suffix(".yaml"))))
+    during = slice(100, 135)  # 1 s to 1.35 s, of which the setpoint is 3 N
+    middle = list(found.contacts.names).index("finger.1")
+    assert found.contacts.normal_force[during, middle] == pytest.approx(3.0, rel=0.15)
+    assert np.abs(found.contacts.gap[during, list(found.contacts.names).index("finger.tip")]).max() < 0.005
+    assert found.contacts.normal_force[-5:].max() == 0.0

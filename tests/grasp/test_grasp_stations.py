@@ -32,8 +32,8 @@ def wrapped() -> GraspResult:
 
 @pytest.fixture(scope="module")
 def bent() -> GraspResult:
-    """By a finger with a rest curvature, with tendon friction, in the plane."""
-    return optimize_grasp(_mug("preshaped", **PLACES))
+    """By a finger with a rest curvature, with tendon friction as it is pulled, in the plane."""
+    return optimize_grasp(_mug("preshaped", **PLACES).replaced(friction_states="pulled"))
 
 
 def _statics(result: GraspResult) -> tuple[Array, Array]:
