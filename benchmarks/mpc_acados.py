@@ -8,6 +8,7 @@ Python package needs (scipy, matplotlib, cython, Deprecated).
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import tempfile
@@ -76,7 +77,9 @@ def _compiled(case: Case, form: str, root: Path, folder: Path) -> CLoop:
     for name, values in (("u_min", s.u_min), ("u_max", s.u_max)):
         text += f"static const double {name}[] = {{{', '.join(repr(float(v)) for v in values)}}};\n"
     flags = [*include, f"-I{solver}", str(shared), f"-Wl,-rpath,{folder}", *libraries]
-    return CLoop(case, text + _HOOKS.read_text(encoding="utf-8"), flags=flags)
+    loop = CLoop(case, text + _HOOKS.read_text(encoding="utf-8"), flags=flags)
+    loop.code_bytes = math.nan  # in libraries
+    return loop
 
 
 def _numbers(case: Case, qp_solver: str, blocks: int) -> dict[str, Any]:

@@ -109,7 +109,7 @@ class CLoop:
         library = folder / "loop.so"
         objects = [f"{folder}/{name}.o" for name in names]
         _run([compiler(), "-shared", "-Wl,-Bsymbolic", *objects, "-o", str(library), *flags, "-lm"])
-        self.code_bytes = _text_size(folder / f"{names[-1] if functions else 'solver'}.o")
+        self.code_bytes: float = _text_size(folder / f"{names[-1] if functions else 'solver'}.o")
         self._library = ctypes.CDLL(str(library))
         self._library.timer_cost.restype = ctypes.c_double
 
