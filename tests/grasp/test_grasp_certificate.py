@@ -403,9 +403,11 @@ def test_certificate_shares_nothing_with_the_optimizer():
                         f"{module}: {name}"
                     )
     own = {
+        "bending",
         "certificate",
         "check",
         "drives",
+        "friction",
         "held",
         "model_error",
         "recomputed",
