@@ -152,7 +152,7 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
     metrics = {name: one.metrics() for name, one in run.fingers.items()}
     for name, found in metrics.items():
         output.say("" if run.run is not None else f"\nfinger {name}")
-        output.table(*[row for row in found.rows() if row[0] == "time" or row[0] in run.runs[0].phase_names])
+        output.table(*found.time_rows())
         output.say("")
         pairs = found.pairs()
         output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})

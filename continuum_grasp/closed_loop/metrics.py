@@ -39,7 +39,7 @@ class Violation:
 
 @dataclass(frozen=True)
 class Times:
-    """Time that a phase of the controller took [s]."""
+    """Time that a phase of the controller took, or the whole step [s]."""
 
     name: str
     median: float
@@ -79,8 +79,12 @@ class Metrics:
         ]
         found.append(("bound", "worst", "exceeded", ""))
         found += [(v.name, amount(v.worst, v.unit), f"{100 * v.share:.1f} %", "") for v in self.violations]
-        found.append(("time", "median", "99 %", "max"))
-        return found + [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
+        return found + self.time_rows()
+
+    def time_rows(self) -> list[tuple[str, str, str, str]]:
+        """Return the rows of that table which say how long the phases of a step and the whole step took."""
+        found = [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
+        return [("time", "median", "99 %", "max"), *found]
 
     def pairs(self) -> dict[str, str]:
         """Single values by name."""

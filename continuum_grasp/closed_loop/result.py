@@ -204,6 +204,7 @@ class ControlRun(MotionResult):
         inputs = [names.index(name.split(" ")[0]) for name in self.u_names if name.split(" ")[0] in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
+        steps = self.phase_times.sum(axis=1)
         return Metrics(
             tracking=tuple(tracking_of(group, error) for group in self.tracked_groups),
             cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
@@ -211,8 +212,8 @@ class ControlRun(MotionResult):
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
             input_unit=self.u_names[0].split("[")[1][:-1],
             violations=tuple(map(violation_of, self.bounds)),
-            times=tuple(times_of(name, row) for name, row in zip(self.phase_names, self.phase_times.T, strict=False)),
-            late=int(np.sum(self.phase_times.sum(axis=1) > self.deadline)),
+            times=tuple(map(times_of, (*self.phase_names, "step"), (*self.phase_times.T, steps))) if steps.size else (),
+            late=int(np.sum(steps > self.deadline)),
             statuses=dict(Counter(self.status)),
             anomalies=dict(Counter(word for words in self.anomalies for word in words)),
             health=dict(Counter(self.health)),

@@ -294,7 +294,10 @@ def test_metrics_by_hand():
     assert found.rate_rms == pytest.approx(400.0 / math.sqrt(10))
     (wall,) = found.violations
     assert (wall.worst, wall.share) == pytest.approx((2e-3, 0.2))
-    assert [(t.name, t.median, t.max) for t in found.times][1] == ("feedback", pytest.approx(5.5e-5), 0.02)
+    assert [(t.name, t.median, t.max) for t in found.times][1:] == [
+        ("feedback", pytest.approx(5.5e-5), 0.02),
+        ("step", pytest.approx(6.5e-5), pytest.approx(0.02001)),
+    ]
     assert (found.late, found.statuses, found.anomalies) == (
         1,
         {"solved": 9, "safe_ramp": 1},
