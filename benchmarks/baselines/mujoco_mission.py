@@ -3,8 +3,8 @@
 One JSON object per line on standard input, one answer per line on standard output. The first has ``xml`` and ``table``
 (weight [N], friction, friction_radius [m], stiffness [N/m]); each further one commands a period: ``u`` [N], ``period``
 [s], ``height`` of the table and ``wrench`` on the object (x, y [N], moment [N m]), both at begin and end of the period.
-An answer has what sensors read: ``tip``, ``angles`` of the hinges, ``pulls`` of the actuators [N], ``pads`` (force of
-each [N]), and the object's ``pose`` (x, y, angle, height).
+An answer has what sensors read: ``tip``, ``angles`` of the hinges, ``pulls`` of the actuators [N], ``pads`` (normal
+force on each [N]), and the object's ``pose`` (x, y, angle, height).
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class Plant:
         self.at = [int(joint.qposadr[0]) for joint in self.free]
         names = [self.model.joint(k).name for k in range(self.model.njnt)]
         self.hinges = [int(self.model.joint(name).qposadr[0]) for name in names if name.startswith("hinge_")]
-        self.pads = [self.model.joint(name) for name in names if name.startswith("pad_")]
+        bodies = [self.model.body(self.model.geom_bodyid[k]).name for k in range(self.model.ngeom)]
+        self.pads = {k: name[4:] for k, name in enumerate(bodies) if name.startswith("pad_")}
         self.data.qpos[self.at[3]] = -table["weight"] / table["stiffness"]  # at rest on the table
         mujoco.mj_forward(self.model, self.data)
 
@@ -54,11 +55,13 @@ class Plant:
 
     def read(self) -> dict:
         """What sensors read."""
-        data = self.data
-        pads = {
-            joint.name[4:]: -float(self.model.jnt_stiffness[joint.id] * data.qpos[joint.qposadr[0]])
-            for joint in self.pads
-        }
+        data, force = self.data, np.zeros(6)
+        pads = dict.fromkeys(self.pads.values(), 0.0)
+        for k, contact in enumerate(data.contact):
+            mujoco.mj_contactForce(self.model, data, k, force)
+            for geom in contact.geom:
+                if geom in self.pads:
+                    pads[self.pads[geom]] += float(force[0])
         return {
             "tip": data.site("tip").xpos[:2].tolist(),
             "angles": data.qpos[self.hinges].tolist(),
