@@ -172,6 +172,39 @@ static int controller_iterate(controller_work *work, const rti_settings *o, cons
   return 1;
 }
 
+#ifdef RTI_TOUCHING
+/* Full steps on contacts may repeat themselves: a plan that lets go and comes back is moved on by a stage and found again, call
+ * after call, while nothing of it is carried out and an integrated one costs a tenth. Its gaps never close. Where they cost
+ * CONTROLLER_GAPS of the plan's cost at CONTROLLER_CHECKS checks in a row, half a horizon apart, the plan's inputs are
+ * integrated, which ends it. Gaps of the shipped missions cost up to 1e-3, but for a few calls where contacts close and open. Where
+ * a plan costs nothing any more, all of it is rounding. */
+#define CONTROLLER_GAPS (real)0.1
+#define CONTROLLER_CHECKS 2
+#define CONTROLLER_NO_COST (real)1e-9   /* of the greatest cost that a plan had */
+
+static void controller_check_gaps(controller_state *state, const controller_work *work, const controller_settings *o,
+                                  const controller_output *out)
+{
+  state->most = rti_max(state->most, out->rti.cost);
+  if (2 * ++state->unchecked < controller_plan_calls(o)) return;
+  state->unchecked = 0;
+  const real cost = rti_gaps(&work->rti, &work->plan, &o->rti, out->p);
+  state->gaps = cost <= rti_max(CONTROLLER_GAPS * out->rti.cost, CONTROLLER_NO_COST * state->most) ? 0 : state->gaps + 1;
+}
+
+/* Integrate the inputs of the plan from the state; where that leaves what is finite, the plan stays. */
+static void controller_close_gaps(controller_state *state, controller_work *work, const controller_settings *o,
+                                  controller_output *out)
+{
+  state->gaps = 0;
+  memcpy(&work->rti.next, &work->plan, sizeof work->plan);
+  if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0)
+    memcpy(&work->plan, &work->rti.next, sizeof work->plan);
+  else
+    out->anomalies |= CONTROLLER_PLAN_GAPS;
+}
+#endif
+
 /* Plan from the last plan; from rest where there is none, or where that fails. */
 static int controller_plan(controller_state *state, controller_work *work, const controller_settings *o,
                            const controller_input *in, controller_output *out)
@@ -183,14 +216,23 @@ static int controller_plan(controller_state *state, controller_work *work, const
   if (state->planned) {
     memcpy(&work->plan, &state->plan, sizeof work->plan);
     rti_shift(&work->plan, &o->rti, state->age);
+#ifdef RTI_TOUCHING
+    if (state->gaps >= CONTROLLER_CHECKS) controller_close_gaps(state, work, o, out);
+#endif
     /* a share of what a start has left */
     const int share = calls > 1 ? (o->start_iterations - first + calls - 2) / (calls - 1) : 0;
     const int more = rti_lesser(share, state->pending), count = more > o->sqp_iterations ? more : o->sqp_iterations;
     planned = controller_iterate(work, problem, in, count, out);
     state->pending -= more;
+#ifdef RTI_TOUCHING
+    if (planned) controller_check_gaps(state, work, o, out);
+#endif
   }
   if (!planned) {
     /* A motion of the model makes a better first linearization than a state at rest, where it stays finite. */
+#ifdef RTI_TOUCHING
+    state->unchecked = state->gaps = 0;
+#endif
     rti_start(&work->plan, out->x, state->u);
     if (rti_rollout(&work->plan, &work->rti, &o->rti, out->x, out->p) < 0) rti_start(&work->plan, out->x, state->u);
     planned = controller_iterate(work, problem, in, first > 0 ? first : 1, out);

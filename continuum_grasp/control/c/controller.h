@@ -48,6 +48,7 @@
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
  * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input; the command approaches it at its rate
  * 65536 CONTROLLER_UNFAMILIAR  the state is beyond the logs of the learned residual, which fades to zero
+ * 131072 CONTROLLER_PLAN_GAPS  the plan was no motion of the model, and is integrated anew
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
@@ -92,7 +93,8 @@ enum {
   CONTROLLER_RATE_LIMITED = 8192,
   CONTROLLER_FROZEN = 16384,
   CONTROLLER_BEYOND_LIMIT = 32768,
-  CONTROLLER_UNFAMILIAR = 65536
+  CONTROLLER_UNFAMILIAR = 65536,
+  CONTROLLER_PLAN_GAPS = 131072
 };
 
 typedef struct {
@@ -119,6 +121,10 @@ typedef struct {
   int started, planned;       /* whether there is a plan */
   int blind;                  /* calls since something was measured */
   int pending;                /* iterations of its start that are left */
+#ifdef RTI_TOUCHING
+  int unchecked, gaps;        /* calls since its gaps were checked, how often in a row they were too large */
+  real most;                  /* cost of a plan so far */
+#endif
   real age;                   /* of the plan, in stages */
   real u[RTI_NU], p[RTI_SIZE(RTI_NP)];  /* last input that was applied, last good parameters */
   rti_plan plan;

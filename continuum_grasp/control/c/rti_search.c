@@ -35,6 +35,41 @@ static real rti_input_change(const rti_work *o, const rti_settings *s)
   return most;
 }
 
+#ifdef RTI_TOUCHING
+real rti_gaps(const rti_work *o, const rti_plan *plan, const rti_settings *s, const real *p)
+{
+  const real step = s->stage / (real)s->substeps;
+  real total = 0;
+  rti_wide wp[RTI_SIZE(RTI_NP)], h[1];
+  rti_broadcast(p, RTI_NP, wp);
+  rti_broadcast(&step, 1, h);
+  for (int k = 0; k < RTI_STAGES; k += RTI_WIDE) {
+    rti_wide x[RTI_NX], u[RTI_NU], M[RTI_NZ][RTI_NX];
+    memset(x, 0, sizeof x);
+    memset(u, 0, sizeof u);
+    for (int l = 0; l < RTI_WIDE; ++l) {
+      const int at = rti_lesser(k + l, RTI_STAGES - 1); /* lanes beyond the last stage repeat it */
+      for (int j = 0; j < RTI_NX; ++j) RTI_AT(x[j], l) = plan->x[rti_node(at)][j];
+      for (int j = 0; j < RTI_NU; ++j) RTI_AT(u[j], l) = plan->u[at][j];
+#ifdef RTI_ROBUST
+      real own[RTI_SIZE(RTI_NP)];
+      rti_parameters(s, rti_scenario(at), p, own);
+      for (int j = 0; j < RTI_NP; ++j) RTI_AT(wp[j], l) = own[j];
+#endif
+    }
+    rti_stage(s->substeps, x, u, wp, h, M);
+    for (int l = 0; l < rti_lesser(RTI_WIDE, RTI_STAGES - k); ++l) {
+      const int next = rti_node(k + l) + 1;
+      real gap[RTI_NX];
+      for (int i = 0; i < RTI_NX; ++i) gap[i] = RTI_AT(x[i], l) - plan->x[next][i];
+      for (int i = 0; i < RTI_NX; ++i)
+        for (int j = 0; j < RTI_NX; ++j) total += RTI_R(0.5) * gap[i] * o->H[next][i][j] * gap[j];
+    }
+  }
+  return total;
+}
+#endif
+
 #ifndef RTI_ROBUST
 /* An input of a candidate. */
 static inline real rti_candidate(const rti_work *o, const rti_settings *s, int k, int j, real length)

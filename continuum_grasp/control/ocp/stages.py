@@ -73,6 +73,9 @@ class Stages:
         Nominal values, which may be changed at run time; +-1e30 is no bound.
     scenarios : Scenarios or None
         None: the one plant that p describes.
+    touching : bool
+        Whether there are contacts in the dynamics, on which full steps may repeat themselves: gaps of the plan are
+        checked.
     """
 
     step: ca.Function
@@ -103,6 +106,7 @@ class Stages:
     terminal_weights: Array
     p_nominal: Array
     scenarios: Scenarios | None = None
+    touching: bool = False
 
     def __repr__(self) -> str:
         return (

@@ -41,6 +41,7 @@ ANOMALIES = {
     "FROZEN": "a reading does not move: it counts as missing until it does",
     "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
     "UNFAMILIAR": "the state is beyond the logs of the learned residual, which fades to zero",
+    "PLAN_GAPS": "the plan was no motion of the model, and is integrated anew",
 }
 
 
@@ -94,8 +95,11 @@ class _Writer:
         return self.renamed("\n".join(dict.fromkeys(found)))
 
     def settled(self, text: str) -> str:
-        """Without what only scenarios need, where there are none."""
-        return without("RTI_ROBUST", text) if self.loop.stages.scenarios is None else text
+        """Without what only scenarios or contacts need, where there are none."""
+        absent = {"RTI_ROBUST": self.loop.stages.scenarios is None, "RTI_TOUCHING": not self.loop.stages.touching}
+        for macro in [macro for macro, missing in absent.items() if missing]:
+            text = without(macro, text)
+        return text
 
     def headers(self) -> list[str]:
         found = ["rti.h"] if self.mpc else []

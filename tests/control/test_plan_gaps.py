@@ -1,0 +1,122 @@
+"""A plan on contacts that full steps would repeat forever, and what ends it.
+
+The finger of configs/mission/mug.yaml holds the mug with 3.8 of 5.4 N. The plan (repeated_plan.csv, found on a plant in
+MuJoCo) lets go, comes back and squeezes. Moved on by a stage and iterated once, it is itself again: its nodes are no
+motion of the model, their gaps never close, and none of it is carried out.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.control import RealTimeIteration, stages_of
+from continuum_grasp.control.status import Anomaly
+from continuum_grasp.mission.assignment import assign
+
+MUG = (0.0386, 0.00176)
+"""Where the estimator takes the mug to be [m]."""
+KNOWN = [0.0062, 0.24838, 0.23891, 0.14728, 0.00074]
+"""Bending stiffness [N m2] and forces at contact and tip [N] that it took the model to lack."""
+STATE = [5.314, 10.345, 21.093, 18.319, 0.036, -0.01, 0.017, -0.12, 0.21, 0.004]
+HELD = [44.345, 2.245]
+FORCE = 5.422
+WEIGHTS = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.05, 0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-5, 1e-5])
+SETPOINTS = np.array([0.0, 0.0, 0.0, 0.0, FORCE, 0.0, 0.0, 0.0, 0.0, 49.951, 1.049, 0.0, 0.0])
+LIMITS = {"u_min": np.array([42.458, 1.0]), "u_max": np.array([60.0, 4.0])}
+PLAN = np.loadtxt(Path(__file__).parent / "repeated_plan.csv", delimiter=",", skiprows=1)
+
+
+@cache
+def scene():
+    (of,) = assign(cg.load("configs/mission/mug.yaml"))
+    return of.control.replaced(estimator=None, object=of.control.object.replaced(position=MUG))
+
+
+@cache
+def controller():
+    control = cg.Controller(scene(), deadline=math.inf)
+    control.change(weights=WEIGHTS, **LIMITS)
+    return control
+
+
+def with_plan(control):
+    """The controller with that plan in its memory, where its own is found by its numbers."""
+    control.reset(u=HELD)
+    own = control.step(STATE, SETPOINTS, p=KNOWN).plan.x[:, :1].tobytes()[:8]
+    saved = bytearray(control.save_state())
+    doubles = np.concatenate([PLAN[:, :12].ravel(), PLAN[:-1, 12:].ravel()])
+    at = saved.index(own)
+    saved[at : at + doubles.nbytes] = doubles.tobytes()
+    control.restore(bytes(saved))
+
+
+def driven(stages, x, u):
+    """The state a stage later, by the CasADi function."""
+    return np.array(stages.step(x, u, KNOWN, stages.stage)[0]).ravel()
+
+
+def force(stages, x, u):
+    return float(np.array(stages.outputs(x, u, KNOWN)).ravel()[4])
+
+
+def gap(stages, x, u):
+    """Largest gap in the curvatures of a plan [1/m]."""
+    ends = np.array([driven(stages, *node) for node in zip(x[:-1], u, strict=True)])
+    return np.abs(ends - x[1:])[:, :4].max()
+
+
+def test_full_steps_repeat_it():
+    stages = controller().stages
+    iteration = RealTimeIteration(stages)
+    iteration.settings.weights = WEIGHTS
+    for name, limit in LIMITS.items():
+        setattr(iteration.settings, name, limit)
+    iteration.plan[0][:], iteration.plan[1][:] = PLAN[:, :12], PLAN[:-1, 12:]
+    x = np.array([*STATE, *HELD])
+    for _ in range(60):
+        iteration.shift()
+        report = iteration.step(x, SETPOINTS, KNOWN)
+        assert report.cost > 0.5
+        assert gap(stages, *iteration.plan) > 1.0
+        x = driven(stages, x, iteration.plan[1][0])
+    assert force(stages, x, iteration.plan[1][0]) == pytest.approx(3.84, abs=0.05)
+
+
+def test_a_controller_integrates_its_inputs():
+    control = controller()
+    stages = control.stages
+    with_plan(control)
+    x, said = np.array([*STATE, *HELD]), []
+    for k in range(60):
+        command = control.step(x[:10], SETPOINTS, p=KNOWN)
+        said += [k] if Anomaly.PLAN_GAPS in command.anomaly else []
+        x = driven(stages, x, command.u)
+    # Two checks, half a horizon of 20 stages apart.
+    assert len(said) == 1
+    assert 10 < said[0] <= 20
+    assert command.cost < 1e-3
+    assert gap(stages, command.plan.x, command.plan.u) < 1e-3
+    assert force(stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
+
+
+def test_gaps_of_a_plan_that_converges_are_none():
+    """From a plan that stays, which full steps settle, down to rounding."""
+    control = controller()
+    control.reset(u=HELD)
+    x = np.array([*STATE, *HELD])
+    for _ in range(120):
+        command = control.step(x[:10], SETPOINTS, p=KNOWN)
+        assert not command.anomalies
+        x = driven(control.stages, x, command.u)
+    assert force(control.stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
+
+
+def test_free_motion_has_no_checks():
+    assert controller().stages.touching
+    assert not stages_of(cg.load("configs/mpc/keep_out.yaml")).touching
