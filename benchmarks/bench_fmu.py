@@ -132,13 +132,15 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", metavar="NAME", help="configurations, such as mpc/steady_tip")
     asked = parser.parse_args()
     shipped = [path for kind in ("simulate", "mpc") for path in sorted((ROOT / "configs" / kind).glob("*.yaml"))]
-    rows = []
-    earlier = {}
+    report, rows, earlier = Report("fmu", 0), list[list[Any]](), dict[str, list[Any]]()
     if asked.only and RECORD.exists():
         earlier = {row[0]: row for row in json.loads(RECORD.read_text())["tables"][0]["rows"]}
     for config in shipped:
         if asked.only and (name := f"{config.parent.name}/{config.stem}") not in asked.only:
-            rows += [earlier[name]] if name in earlier else []
+            if name in earlier:
+                rows.append(earlier[name])
+            else:
+                report.missing.append(name)
             continue
         with tempfile.TemporaryDirectory() as folder:
             try:
@@ -147,7 +149,6 @@ def main() -> None:
                 name = f"{config.parent.name}/{config.stem}"
                 rows.append([name, 0, 0.0, "", None, f"**failed**: {type(error).__name__}: {error}", 0.0])
         print(*rows[-1], sep=" | ", flush=True)
-    report = Report("fmu", 0)
     report.claim("configurations whose units are neither equal nor refused", sum("**" in r[5] for r in rows), "<=", 0)
     columns = ["configuration", "units", "kB", "beside", "largest difference", "verdict", "s"]
     note = f"{STEPS} steps of a finger, differences of states; {STEPS} periods of a loop, of commands per the largest."
