@@ -79,6 +79,24 @@ def lanes(count: int) -> Lanes:
     return Lanes(FingerVectorEnv(TASKS["Reach"], count, sensors="state", autoreset_mode=AutoresetMode.SAME_STEP))
 
 
+def learner(seed: int) -> tuple[PPO, VecNormalize]:
+    """PPO before its training, on one thread, and the plants that it is trained on."""
+    torch.set_num_threads(1)
+    env = VecNormalize(lanes(PLANTS), gamma=DISCOUNT)
+    model = PPO(
+        "MlpPolicy",
+        env,
+        n_steps=50,
+        batch_size=1600,
+        gamma=DISCOUNT,
+        learning_rate=lambda left: 5e-4 * left + 1e-5,
+        policy_kwargs={"net_arch": [64, 64], "log_std_init": -0.5},
+        seed=seed,
+        device="cpu",
+    )
+    return model, env
+
+
 def cost_of_policy(model: PPO, normal: VecNormalize, tried: Lanes) -> Any:
     """Cost of each of the first plants under the policy's mean."""
     observation, _ = tried.envs.reset(seed=0, options={"scene": np.arange(TRIED)})
@@ -113,19 +131,7 @@ def main() -> None:
     parser.add_argument("--steps", type=float, default=2e6, help="environment steps of the training")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    torch.set_num_threads(1)
-    env = VecNormalize(lanes(PLANTS), gamma=DISCOUNT)
-    model = PPO(
-        "MlpPolicy",
-        env,
-        n_steps=50,
-        batch_size=1600,
-        gamma=DISCOUNT,
-        learning_rate=lambda left: 5e-4 * left + 1e-5,
-        policy_kwargs={"net_arch": [64, 64], "log_std_init": -0.5},
-        seed=asked.seed,
-        device="cpu",
-    )
+    model, env = learner(asked.seed)
     began = time.thread_time()
     model.learn(int(asked.steps))
     taken = time.thread_time() - began

@@ -66,7 +66,7 @@ class Compiler:
         With ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment long functions are not optimized: the controller and
         plant of ``configs/mpc/steady_tip.yaml`` compile in 3 s instead of 29 s; its loop takes 2.7 s instead of 1.5 s.
         """
-        if _quick_compile():
+        if quick_compile():
             return (*_COMMON, "-O1" if longest_function(unit) <= _QUICK else "-O0")
         level = ("-O3",) if longest_function(unit) <= _LONG else _LONG_LEVEL
         is_gcc = "clang" not in self.version.lower()
@@ -74,7 +74,7 @@ class Compiler:
 
     def identity(self, source: str) -> str:
         """Everything that a compiled source depends on; this file decides on flags and translation units."""
-        rules = f"quick {_quick_compile()}", Path(__file__).read_text()
+        rules = f"quick {quick_compile()}", Path(__file__).read_text()
         return "\0".join((*self.command, self.version, self.machine, *rules, source))
 
     def build(self, source: Path, library: Path, what: str = "code") -> None:
@@ -117,7 +117,7 @@ class Compiler:
 def _logged(what: str, units: Sequence[str]) -> Iterator[None]:
     """Log what is compiled and about how long that takes, and afterwards how long it took."""
     lines = [unit.count("\n") for unit in units]
-    per_line = _PER_LINE_QUICK if _quick_compile() else _PER_LINE
+    per_line = _PER_LINE_QUICK if quick_compile() else _PER_LINE
     seconds = per_line * max(max(lines), sum(lines) / (os.cpu_count() or 1))
     level, start = logging.INFO if seconds > _ANNOUNCED else logging.DEBUG, time.monotonic()
     about = f"{float(f'{seconds:.1g}'):g}"
@@ -126,7 +126,8 @@ def _logged(what: str, units: Sequence[str]) -> Iterator[None]:
     _LOG.log(level, "compiled %s in %.1f s", what, time.monotonic() - start)
 
 
-def _quick_compile() -> bool:
+def quick_compile() -> bool:
+    """Whether compiling quickly matters more than fast code: ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment."""
     return os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0")
 
 
@@ -226,7 +227,7 @@ def translation_units(source: str, limit: int) -> list[str]:
             continue
         declared = f"{_HIDDEN if is_static else ''}{signature}"
         body = piece[head.end() :]
-        units.append(f"{before}{declared}\n{{\n{body if _quick_compile() else _single_assignment(body)}")
+        units.append(f"{before}{declared}\n{{\n{body if quick_compile() else _single_assignment(body)}")
         whole += f"{lead}{declared};\n"
         before += f"{declared};\n"
     return [whole, *units]

@@ -25,7 +25,7 @@ LISTED = re.findall(
 
 def test_every_page_is_in_the_navigation_once():
     wanted = [path for path in PAGES if not path.startswith("examples/")]
-    wanted += [path.relative_to(ROOT).as_posix() for path in (ROOT / "notebooks").glob("*.ipynb")]
+    wanted += [path.relative_to(ROOT).as_posix() for path in (ROOT / "notebooks").rglob("*.ipynb")]
     assert sorted(LISTED) == sorted(wanted)
 
 

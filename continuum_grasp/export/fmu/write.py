@@ -14,13 +14,14 @@ import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.compiler import find_compiler, why_no_compiler
+from continuum_grasp.core.compiler import find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fmu.controller import controller_unit
@@ -140,11 +141,12 @@ def export_fmu(
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
     units = _units(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
-    return tuple(
-        _written(unit, kind, version, Path(folder) / f"{unit.identifier}_fmi{version}.fmu", binary)
-        for kind, unit in units.items()
-        for version in versions
-    )
+    with tempfile.TemporaryDirectory() as work:
+        return tuple(
+            _written(unit, kind, version, Path(folder) / f"{unit.identifier}_fmi{version}.fmu", binary, Path(work))
+            for kind, unit in units.items()
+            for version in versions
+        )
 
 
 def identifier_of(given: Any, scene: Any) -> str:
@@ -183,13 +185,13 @@ def _units(
     return {kind: made[kind]() for kind in WHAT if kind in names}
 
 
-def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool) -> FunctionalMockupUnit:
+def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Path) -> FunctionalMockupUnit:
     files = _files(unit, fmi)
     platform_name = None
     content: dict[str, bytes] = {name: text.encode() for name, text in files.items()}
     if binary:
         platform_name, suffix = _platform(fmi)
-        content[f"binaries/{platform_name}/{unit.identifier}{suffix}"] = _compiled(unit, files, suffix)
+        content[f"binaries/{platform_name}/{unit.identifier}{suffix}"] = _compiled(unit, files, suffix, work)
     with replacing(file) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(content, key=lambda name: (name != "modelDescription.xml", name)):
             entry = zipfile.ZipInfo(name, _EPOCH)
@@ -269,24 +271,31 @@ def _platform(fmi: str) -> tuple[str, str]:
     return f"{'win' if system == 'windows' else system}{bits}" if known else f"{machine}-{system}", suffix
 
 
-def _compiled(unit: Unit, files: Mapping[str, str], suffix: str) -> bytes:
-    """The shared library of this machine."""
+def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> bytes:
+    """The shared library of this machine; what versions of the standard have in common is compiled once in ``work``."""
     compiler = find_compiler()
     if compiler is None:
         raise InputError(f"no C compiler for the binary: {why_no_compiler()}; or leave the binary out", key="binary")
     flags = [flag for flag in unit.flags if flag.startswith(("-std", "-ff", "-fno-m")) or _is_gcc(compiler.version)]
-    sources = {name: text for name, text in files.items() if name.startswith("sources/")}
+    sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
     level = "-O1" if max(text.count("\n") for text in sources.values()) > _LONG else "-O2"
-    with tempfile.TemporaryDirectory() as work:
-        for name, text in sources.items():
-            path = Path(work) / Path(name).name
-            path.write_text(text, encoding="utf-8")
-        line = [*compiler.command, *flags, level, "-w", "-shared", "-fPIC", "-fvisibility=hidden"]
-        line += [*(Path(name).name for name in sorted(sources) if name.endswith(".c")), "-o", f"unit{suffix}", "-lm"]
-        done = subprocess.run(line, cwd=work, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+    line = [*compiler.command, *flags, "-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
+    folder = work / unit.identifier
+    folder.mkdir(exist_ok=True)
+    for name, text in sources.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+    def run(*more: str) -> None:
+        done = subprocess.run([*line, *more], cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
         if done.returncode != 0:
             raise InputError(f"the C compiler refused the sources: {done.stderr[:2000]}", key="binary")
-        return (Path(work) / f"unit{suffix}").read_bytes()
+
+    stems = [name[:-2] for name in sorted(sources) if name.endswith(".c")]
+    missing = [stem for stem in stems if not (folder / f"{stem}.o").exists()]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda stem: run("-c", f"{stem}.c"), missing))
+    run("-shared", *(f"{stem}.o" for stem in stems), "-o", f"unit{suffix}", "-lm")
+    return (folder / f"unit{suffix}").read_bytes()
 
 
 def _is_gcc(version: str) -> bool:
