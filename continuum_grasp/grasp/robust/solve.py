@@ -26,7 +26,7 @@ from continuum_grasp.grasp.robust.states import (
     with_drawn_states,
     with_states,
 )
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.values import Reason, Status
 from continuum_grasp.grasp.verdict import UNSTABLE, flawed
@@ -86,7 +86,13 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
-        return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
+        return _none(
+            result,
+            Robustness(errors, nominal, None, found.errors, result.arrays, found.touching),
+            found,
+            bounds,
+            budget,
+        )
     robust = nominal
     if found.arrays is not result.arrays or len(errors) > COMPARED:
         robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
@@ -95,7 +101,8 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     effort["branches"] = branches
     arrays, certificate = found.arrays, found.certificate
     if scene.state_columns:
-        arrays = {**arrays, **held_arrays(scene, tried_states(scene, arrays, trials))}
+        tried = tried_states(scene, arrays, trials) if scene.robust else found.responses
+        arrays = {**arrays, **held_arrays(scene, arrays["contact_names"].tolist(), tried)}
         certificate = certify(scene, arrays)
     changed = GraspResult(
         scene,
@@ -105,7 +112,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         certificate,
         advice=result.advice,
         statistics={**result.statistics, "robust": effort},
-        robustness=Robustness(errors, nominal, robust, found.errors, result.arrays),
+        robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
     )
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
@@ -134,7 +141,8 @@ def _where(scene: GraspScene) -> str:
 
 def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
     """Verified grasps of a search other than the best one, in the order of their tensions, as far as these are known:
-    those it found, then those from basins that it left because they take more.
+    those it found, then those from basins that it left because they take more. Of grasps with stations those with the
+    fewest come first: others may touch as states ask, while each that the grasp itself has bounds what holds.
     """
     scene, seen = search.scene, [best]
 
@@ -147,7 +155,12 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
         seen.append(arrays)
         return not same
 
-    for tried in sorted(search.good, key=lambda tried: _tension(scene, tried.arrays)):
+    stations = any(setup.stations for setup in scene.setups)
+
+    def order(tried: Tried) -> tuple[int, float]:
+        return len(tried.arrays["contact_names"]) * stations, _tension(scene, tried.arrays)
+
+    for tried in sorted(search.good, key=order):
         if tried.acceptable and new(tried.arrays):
             yield tried.arrays
     for basin in sorted((basin for basin in search.basins if not basin.tried), key=lambda basin: basin.start.estimate):
