@@ -49,6 +49,8 @@ ITERATIONS = 150
 """Iterations from the grasp to one error: 6 to 25 are enough with given tensions, 30 to 90 with others (mug, pinch)."""
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
+FRUITLESS = 12
+"""Sets of contacts that are tried in a row without one that holds: such a grasp has other flaws; each takes 0.6 s."""
 NEAR = 1e-3
 """Gap, per length of the finger, from which on a contact that is clear cannot be what is missing [1]."""
 
@@ -122,7 +124,7 @@ class Responder:
         self.yields = not self.in_error.on
         # Solutions with the tensions of the grasp, by error.
         self._known: list[Response] = []
-        self.anew = 0
+        self.anew = self._fruitless = 0
 
     def to(self, error: Array, *, retensioned: Response | None = None) -> Response:
         """The response to an error (6 + K,), with the tensions of the grasp, or with such that hold if there are any:
@@ -133,13 +135,14 @@ class Responder:
         near = self._nearest(error)
         best = self._with(self.start if near is None else near.begin, error)
         tried, left = {frozenset(best.begin.contacts)}, list(self._next(best))
-        while left and not best.holds and len(tried) < SETS:
+        while left and not best.holds and len(tried) < SETS and self._fruitless < FRUITLESS:
             begin = left.pop(0)
             names = frozenset(begin.contacts)
             if names in tried:
                 continue
             tried.add(names)
             other = self._with(begin, error)
+            self._fruitless = 0 if other.holds else self._fruitless + 1
             if other.reserve > best.reserve:
                 best = other
                 left[:0] = self._next(other)

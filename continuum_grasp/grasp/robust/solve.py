@@ -48,6 +48,9 @@ HALVINGS = 4
 
 BRANCHES = 3
 """Further grasps of the nominal search next to which a robust one is sought."""
+STATION_BRANCHES = 2
+"""The same of grasps with stations, those with the fewest first: of those with three and more none held, each after
+half a minute (preshaped, four stations)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
 SAME = 1e-3
@@ -68,14 +71,14 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     scene = result.scene
     bounds = scene.robust or Robust.model_construct(draws=DRAWS)
     first = found = find_robust(scene, bounds, result.arrays, budget)
-    branches = 1
+    branches, most = 1, STATION_BRANCHES if any(setup.stations for setup in scene.setups) else BRANCHES
     for arrays in _others(search, result.arrays):
         # No robust grasp takes less than the nominal one that it is next to.
         may = not found.holds or (
             scene.objective == "least_tension"
             and _tension(scene, arrays) < (1.0 - SAME) * _tension(scene, found.arrays)
         )
-        if branches > BRANCHES or not may or budget.over:
+        if branches > most or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)
