@@ -53,6 +53,9 @@ def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -
     held = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
     for k in range(len(held.get("object.pose", ()))):
         there = {**own, **{key: value[k] for key, value in held.items()}}
+        # Contacts without a name are clear.
+        on = there["contact_names"] != ""
+        there |= {key: value[on] for key, value in there.items() if key.startswith("contact_")}
         for setup in scene.setups:
             worst["limit"] = max(worst["limit"], _let_out(setup, own, there))
         pose = tuple(float(v) for v in there["object.pose"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -22,7 +22,7 @@ from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.search import EXCHANGES, MOST, tried_errors
 from continuum_grasp.grasp.robust.states import descended, held_arrays, tried_states
 from continuum_grasp.grasp.solve import optimize_grasp
-from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from
 from continuum_grasp.grasp.values import Status
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -131,7 +131,7 @@ class CaseGrasps:
         """The grasp of a full search, its guarded places moved until they stand still."""
         scene, start = result.scene, start_from(result.scene, dict(result.arrays))
         if result.robustness is not None:
-            found = self._run_joint(scene, start, result.robustness.active)
+            found = self._run_joint(scene, start, result.robustness.active, result.robustness.touching)
         else:
             found = self._run(scene, start)
         if found is None:
@@ -152,7 +152,7 @@ class CaseGrasps:
         guesses = ([] if guess is None else [guess]) + [before.attempt.x]
         for x0 in guesses:
             if isinstance(before.solver, JointSolverRun):
-                found = self._run_joint(scene, start, before.solver.errors, x0, features)
+                found = self._run_joint(scene, start, before.solver.errors, before.solver.touching, x0, features)
             else:
                 found = self._run(scene, start, x0=x0, features=features, **options)
             if found is not None:
@@ -190,6 +190,7 @@ class CaseGrasps:
         scene: GraspScene,
         start: Start,
         errors: Array,
+        touching: Sequence[Mapping[str, ContactStart]],
         x0: Array | None = None,
         features: dict[str, Feature] | None = None,
     ) -> HeldGrasp | None:
@@ -199,7 +200,7 @@ class CaseGrasps:
         bounds = scene.robust or Robust.model_construct()
         budget = Budget.of(scene.solver)
         for _ in range(EXCHANGES):
-            solver = JointSolverRun(scene, start, errors)
+            solver = JointSolverRun(scene, start, errors, touching)
             found = self._converged(scene, start, solver, x0=x0, features=features)
             if found is None:
                 return None
@@ -210,10 +211,13 @@ class CaseGrasps:
             worse = [one for one in responses if not one.holds and one.error.tobytes() not in known]
             if not worse:
                 held = tried_states(scene, found.arrays, budget) if scene.robust else responses
-                arrays = {**found.arrays, **held_arrays(scene, held)} if scene.state_columns else found.arrays
+                arrays = dict(found.arrays)
+                if scene.state_columns:
+                    arrays |= held_arrays(scene, arrays["contact_names"].tolist(), held)
                 return replace(found, arrays=arrays) if certify(scene, arrays).passed else None
             worse = sorted(worse, key=lambda one: one.reserve)[:MOST]
             errors = np.concatenate([errors, [one.error for one in worse]])
+            touching = [*touching, *(one.begin.contacts for one in worse)]
             x0 = np.concatenate([found.attempt.x, *(one.attempt.x for one in worse)])
         return None
 

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, rank
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from
+from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -155,23 +155,9 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
 
 
 def _with_only(scene: GraspScene, start: Start, names: set[str]) -> Start:
-    """The start with some of its contacts; stations that do not touch are where the scene has them."""
-    fingers = dict(start.fingers)
-    for setup in scene.setups:
-        if setup.stations:
-            own = fingers[setup.name]
-            places = zip(setup.middle_names, own.joints, setup.stations, strict=True)
-            joints = tuple(at if name in names else rest for name, at, rest in places)
-            fingers[setup.name] = replace(own, joints=joints)
-    # In one order, so that equal sets share one solver.
-    order = dict.fromkeys((*(name for setup in scene.setups for name in setup.middle_names), *start.contacts))
-    return replace(
-        start,
-        label="stations",
-        fingers=fingers,
-        contacts={name: start.contacts[name] for name in order if name in names},
-        forces={name: force for name, force in start.forces.items() if name in names},
-    )
+    """The start with some of its contacts."""
+    contacts = {name: at for name, at in start.contacts.items() if name in names}
+    return replace(with_contacts(scene, start, contacts), label="stations")
 
 
 def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start]:

@@ -36,8 +36,16 @@ _POSTURE = (
 """What a grasp has, and with other friction states of its tendons has anew."""
 
 
+_CONTACTS = (
+    Stored("contact_names", "(contact,)", "text", "name of each contact"),
+    Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
+)
+"""With other friction states contacts may be clear: their names are empty then, and their numbers NaN."""
+
+
 def _held(one: Stored) -> Stored:
-    dimensions = ", ".join(["state", *filter(None, one.shape.strip("()").rstrip(",").split(", "))])
+    own = one.shape.replace("contact", "{held} contact").strip("()").rstrip(",").split(", ")
+    dimensions = ", ".join(["state", *filter(None, own)])
     dimensions += "," * ("," not in dimensions)
     meaning = f"with other friction states: {one.meaning}"
     return Stored(f"{{held}}.{one.name}", f"({dimensions})", one.unit, meaning)
@@ -51,11 +59,10 @@ _STATES = Stored(
     "per branch, +1: against a bend towards the left",
 )
 STORED = (
-    Stored("contact_names", "(contact,)", "text", "name of each contact"),
-    Stored("contact_parts", "(contact,)", "1", "index of the object's convex part"),
+    *_CONTACTS,
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
     *_POSTURE,
-    *(_held(one) for one in (*_POSTURE, _STATES)),
+    *(_held(one) for one in (*_CONTACTS, *_POSTURE, _STATES)),
     Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
     Stored("{held trials}.friction_states", "(draw, cell)", "1", "friction states that were drawn"),
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
@@ -71,6 +78,7 @@ DIMENSIONS = (
     Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),
     Dimension("section", "of a section", ("s [m]", "x [m]", "y [m]", "angle [rad]")),
     Dimension("state", "sets of friction states"),
+    Dimension("{held} contact", "contacts of the grasp, then those made with other friction states alone"),
     Dimension("{finger} cell", "friction cells, from the base"),
     Dimension("draw", "random errors of the object, and friction states"),
     Dimension("nominal draw", "the first of these"),

@@ -64,6 +64,7 @@ class ControlScene(FingerScene):
 
     def _check(self) -> None:
         self.initial.check_history(self.finger)
+        self.initial.check_no_motors()
         self.controller.input.check(self.finger, "controller.input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for controllers: give family and elements")

@@ -237,6 +237,7 @@ class PlanScene(FingerScene):
         if self.transcription == "single_shooting" and self.solver.method != "ipopt":
             raise ValueError("solver.method has no effect on method: single_shooting, which has its own; leave it out")
         self.initial.check_history(self.finger)
+        self.initial.check_no_motors()
         self.input.check(self.finger, "input")
         if self.fidelity.tolerance is not None:
             raise ValueError("fidelity.tolerance is not for plans: give family and elements")

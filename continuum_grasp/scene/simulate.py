@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
@@ -86,6 +87,9 @@ class Initial(Value):
     is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
     """Which way friction acts in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
+    motor_angles: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad")] | None = None
+    """Angles at which motors stand in an equilibrium [rad], one per motor: held there by dry friction, a worm gear or a
+    brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q", "q_above_rest")
@@ -95,6 +99,8 @@ class Initial(Value):
             raise ValueError("qd needs q; a named pose is at rest")
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
+        if self.motor_angles is not None and self.pose != "equilibrium":
+            raise ValueError("motor_angles needs pose: equilibrium")
         for k, load in enumerate(self.held_by):
             if load.kind == "moment" and load.input:
                 raise ValueError(f"held_by[{k}].input has no effect: what holds the finger is released at time zero")
@@ -106,6 +112,25 @@ class Initial(Value):
         """Refuse a history of a finger that has none."""
         if self.reached_by is not None and not finger.has_friction:
             raise ValueError("initial.reached_by has no effect: neither tendons nor bending have friction")
+
+    def check_no_motors(self) -> None:
+        """Refuse angles of motors where these are where the commands lead."""
+        if self.motor_angles is not None:
+            raise ValueError("initial.motor_angles is for statics and simulations alone: command what motors do")
+
+    def check_motors(self, finger: Finger) -> None:
+        """Refuse angles of motors that a finger has not, or that do not say where its drums are."""
+        if self.motor_angles is None:
+            return
+        motors = [drive for drive in finger.winches if isinstance(drive, MotorDrive)]
+        if not motors:
+            raise ValueError("initial.motor_angles has no effect: no tendon has drive.kind: motor")
+        if len(self.motor_angles) != len(motors):
+            raise ValueError(
+                f"initial.motor_angles must have one entry per motor ({len(motors)}), got {len(self.motor_angles)}"
+            )
+        if any(drive.backlash > 0.0 for drive in motors):
+            raise ValueError("initial.motor_angles does not say where a drum is in the backlash of its gear")
 
     @property
     def coordinates(self) -> tuple[float, ...] | None:
@@ -197,6 +222,7 @@ class Scene(FingerScene):
         if self.actuation is not None:
             self._check_actuation(self.actuation)
         self.initial.check_history(self.finger)
+        self.initial.check_motors(self.finger)
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")

@@ -14,7 +14,12 @@ from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under, friction_of, released_states
+from continuum_grasp.simulation.statics import (
+    equilibrium_held,
+    equilibrium_under,
+    friction_of,
+    released_states,
+)
 
 Array = NDArray[np.float64]
 
@@ -57,6 +62,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
     q, qd = np.zeros(n), np.zeros(n)
+    stands: Array | None = None
     if initial.coordinates is not None:
         model.structure.check_initial(initial)
         q = np.array(initial.coordinates, dtype=float)
@@ -64,16 +70,39 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     elif initial.pose == "equilibrium":
         held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
         acting = Signals(scene, held)
-        friction = friction_of(initial, held)
-        q = equilibrium_under(held, acting.u(0.0)[0], acting.w(0.0)[0], **friction).q
+        w = acting.w(0.0)[0]
+        if initial.motor_angles is None:
+            q = equilibrium_under(held, acting.u(0.0)[0], w, **friction_of(initial, held)).q
+        else:
+            found = equilibrium_held(scene, held, initial.motor_angles, w)
+            q, stands = found.q, found.u[: len(initial.motor_angles)]
     elif initial.pose == "straight":
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
     ways = _friction_states(initial, model, q, u)
-    drives = model.drives_at(q, u, ways)
+    if stands is None:
+        drives = model.drives_at(q, u, ways)
+    else:
+        at_rest = np.concatenate([stands, u[stands.size :]])
+        drives = model.drives_at(q, at_rest, ways)
+        drives = _with_motor_friction(model, drives, at_rest, u)
     # Tendon friction of a motion acts by another function of its states than that at rest.
     count = sum(cells.states for cells in model.structure.cell_sets)
     return np.concatenate([q, qd, drives, state_of(ways[:count]), ways[count:]])
+
+
+def _with_motor_friction(model: FingerModel, drives: list[float], at_rest: Array, u: Array) -> list[float]:
+    """States of motors that stand where ``at_rest`` balances the tensions, under a command ``u``: their dry friction
+    bears the difference, as far as it does.
+    """
+    found, at = list(drives), len(drives) - sum(winch.states for winch in model.structure.winches)
+    for k, winch in enumerate(model.structure.winches):
+        friction = getattr(winch.drive, "coulomb_friction", 0.0)
+        if getattr(winch.drive, "presliding_angle", None) is not None:
+            torque, needed = (float(winch.torque(command, drives[at])) for command in (u[k], at_rest[k]))
+            (found[at + 2],) = state_of(np.clip([(torque - needed) / friction], -1.0, 1.0))
+        at += winch.states
+    return found
 
 
 def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -> Array:

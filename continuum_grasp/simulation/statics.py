@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from continuum_grasp.arguments import check_arguments, choice, real_array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
@@ -213,8 +215,75 @@ def equilibrium(
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
     signals = Signals(scene, model)
     u, w = signals.u(0.0)[0], signals.w(0.0)[0]
-    found = equilibrium_under(model, u, w, guess=guess, stable=stable, side=side, **friction_of(scene.initial, model))
+    if scene.initial.motor_angles is not None:
+        found = equilibrium_held(scene, model, scene.initial.motor_angles, w, guess=guess, stable=stable, side=side)
+    else:
+        friction = friction_of(scene.initial, model)
+        found = equilibrium_under(model, u, w, guess=guess, stable=stable, side=side, **friction)
     return replace(found, scene=scene)
+
+
+def equilibrium_held(
+    scene: Scene,
+    model: FingerModel,
+    angles: Sequence[float],
+    w: ArrayLike,
+    *,
+    guess: ArrayLike | None = None,
+    stable: bool = True,
+    side: int = 1,
+) -> Equilibrium:
+    """Find the equilibrium of a finger whose motors stand at ``angles`` (motors,) [rad], under constant forces.
+
+    Tendons are then as long as on winches that follow a length, and have friction as ``scene.initial`` says that the
+    finger was bent. The input of the result is that which balances the tensions without dry friction of the motors.
+
+    Raises
+    ------
+    SolverError
+        If there is no equilibrium, or if the tensions are more than ``torque_max`` of a motor balances.
+    """
+    tendons = scene.finger.tendons
+    locked_tendons = tuple(_locked(tendon) for tendon in tendons) if isinstance(tendons, tuple) else _locked(tendons)
+    winches = model.structure.winches
+    lengths = tuple(winch.radius * angle for winch, angle in zip(winches, angles, strict=True))
+    initial = scene.initial.replaced(motor_angles=None)
+    same = scene.replaced(
+        finger=scene.finger.replaced(tendons=locked_tendons), actuation={"lengths": lengths}, initial=initial
+    )
+    locked = FingerModel(
+        same,
+        family=model.family,
+        elements=model.lengths,
+        accuracy=model.structure.accuracy,
+        loads=model.loads,
+        input_rates=False,
+    )
+    # Moments that are inputs come after the drives.
+    u = Signals(same, locked).u(0.0)[0]
+    friction = friction_of(initial, locked)
+    found = equilibrium_under(locked, u, w, guess=guess, stable=stable, side=side, **friction)
+    tensions = [] if found.tensions is None else found.tensions.tolist()
+    held = u.copy()
+    for k, (winch, angle) in enumerate(zip(winches, angles, strict=True)):
+        least, greatest = winch.holding([angle], [tensions[j] for j in winch.tendons], 0.0)
+        if not math.isfinite(least + greatest):
+            raise SolverError(
+                "no equilibrium found",
+                status="torque limit",
+                violated=[f"motor {k + 1} does not balance its tendons at {angle:.4g} rad: {tensions} N"],
+                advice="raise tendons.drive.torque_max, or let initial.motor_angles wind up less",
+            )
+        held[k] = 0.5 * (least + greatest)
+    return replace(found, model=model, u=held, p=np.array(model.p_nominal))
+
+
+def _locked(tendons: Any) -> Any:
+    """Tendons whose motors are winches that follow a length."""
+    drive = tendons.drive
+    same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
+    # The time constant does not matter at rest.
+    return tendons.replaced(drive=LengthDrive(kind="length", time_constant=1.0, **same))
 
 
 class Friction(TypedDict, total=False):
@@ -338,6 +407,10 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     >>> [found.stable for found in equilibrium_path(scene, [0.5, 1.0])]
     [True, True]
     """
+    if scene.initial.motor_angles is not None:
+        raise InputError(
+            "motors that stand at one angle have no path: command what they do in actuation", key="initial.motor_angles"
+        )
     names = tuple(dict.fromkeys((*scene.parameters, "gravity")))
     model = FingerModel(scene, parameters=names, input_rates=False)
     signals = Signals(scene, model)

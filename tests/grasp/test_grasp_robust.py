@@ -164,7 +164,7 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
     start = start_from(scene, dict(optimize_grasp(scene).arrays))
     spec = ProblemSpec.of(scene, start.contacts)
     nominal, other = GraspProblem(spec), GraspProblem(spec.in_error(landed=not scene.supports))
-    whole = RobustProblem(nominal, other, 2, ()).nlp
+    whole = RobustProblem(nominal, (other, other), ()).nlp
     rng = np.random.default_rng(0)
     x, p = (rng.uniform(0.4, 0.6, n.numel()) for n in (whole.x, whole.p))
     force, along = rng.normal(size=whole.g.numel()), rng.normal(size=x.size)

@@ -7,6 +7,7 @@ the change of the optimum with a number of the scene does not depend on it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -32,7 +33,7 @@ from continuum_grasp.grasp.problem.values import Units, contact_features, moved_
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.problem import RobustProblem, robust_problem
 from continuum_grasp.grasp.robust.response import start_in_error
-from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -60,17 +61,27 @@ class JointSolverRun:
         Next to which grasps are sought; it decides which contacts are on.
     errors : ndarray, shape (K, 6 + S)
         As rows of `continuum_grasp.grasp.robust.errors`.
+    touching : sequence of dict
+        Which contacts are on in the posture of each error (K), and where on the object they are; None: those of the
+        start.
     """
 
-    def __init__(self, scene: GraspScene, start: Start, errors: Array) -> None:
+    def __init__(
+        self,
+        scene: GraspScene,
+        start: Start,
+        errors: Array,
+        touching: Sequence[Mapping[str, ContactStart]] | None = None,
+    ) -> None:
         in_error = _in_error(scene, start)
-        spec = ProblemSpec.of(scene, start.contacts)
         self.errors = errors
-        self.nominal: GraspSolverRun = solver_for(spec)
-        self.other: GraspSolverRun = solver_for(spec.in_error(landed=not in_error.on))
-        self._whole: RobustProblem = robust_problem(
-            self.nominal.problem, self.other.problem, len(errors), in_error.left
-        )
+        self.touching = [start.contacts] * len(errors) if touching is None else list(touching)
+        self.nominal: GraspSolverRun = solver_for(ProblemSpec.of(scene, start.contacts))
+        self.others: list[GraspSolverRun] = [
+            solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=not in_error.on)) for on in self.touching
+        ]
+        problems = tuple(other.problem for other in self.others)
+        self._whole: RobustProblem = robust_problem(self.nominal.problem, problems, in_error.left)
         self._near = [Surroundings(solver.problem) for solver in self._solvers]
 
     @property
@@ -80,7 +91,7 @@ class JointSolverRun:
 
     @property
     def _solvers(self) -> list[GraspSolverRun]:
-        return [self.nominal] + [self.other] * len(self.errors)
+        return [self.nominal, *self.others]
 
     def run(
         self,
@@ -183,7 +194,8 @@ class JointSolverRun:
     def acting(self, attempt: Attempt) -> Array:
         """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share."""
         links = attempt.multipliers.constraints[sum(solver.problem.rows.count for solver in self._solvers) :]
-        forces = np.array([np.abs(own).max() for own in np.split(links, len(self.errors))] if links.size else [])
+        each = np.split(links, np.cumsum(self._whole.links)[:-1]) if links.size else []
+        forces = np.array([np.abs(own).max() for own in each])
         found: Array = self.errors[forces > _ACTS * forces.max(initial=0.0)]
         return found
 
@@ -206,10 +218,14 @@ class JointSolverRun:
     def _sides(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> list[_Side]:
         """Scene, start and features of the nominal grasp and of each error."""
         in_error, found = _in_error(scene, start), [(scene, start, features)]
-        for error in self.errors:
+        for error, on in zip(self.errors, self.touching, strict=True):
             each = in_error.scene_with(error, yields=not in_error.on)
-            begin = start_in_error(scene, in_error, start, each, error)
-            found.append((each, begin, moved_features(scene, each, start.contacts, features)))
+            own, sits = start, features
+            if on.keys() != start.contacts.keys():
+                own = with_contacts(scene, start, {name: start.contacts.get(name, at) for name, at in on.items()})
+                sits = {name: features.get(name, at) for name, at in contact_features(scene, own.contacts).items()}
+            begin = start_in_error(scene, in_error, own, each, error)
+            found.append((each, begin, moved_features(scene, each, own.contacts, sits)))
         return found
 
 

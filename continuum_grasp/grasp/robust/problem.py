@@ -27,6 +27,21 @@ from continuum_grasp.grasp.problem.problem import GraspProblem
 Array = NDArray[Any]
 
 
+class _Link:
+    """The functions of what an error's problem shares with the nominal one."""
+
+    def __init__(self, nominal: GraspProblem, other: GraspProblem, left: tuple[int, ...]) -> None:
+        error = ca.SX.sym("error", 3)
+        args = [nominal.x.symbol, nominal.numbers.symbol, other.x.symbol, error]
+        rows = link(nominal, other, error, left)
+        force = ca.SX.sym("force", rows.numel())
+        self.size = int(rows.numel())
+        self.values = ca.Function("link", args, [rows])
+        self.slopes = ca.Function("slopes", args, [ca.jacobian(rows, args[0]), ca.jacobian(rows, args[2])])
+        bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
+        self.bends = ca.Function("bends", [*args[:2], error, force], [bend])
+
+
 @dataclass(frozen=True)
 class _Part:
     """A problem, its named functions of (x, p), and its sizes."""
@@ -36,7 +51,7 @@ class _Part:
     oracle: ca.Function
 
     @staticmethod
-    @lru_cache(maxsize=8)
+    @lru_cache(maxsize=24)
     def of(problem: GraspProblem) -> _Part:
         """The functions of a problem; built once in a process."""
         x, p = problem.x.symbol, problem.numbers.symbol
@@ -67,15 +82,16 @@ def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[i
             rows.append(its.base - mine.base)
     if nominal.spec.free and not other.spec.landed:
         rows += [other.pose[k] - nominal.pose[k] - error[k] for k in left]
+    on = {contact.spec.name for contact in other.contacts}
     for contact in nominal.contacts:
-        if other.spec.lands(contact.spec):
+        if contact.spec.name in on and other.spec.lands(contact.spec):
             shifted = contact.local.point - rotation(-nominal.pose[2]) @ error[:2]
             rows.append(other.x(f"landing, {contact.spec.name}", 2) - rotation(-error[2]) @ shifted)
     return ca.vertcat(*rows)
 
 
 class RobustProblem:
-    """The problem of a grasp and ``count`` errors.
+    """The problem of a grasp and those of errors, whose postures may have other contacts.
 
     Attributes
     ----------
@@ -84,47 +100,41 @@ class RobustProblem:
         numbers likewise, and the errors (3,) of the pose.
     """
 
-    def __init__(self, nominal: GraspProblem, other: GraspProblem, count: int, left: tuple[int, ...]) -> None:
-        self.nominal, self.other, self.count = nominal, other, count
-        first, second = _Part.of(nominal), _Part.of(other)
-        self.sizes = [first.size] + [second.size] * count
+    def __init__(self, nominal: GraspProblem, others: tuple[GraspProblem, ...], left: tuple[int, ...]) -> None:
+        self.nominal, self.others, count = nominal, others, len(others)
+        parts = [_Part.of(problem) for problem in (nominal, *others)]
+        first = parts[0]
+        self.sizes = [part.size for part in parts]
         x = ca.MX.sym("x", sum(self.sizes))
-        numbers = [first.numbers] + [second.numbers] * count
+        numbers = [part.numbers for part in parts]
         p = ca.MX.sym("p", sum(numbers) + 3 * count)
         xs = ca.vertsplit(x, _starts(self.sizes))
         ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
         ps, errors = ps[: count + 1], ps[count + 1 :]
-        parts = [first] + [second] * count
-
-        error = ca.SX.sym("error", 3)
-        args = [nominal.x.symbol, nominal.numbers.symbol, other.x.symbol, error]
-        rows = link(nominal, other, error, left)
-        force = ca.SX.sym("force", rows.numel())
-        links = ca.Function("link", args, [rows])
-        slopes = ca.Function("slopes", args, [ca.jacobian(rows, args[0]), ca.jacobian(rows, args[2])])
-        bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
-        bends = ca.Function("bends", [*args[:2], error, force], [bend])
-        self.links = int(rows.numel())
+        made = {other: _Link(nominal, other, left) for other in dict.fromkeys(others)}
+        links = [made[other] for other in others]
+        self.links = [each.size for each in links]
 
         values = [part.oracle(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
-        linked = [links(xs[0], ps[0], a, e) for a, e in zip(xs[1:], errors, strict=True)]
+        linked = [each.values(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
         f = sum(value[0] for value in values)
         g = ca.vertcat(*(value[1] for value in values), *linked)
 
         gradient = ca.vertcat(*(part.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)))
         jacobians = [part.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
-        pairs = [slopes(xs[0], ps[0], a, e) for a, e in zip(xs[1:], errors, strict=True)]
+        pairs = [each.slopes(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
         first_part = ca.vertcat(ca.MX(0, first.size), *(a for a, _ in pairs))
         below = ca.horzcat(first_part, ca.diagcat(*(b for _, b in pairs)))
         jacobian = ca.vertcat(ca.diagcat(*jacobians), below)
 
         weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
-        shares = ca.vertsplit(forces, _starts([part.rows for part in parts] + [self.links] * count))
+        shares = ca.vertsplit(forces, _starts([*(part.rows for part in parts), *self.links]))
         blocks = [
             part.functions["hess_lag"](a, b, weight, own)
             for part, a, b, own in zip(parts, xs, ps, shares, strict=False)
         ]
-        blocks[0] += sum(bends(xs[0], ps[0], e, own) for e, own in zip(errors, shares[count + 1 :], strict=True))
+        own_forces = zip(links, errors, shares[count + 1 :], strict=True)
+        blocks[0] += sum(each.bends(xs[0], ps[0], e, own) for each, e, own in own_forces)
         derivatives = {
             "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
             "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
@@ -140,8 +150,8 @@ class RobustProblem:
 
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of all rows."""
-        sets = [self.nominal.rows.bounds()] + [self.other.rows.bounds()] * self.count
-        sets.append((np.zeros(self.links * self.count), np.zeros(self.links * self.count)))
+        sets = [problem.rows.bounds() for problem in (self.nominal, *self.others)]
+        sets.append((np.zeros(sum(self.links)), np.zeros(sum(self.links))))
         lower, upper = (np.concatenate(side) for side in zip(*sets, strict=True))
         return lower, upper
 
@@ -155,6 +165,6 @@ def _starts(sizes: Sequence[int]) -> list[int]:
 
 
 @lru_cache(maxsize=8)
-def robust_problem(nominal: GraspProblem, other: GraspProblem, count: int, left: tuple[int, ...]) -> RobustProblem:
-    """The problem of a grasp and a number of errors; built once in a process."""
-    return RobustProblem(nominal, other, count, left)
+def robust_problem(nominal: GraspProblem, others: tuple[GraspProblem, ...], left: tuple[int, ...]) -> RobustProblem:
+    """The problem of a grasp and those of some errors; built once in a process."""
+    return RobustProblem(nominal, others, left)

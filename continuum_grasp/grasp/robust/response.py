@@ -5,11 +5,15 @@ lies; others yield to the fingers. A finger that touches along its length slides
 contacts settle anew; a tip that comes straight onto an object that yields stays where it lands: at the place next to
 where it is in the grasp, seen from the object in error. Of all postures that balance, that is taken whose contacts are
 farthest from slipping.
+
+Contacts that the scene leaves open, stations and those that are ``auto``, touch or are clear in each posture as its
+forces ask: one that would have to pull parts, and one that another contact would leave deep in the object touches.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import cmath
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -31,8 +35,8 @@ from continuum_grasp.grasp.problem.values import (
 )
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.near import NearSolver
-from continuum_grasp.grasp.starts.supports import support_contacts
-from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.starts.supports import nearest_contact, support_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -43,6 +47,12 @@ HOLDS = -1e-4
 clearance change it by up to 4e-5 (mug)."""
 ITERATIONS = 150
 """Iterations from the grasp to one error: 6 to 25 are enough with given tensions, 30 to 90 with others (mug, pinch)."""
+SETS = 4
+"""Sets of contacts that are tried for one error: two or three are enough where one holds."""
+FRUITLESS = 12
+"""Sets of contacts that are tried in a row without one that holds: such a grasp has other flaws; each takes 0.6 s."""
+NEAR = 1e-3
+"""Gap, per length of the finger, from which on a contact that is clear cannot be what is missing [1]."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,8 @@ class Response:
         no answer.
     weakest : str
         The contact with that margin; empty where nothing balances.
+    start, begin : Start
+        Where the posture was sought from, and the same without the error; both have the contacts of the posture.
     """
 
     error: Array
@@ -73,6 +85,7 @@ class Response:
     start: Start
     attempt: Attempt
     solver: GraspSolverRun
+    begin: Start
 
     @property
     def arrays(self) -> dict[str, Array]:
@@ -109,45 +122,122 @@ class Responder:
         tensions = {name: tuple(arrays[f"{name}.tensions"].tolist()) for name in scene.named_fingers}
         self.start = replace(start_from(scene, self.arrays), forces=forces, tensions=tensions)
         self.yields = not self.in_error.on
-        spec = ProblemSpec.of(scene, self.start.contacts).in_error(landed=self.yields)
-        self.solver: GraspSolverRun = solver_for(spec)
-        self._near_solver, self._surroundings = _near_solver(self.solver)
         # Solutions with the tensions of the grasp, by error.
-        self._known: list[tuple[Array, Attempt]] = []
-        self.anew = 0
+        self._known: list[Response] = []
+        self.anew = self._fruitless = 0
 
     def to(self, error: Array, *, retensioned: Response | None = None) -> Response:
         """The response to an error (6 + K,), with the tensions of the grasp, or with such that hold if there are any:
         then ``retensioned`` is that with the tensions of the grasp, from which they are sought.
         """
+        if retensioned is not None:
+            return self._with(retensioned.begin, error, retensioned)
+        near = self._nearest(error)
+        best = self._with(self.start if near is None else near.begin, error)
+        tried, left = {frozenset(best.begin.contacts)}, list(self._next(best))
+        while left and not best.holds and len(tried) < SETS and self._fruitless < FRUITLESS:
+            begin = left.pop(0)
+            names = frozenset(begin.contacts)
+            if names in tried:
+                continue
+            tried.add(names)
+            other = self._with(begin, error)
+            self._fruitless = 0 if other.holds else self._fruitless + 1
+            if other.reserve > best.reserve:
+                best = other
+                left[:0] = self._next(other)
+        return best
+
+    def _with(self, begin: Start, error: Array, retensioned: Response | None = None) -> Response:
+        """The response to an error with the contacts of a start."""
+        solver = self._solver(begin)
         scene = self.in_error.scene_with(error, yields=self.yields)
-        start = start_in_error(self.scene, self.in_error, self.start, scene, error)
-        pinned = self._pinned(scene, start, error, tensions=retensioned is None)
+        start = start_in_error(self.scene, self.in_error, begin, scene, error)
+        pinned = self._pinned(solver, scene, start, error, tensions=retensioned is None)
         # More than what holds is not asked for: the tensions change as little as they can.
         most = {} if retensioned is None else {"reserve": 0.0}
-        known = self._nearest(error) if retensioned is None else retensioned.attempt
-        attempt = self._near(scene, start, known, pinned, most)
+        known = self._nearest(error, begin) if retensioned is None else retensioned
+        attempt = None if known is None else self._near(solver, scene, start, known.attempt, pinned, most)
         if attempt is None:
             self.anew += 1
             x0 = None if retensioned is None or not retensioned.attempt.converged else retensioned.attempt.x.copy()
-            attempt = self.solver.run(
+            attempt = solver.run(
                 scene, start, self._budget, rung=2, iterations=ITERATIONS, pinned=pinned, most=most, x0=x0
             )
-        if retensioned is None and attempt.converged:
-            self._known.append((error, attempt))
         reserve, margin, weakest = -np.inf, np.nan, ""
         if attempt.converged:
-            reserve = float(attempt.x[self.solver.problem.x.at["reserve"]][0])
-            margin, weakest = self._least_margin(scene, attempt)
+            reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
+            margin, weakest = _least_margin(solver, scene, attempt)
             if reserve >= HOLDS:  # a cone at its edge, up to rounding
                 margin = max(margin, 0.0)
         elif attempt.status is nlp.Status.INFEASIBLE:
             margin = -np.inf
-        return Response(error, scene, reserve, margin, weakest, start, attempt, self.solver)
+        found = Response(error, scene, reserve, margin, weakest, start, attempt, solver, begin)
+        if retensioned is None and attempt.converged:
+            self._known.append(found)
+        return found
 
-    def _pinned(self, scene: GraspScene, start: Start, error: Array, *, tensions: bool) -> dict[str, Array]:
+    def _solver(self, begin: Start) -> GraspSolverRun:
+        solver: GraspSolverRun = solver_for(ProblemSpec.of(self.scene, begin.contacts).in_error(landed=self.yields))
+        return solver
+
+    def _next(self, response: Response) -> Iterator[Start]:
+        """Starts with the contacts that a posture which does not hold asks for, those most likely to hold first."""
+        attempt, begin, solver = response.attempt, response.begin, response.solver
+        if response.holds or not np.isfinite(attempt.x).all():
+            return
+        switches = {
+            name: switch
+            for setup in self.scene.setups
+            for name, switch in zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True)
+        }
+        forces = {
+            name: float(attempt.x[solver.problem.x.at[f"force, {name}"]][0])
+            for name in begin.contacts
+            if switches.get(name) == "auto"
+        }
+        order = sorted(forces, key=lambda name: forces[name])
+        pulls = [name for name in order if forces[name] < 0.0]
+        for names in ([pulls] if len(pulls) > 1 else []) + [[name] for name in pulls]:
+            yield from self._parted(begin, names)
+        off = [name for name, switch in switches.items() if switch == "auto" and name not in begin.contacts]
+        for name, contact in self._near_object(response, off):
+            yield with_contacts(self.scene, begin, {**begin.contacts, name: contact})
+        # Where nothing balances, forces say little.
+        for name in order if not attempt.converged else ():
+            yield from self._parted(begin, [name])
+
+    def _parted(self, begin: Start, names: Sequence[str]) -> Iterator[Start]:
+        """The start without some contacts, if each finger still touches somewhere."""
+        left = {name: at for name, at in begin.contacts.items() if name not in names}
+        if all(any(name.startswith(f"{finger}.") for name in left) for finger in self.scene.named_fingers):
+            yield with_contacts(self.scene, begin, left)
+
+    def _near_object(self, response: Response, names: Sequence[str]) -> Iterator[tuple[str, ContactStart]]:
+        """Which of the contacts that are clear nearly touch the object or are deep in it, deepest first, and where."""
+        scene, arrays, found = response.scene, response.arrays, []
+        x, y, angle = arrays["object.pose"].tolist()
+        for setup in scene.setups if names else ():
+            line, length = arrays[f"{setup.name}.backbone"], setup.finger.rod.length
+            places = setup.stations or tuple(length * count / setup.elements for count in setup.before)
+            for name, s in zip((*setup.middle_names, setup.tip_name), (*places, length), strict=True):
+                if name not in names:
+                    continue
+                world = complex(*(float(np.interp(s, line[:, 0], line[:, c])) for c in (1, 2)))
+                at = nearest_contact(scene, (x, y, angle), world)
+                away = (world - complex(x, y)) * cmath.exp(-1j * angle) - complex(*at.point)
+                gap = (away * cmath.exp(-1j * at.normal_angle)).real - float(setup.finger.profile.half_thickness(s))
+                if gap < NEAR * length:
+                    size = 1.0 + float(response.error[3])
+                    point = at.point[0] / size, at.point[1] / size
+                    found.append((gap, name, replace(at, point=point)))
+        yield from ((name, at) for _, name, at in sorted(found, key=lambda one: one[0]))
+
+    def _pinned(
+        self, solver: GraspSolverRun, scene: GraspScene, start: Start, error: Array, *, tensions: bool
+    ) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
-        units, pinned = Units.of(scene), self.landings(error)
+        units, pinned = Units.of(scene), self.landings(solver, error)
         if not self.yields and scene.object.free is not None:
             # What the supports decide follows from their contacts.
             pose = np.array(units.pose(scene.object.pose))
@@ -160,26 +250,31 @@ class Responder:
                 pinned[f"{setup.name}.base"] = np.array(units.pose(start.fingers[setup.name].base))
         return pinned
 
-    def _nearest(self, error: Array) -> Attempt | None:
-        """The solution for the error that is nearest to this one, lengths per size of the object."""
-        if not self._known:
+    def _nearest(self, error: Array, begin: Start | None = None) -> Response | None:
+        """The solution for the error that is nearest to this one, lengths per size of the object; of those with the
+        contacts of a start, where one is given.
+        """
+        known = [one for one in self._known if begin is None or one.begin.contacts.keys() == begin.contacts.keys()]
+        if not known:
             return None
-        away = np.array([one for one, _ in self._known]) - error
+        away = np.array([one.error for one in known]) - error
         away[:, :2] /= self.scene.object.size
-        return self._known[int((away**2).sum(axis=1).argmin())][1]
+        return known[int((away**2).sum(axis=1).argmin())]
 
     def _near(
         self,
+        solver: GraspSolverRun,
         scene: GraspScene,
         start: Start,
-        known: Attempt | None,
+        known: Attempt,
         pinned: Mapping[str, Array],
         most: Mapping[str, float],
     ) -> Attempt | None:
         """The solution next to one that is known, with guarded places where fingers are deepest; None without one."""
-        if known is None or not known.converged:
+        if not known.converged:
             return None
-        problem = self.solver.problem
+        problem = solver.problem
+        near_solver, surroundings = _near_solver(solver)
         features = contact_features(scene, start.contacts)
         values = problem_values(problem, scene, start, features)
         low, high = problem_bounds(problem, scene, features)
@@ -189,9 +284,7 @@ class Responder:
         for name, bound in most.items():
             high[problem.x.at[name]] = bound
         numbers = problem.numbers.pack(values, 0.0)
-        here = self._near_solver.restored(
-            nlp.Start(known.x, low, high, *problem.rows.bounds(), numbers, known.multipliers)
-        )
+        here = near_solver.restored(nlp.Start(known.x, low, high, *problem.rows.bounds(), numbers, known.multipliers))
         if here is None:
             return None
         allowed = DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
@@ -200,49 +293,50 @@ class Responder:
         found: nlp.Attempt | None = None
         iterations, seconds = 0, 0.0
         for _ in range(ROUNDS):
-            sight = self._surroundings.look(scene, here.x, numbers, probes if found is None else None)
+            sight = surroundings.look(scene, here.x, numbers, probes if found is None else None)
             numbers = problem.numbers.pack({**values, **sight.numbers})
             if found is not None:
-                moved = np.array(self.solver.derivatives["jac_g"](here.x, numbers)[0]).ravel() - found.g
+                moved = np.array(solver.derivatives["jac_g"](here.x, numbers)[0]).ravel() - found.g
                 change = abs(float(found.multipliers.constraints @ moved))
                 # What guarded places are too deep, others may be.
                 if sight.deepest < allowed + found.violation and change < STEADY * max(1.0, abs(found.objective)):
                     total = {**vars(found), "iterations": iterations, "seconds": seconds}
                     return Attempt(**total, start=start, features=features, numbers=here.p, violations=[])
             here = replace(here, p=numbers)
-            found = self._near_solver.solve(here, self._budget)
+            found = near_solver.solve(here, self._budget)
             iterations, seconds = iterations + found.iterations, seconds + found.seconds
             if not found.converged:
                 break
             here = replace(here, x=found.x, multipliers=found.multipliers)
         return None
 
-    def _least_margin(self, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:
-        """Least friction margin, and the contact that has it."""
-        found = []
-        for contact in self.solver.problem.spec.contacts:
-            n, *sideways = attempt.x[self.solver.problem.x.at[f"force, {contact.name}"]]
-            friction = scene.friction(contact.name)
-            if n < 0.0 or friction > 0.0:
-                margin = 1.0 - float(np.linalg.norm(sideways)) / (friction * n) if friction * n > 0.0 else -np.inf
-                found.append((margin, contact.name))
-        return min(found, default=(1.0, ""))
-
-    def landings(self, error: Array) -> dict[str, Array]:
+    def landings(self, solver: GraspSolverRun, error: Array) -> dict[str, Array]:
         """Where tips land on an object that yields (2,), in its frame and in units of the problem."""
         pose = np.array(self.in_error.pose_in_error(error)) - self.in_error.pose
-        units, problem = Units.of(self.scene), self.solver.problem
+        units, problem = Units.of(self.scene), solver.problem
         back, turned = (_rotation(-angle) for angle in (self.in_error.pose[2], pose[2]))
         return {
             f"landing, {contact.name}": turned
             @ (np.asarray(self.start.contacts[contact.name].point) - back @ pose[:2])
             / units.length
             for contact in problem.spec.contacts
-            if problem.spec.lands(contact)
+            if problem.spec.lands(contact) and contact.name in self.start.contacts
         }
 
 
-@lru_cache(maxsize=8)
+def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:
+    """Least friction margin, and the contact that has it."""
+    found = []
+    for contact in solver.problem.spec.contacts:
+        n, *sideways = attempt.x[solver.problem.x.at[f"force, {contact.name}"]]
+        friction = scene.friction(contact.name)
+        if n < 0.0 or friction > 0.0:
+            margin = 1.0 - float(np.linalg.norm(sideways)) / (friction * n) if friction * n > 0.0 else -np.inf
+            found.append((margin, contact.name))
+    return min(found, default=(1.0, ""))
+
+
+@lru_cache(maxsize=24)
 def _near_solver(solver: GraspSolverRun) -> tuple[NearSolver, Surroundings]:
     """What finds solutions next to others; built once in a process."""
     problem = solver.problem

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.summary import Summarized
 
 Array = NDArray[Any]
@@ -94,6 +95,8 @@ class Robustness(Summarized):
         Corners that are part of its problem.
     nominal_arrays : mapping
         Of the nominal grasp, as `GraspResult.arrays`.
+    touching : sequence of mapping
+        Which contacts are on in the posture of each corner of ``active`` (K), and where on the object they are.
 
     Examples
     --------
@@ -109,6 +112,7 @@ class Robustness(Summarized):
     robust: Trials | None
     active: Array
     nominal_arrays: Mapping[str, Array] = field(repr=False)
+    touching: Sequence[Mapping[str, ContactStart]] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, str, str]:

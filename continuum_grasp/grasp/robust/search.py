@@ -21,6 +21,7 @@ from continuum_grasp.grasp.robust.errors import InError, corners
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.states import descended, extremes, with_states
+from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
@@ -54,6 +55,8 @@ class Found:
         Of all runs of the solver.
     errors : ndarray, shape (K, 6 + S)
         The corners that are part of its problem.
+    touching : sequence of mapping
+        Which contacts are on in the posture of each of these (K), and where.
     responses : sequence of Response
         Of that grasp to all corners.
     first : sequence of Response
@@ -65,6 +68,7 @@ class Found:
     optimal: bool
     iterations: int
     errors: Array
+    touching: Sequence[Mapping[str, ContactStart]]
     responses: Sequence[Response]
     first: Sequence[Response]
 
@@ -78,6 +82,7 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
     """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
     every = list(tried_errors(scene, bounds, arrays))
     chosen: list[int] = []
+    touching: Sequence[Mapping[str, ContactStart]] = ()
     iterations, optimal = 0, True
     first: Sequence[Response] = ()
     while True:
@@ -91,13 +96,14 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
         if not worse or len(chosen) >= EXCHANGES * MOST or budget.over:
             break
         chosen += worse[:MOST]
+        touching = [responses[k].begin.contacts for k in chosen]
         attempt, new = _solved(responder, [responses[k] for k in chosen], budget)
         iterations += attempt.iterations
         if new is None:
             break
         arrays, optimal = new, attempt.status is nlp.Status.SOLVED
     active = np.array([every[k] for k in chosen]).reshape(len(chosen), every[0].size)
-    return Found(arrays, certify(scene, arrays), optimal, iterations, active, responses, first)
+    return Found(arrays, certify(scene, arrays), optimal, iterations, active, touching, responses, first)
 
 
 def _solved(
@@ -105,7 +111,8 @@ def _solved(
 ) -> tuple[nlp.Attempt, Mapping[str, Array] | None]:
     """One run of the solver, from a grasp and its responses to some errors, and the grasp; None where it found none."""
     scene, start = responder.scene, responder.start
-    run = JointSolverRun(scene, start, np.array([response.error for response in responses]))
+    touching = [response.begin.contacts for response in responses]
+    run = JointSolverRun(scene, start, np.array([response.error for response in responses]), touching)
     features = contact_features(scene, start.contacts)
     begin = [starting_point(run.problem, scene, start, features), *(response.attempt.x for response in responses)]
     attempt = run.run(scene, start, budget, x0=np.concatenate(begin))

@@ -26,7 +26,7 @@ from continuum_grasp.grasp.robust.states import (
     with_drawn_states,
     with_states,
 )
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.values import Reason, Status
 from continuum_grasp.grasp.verdict import UNSTABLE, flawed
@@ -48,6 +48,9 @@ HALVINGS = 4
 
 BRANCHES = 3
 """Further grasps of the nominal search next to which a robust one is sought."""
+STATION_BRANCHES = 2
+"""The same of grasps with stations, the fewest first: that with one holds after 1.5 s, that with two after 3 s,
+that with four does not after 17 s, and one with three has no answer after minutes (preshaped)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
 SAME = 1e-3
@@ -68,14 +71,14 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     scene = result.scene
     bounds = scene.robust or Robust.model_construct(draws=DRAWS)
     first = found = find_robust(scene, bounds, result.arrays, budget)
-    branches = 1
+    branches, most = 1, STATION_BRANCHES if any(setup.stations for setup in scene.setups) else BRANCHES
     for arrays in _others(search, result.arrays):
         # No robust grasp takes less than the nominal one that it is next to.
         may = not found.holds or (
             scene.objective == "least_tension"
             and _tension(scene, arrays) < (1.0 - SAME) * _tension(scene, found.arrays)
         )
-        if branches > BRANCHES or not may or budget.over:
+        if branches > most or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)
@@ -86,7 +89,13 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
-        return _none(result, Robustness(errors, nominal, None, found.errors, result.arrays), found, bounds, budget)
+        return _none(
+            result,
+            Robustness(errors, nominal, None, found.errors, result.arrays, found.touching),
+            found,
+            bounds,
+            budget,
+        )
     robust = nominal
     if found.arrays is not result.arrays or len(errors) > COMPARED:
         robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
@@ -95,7 +104,8 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     effort["branches"] = branches
     arrays, certificate = found.arrays, found.certificate
     if scene.state_columns:
-        arrays = {**arrays, **held_arrays(scene, tried_states(scene, arrays, trials))}
+        tried = tried_states(scene, arrays, trials) if scene.robust else found.responses
+        arrays = {**arrays, **held_arrays(scene, arrays["contact_names"].tolist(), tried)}
         certificate = certify(scene, arrays)
     changed = GraspResult(
         scene,
@@ -105,7 +115,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         certificate,
         advice=result.advice,
         statistics={**result.statistics, "robust": effort},
-        robustness=Robustness(errors, nominal, robust, found.errors, result.arrays),
+        robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
     )
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
@@ -134,7 +144,8 @@ def _where(scene: GraspScene) -> str:
 
 def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
     """Verified grasps of a search other than the best one, in the order of their tensions, as far as these are known:
-    those it found, then those from basins that it left because they take more.
+    those it found, then those from basins that it left because they take more. Of grasps with stations those with the
+    fewest come first: others may touch as states ask, while each that the grasp itself has bounds what holds.
     """
     scene, seen = search.scene, [best]
 
@@ -147,7 +158,12 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
         seen.append(arrays)
         return not same
 
-    for tried in sorted(search.good, key=lambda tried: _tension(scene, tried.arrays)):
+    stations = any(setup.stations for setup in scene.setups)
+
+    def order(tried: Tried) -> tuple[int, float]:
+        return len(tried.arrays["contact_names"]) * stations, _tension(scene, tried.arrays)
+
+    for tried in sorted(search.good, key=order):
         if tried.acceptable and new(tried.arrays):
             yield tried.arrays
     for basin in sorted((basin for basin in search.basins if not basin.tried), key=lambda basin: basin.start.estimate):

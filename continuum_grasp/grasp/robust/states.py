@@ -146,10 +146,29 @@ def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -
     return found + list(descended(responder, found))
 
 
-def held_arrays(scene: GraspScene, responses: Sequence[Response]) -> dict[str, Array]:
+def held_arrays(scene: GraspScene, first: Sequence[str], responses: Sequence[Response]) -> dict[str, Array]:
     """Postures of a grasp with friction states that its certificate is to verify, as `tried_states` gives them; each
     array of a grasp with the states as first axis, ``held.`` before its name.
+
+    Each contact has one row in all of them, those of the grasp, named ``first``, before others; where one is clear, its
+    name is empty and its numbers are NaN.
     """
     each = [response.arrays for response in responses]
-    same = ("contact_names", "contact_parts", *(f"{name}.family" for name in scene.named_fingers))
+    names = list(dict.fromkeys([*first, *(str(name) for one in each for name in one["contact_names"])]))
+    each = [_with_all(one, names) for one in each]
+    same = {f"{name}.family" for name in scene.named_fingers}
     return {f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}
+
+
+def _with_all(arrays: Mapping[str, Array], names: Sequence[str]) -> dict[str, Array]:
+    """The arrays of a posture with a place for each of these contacts."""
+    own = [str(name) for name in arrays["contact_names"]]
+    rows = [names.index(name) for name in own]
+    found = dict(arrays)
+    for key in ("contact_positions", "contact_normals", "contact_forces", "contact_stations"):
+        found[key] = np.full((len(names), *arrays[key].shape[1:]), np.nan)
+        found[key][rows] = arrays[key]
+    found["contact_names"] = np.array([name if name in own else "" for name in names])
+    found["contact_parts"] = np.zeros(len(names), dtype=int)
+    found["contact_parts"][rows] = arrays["contact_parts"]
+    return found

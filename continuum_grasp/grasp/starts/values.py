@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,27 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
         left, right = arrays[f"{setup.name}.tensions"].tolist()
         tensions[setup.name] = left, right
     return Start("found", (x, y, turn), fingers, contacts, forces, tensions)
+
+
+def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, ContactStart]) -> Start:
+    """The start with these contacts alone; middle contacts and stations that are clear are where the scene has them."""
+    fingers = dict(start.fingers)
+    for setup in scene.setups:
+        own = fingers[setup.name]
+        length = setup.finger.rod.length
+        rest = setup.stations or tuple(length * count / setup.elements for count in setup.before)
+        places = zip(setup.middle_names, own.joints, rest, strict=True)
+        joints = tuple(at if name in contacts else off for name, at, off in places)
+        fingers[setup.name] = replace(own, joints=joints)
+    # In one order, so that equal sets share one solver.
+    middles = (name for setup in scene.setups for name in setup.middle_names)
+    order = dict.fromkeys((*middles, *start.contacts, *contacts))
+    return replace(
+        start,
+        fingers=fingers,
+        contacts={name: contacts[name] for name in order if name in contacts},
+        forces={name: force for name, force in start.forces.items() if name in contacts},
+    )
 
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
