@@ -70,7 +70,7 @@ def add_shooting(
     Returns the motion over an interval, and the numbers that it reads in each.
     """
     intervals = grid.intervals
-    term = shooting_interval(flow, motion.ns, intervals, substeps)
+    term = shooting_interval(flow, motion.ns, intervals, substeps, motion.flow_of_inputs)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
     instants = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, 2 * substeps + 1)

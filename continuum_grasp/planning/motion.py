@@ -173,6 +173,21 @@ class Motion:
         return _with_given_friction(found, self.prediction.x_names) if simulated else found
 
     @cached_property
+    def flow_of_inputs(self) -> Term | None:
+        """(z = [inputs that are states, v, T], d) -> their rates and that of the objective.
+
+        None where the objective depends on the rest of the state, or where Hessians are exact.
+        """
+        s, v, duration, d = self.symbols
+        errors, (_, _, time, _, _) = self._errors(), self.physical
+        _, _, of_time, of_objective = self._units
+        if self.exact or any(ca.which_depends(errors, s[: self.nx], 1, True)):
+            return None
+        z, squared = ca.vertcat(s[self.nx :], v, duration), ca.sqrt(time / of_objective) * errors
+        rates = ca.vertcat(time * v / of_time if self.linear else ca.SX(0, 1), ca.dot(squared, squared) / 2)
+        return derived("flow_of_inputs", z, d, rates, exact=False, squared=squared)
+
+    @cached_property
     def flow_of_given_friction(self) -> Term:
         """The same with friction states of tendons that stay as they are, whatever slides."""
         rows = np.ones(self.flow.size)

@@ -34,11 +34,15 @@ class OneWay:
     They come to rest still sliding forward, so that friction acts at rest as it did before, and nothing rings: a tendon
     that sticks makes the finger four times as stiff, with a quarter of its damping. ``speed`` is the usual sliding
     [1/s]. ``given``: friction is that of tendons that slid this way before the motion begins, without their states.
+    Where friction has to turn around first, tendons slide this way from the nodes ``since`` on, an entry per state.
+    ``least`` (N + 1, states) is the least sliding at the nodes [1/s]; None: zero.
     """
 
     ways: Array
     speed: float
     given: bool = False
+    since: Indices | None = None
+    least: Array | None = None
 
 
 class PlanProblem:
@@ -158,8 +162,11 @@ class PlanProblem:
         s, _, _, d = motion.symbols
         unit = _BACKWARDS * one_way.speed
         value = ca.DM(one_way.ways[chosen] / unit) * motion.sliding[chosen.tolist()]
-        nodes = self.grid.s[1:-1]
-        rows = self.assembly.rows("sliding", "goal.end", "1/s", len(nodes), np.full(chosen.size, unit), 0.0, np.inf)
+        nodes, since, least = self.grid.s[1:-1], one_way.since, one_way.least
+        lower = np.zeros((len(nodes), chosen.size)) if least is None else least[1:-1, chosen] / unit
+        if since is not None:
+            lower[np.arange(1, len(nodes) + 1)[:, None] < since[chosen]] = -np.inf
+        rows = self.assembly.rows("sliding", "goal.end", "1/s", len(nodes), np.full(chosen.size, unit), lower, np.inf)
         self.assembly.add(derived("sliding", s, d, value, exact=False), nodes, rows, motion.numbers([0.0]))
 
     def _add_goal(self) -> None:

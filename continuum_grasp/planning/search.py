@@ -14,7 +14,14 @@ from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solv
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
-from continuum_grasp.planning.guess import Hint, Path, Posture, final_posture, first_state_of_plan, smooth_path
+from continuum_grasp.planning.guess import (
+    Hint,
+    Path,
+    Posture,
+    final_posture,
+    first_state_of_plan,
+    smooth_path,
+)
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import OneWay, PlanProblem
 from continuum_grasp.planning.result import Plan
@@ -32,6 +39,14 @@ _STARTS_WITH_ZONES = 5
 """The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _BARRIERS = (1e-3, 1e-4, 1e-2)
 """First barrier parameters from a simulated motion with contact, whose forces change steeply."""
+_TURNED, _TURNED_BY = 0.9, 0.8
+"""Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
+the finger needs the rest of the motion to come to rest."""
+_MOST_TURNING = 60
+"""Most iterations from a motion in which friction turns around [1]: those that gave a plan took 4 to 19 at first."""
+_PACE = 0.85
+"""Share of the sliding of the smooth motion that tendons keep up at first [1]. A cheap plan waits and lets friction
+turn around late, where slopes of given friction are wrong: with 0.6, one of three releases was not solved."""
 _SLIDES = 5.0
 """Sliding per presliding between first and last posture from which on tendons slide one way [1]; below, they may stick
 all along."""
@@ -97,6 +112,11 @@ class Search:
         ways = np.where(np.abs(change) > _SLIDES, np.sign(change), 0.0)
         if not ways.any():
             return
+        # Of a straight finger friction is none, whatever its states.
+        bent = np.abs(self.motion.slid(self.first.q)) > _SLIDES
+        if (bent & (ways * self.x0[self.motion.friction_states] < _TURNED) & (ways != 0.0)).any():
+            self._try_turning(change)
+            return
         speed = float(np.abs(change).max()) / self.motion.first_duration
         usual, one_way = self.problem, OneWay(ways, speed)
         if self.warm is not None:
@@ -111,6 +131,61 @@ class Search:
             self._try("sliding one way", smooth.x)
         if self.best is None and not self.over:
             self.problem = usual
+
+    def _try_turning(self, change: Array) -> None:
+        """Start from smooth motions in which friction turns around early; then tendons slide one way, up to rest.
+
+        ``change`` is the sliding of tendons per presliding from the first to the last posture.
+        """
+        time, intervals = self.motion.first_duration, self.scene.intervals
+        speed = float(np.abs(change).max()) / time
+        if self.warm is not None:
+            self._slide_on("warm", self.problem.path(self._warm_start(self.warm)[0]), speed)
+        if self.best is not None or self.over:
+            return
+        path = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
+        tau = np.linspace(0.0, 1.0, intervals + 1)[:, None]
+        rate = 30.0 * tau**2 * (1.0 - tau) ** 2 / time * change
+        rate[int(_TURNED_BY * intervals) :] = 0.0  # while it comes to rest
+        self._slide_on("sliding one way", path, speed, rate)
+
+    def _slide_on(self, name: str, path: Path, speed: float, rate: Array | None = None) -> None:
+        """Start from the motion under the inputs of a path, if its tendons end sliding one way.
+
+        With ``rate`` (N + 1, states), their usual sliding per presliding [1/s], they keep up with it first: friction is
+        that of sliding, on which inputs have no effect. From there on they only do not slide back.
+        """
+        motion, usual = self.motion, self.problem
+        try:
+            path = replace(path, x=simulated(self.scene, motion.prediction, path, self.x0, 1))
+        except NumericalError:
+            return
+        since = self._turned(path)
+        if since is None:
+            return
+        one_way, w = OneWay(np.sign(path.x[-1, motion.friction_states]), speed, since=since), usual.start(path)
+        keeping_up = None
+        if rate is not None:
+            least = np.maximum(_PACE * one_way.ways * rate, 0.0)
+            self.problem = keeping_up = PlanProblem(motion, self.x0, one_way=replace(one_way, least=least))
+            self._try(f"{name}, at least as fast", w, most=_MOST_TURNING)
+            w = self.attempts[-1][1].x
+        first = self.best
+        if not self.over:
+            self.problem = PlanProblem(motion, self.x0, one_way=one_way)
+            self._try(name, w, most=_MOST_TURNING)
+        if self.best is None and not self.over:
+            self.problem = usual
+        elif self.best is first and keeping_up is not None:
+            self.problem = keeping_up
+
+    def _turned(self, path: Path) -> NDArray[np.int64] | None:
+        """Nodes since which tendons slide as they do at the end, per friction state; None where some do too late."""
+        friction = path.x[:, self.motion.friction_states]
+        sliding = friction * np.sign(friction[-1]) >= _TURNED
+        sliding = np.vstack([np.zeros(friction.shape[1], dtype=bool), sliding])
+        since = np.asarray(len(path.x) - np.argmin(sliding[::-1], axis=0), dtype=np.int64)
+        return since if since.max() <= _TURNED_BY * self.scene.intervals else None
 
     def _try_motion(self) -> None:
         """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
@@ -168,9 +243,17 @@ class Search:
         """A posture that meets the goal."""
         return final_posture(self.motion, self.problem.goal, self.first, self.near)
 
-    def _try(self, name: str, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> bool:
-        """Solve from a start; whether that gave a plan."""
-        attempt = self._solved(self.problem, w, multipliers, barrier)
+    def _try(
+        self,
+        name: str,
+        w: Array,
+        multipliers: Multipliers | None = None,
+        barrier: float | None = None,
+        *,
+        most: int | None = None,
+    ) -> bool:
+        """Solve from a start, in ``most`` iterations of single shooting at most; whether that gave a plan."""
+        attempt = self._solved(self.problem, w, multipliers, barrier, most=most)
         self.attempts.append((name, attempt))
         feasible = attempt.violation <= self.feasible
         if feasible and (self.best is None or _rank(attempt) < _rank(self.best)):
@@ -178,7 +261,13 @@ class Search:
         return feasible
 
     def _solved(
-        self, problem: PlanProblem, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None
+        self,
+        problem: PlanProblem,
+        w: Array,
+        multipliers: Multipliers | None = None,
+        barrier: float | None = None,
+        *,
+        most: int | None = None,
     ) -> Attempt:
         """Run the solver; Ctrl-C leaves the last iterate."""
         assembly = problem.assembly
@@ -186,7 +275,7 @@ class Search:
             if self.scene.transcription == "single_shooting":
                 options = self.scene.solver
                 attempt = Condensed(problem, max(options.tolerance, 1e-5), self.feasible).solve(
-                    w, self.budget, options.max_iterations
+                    w, self.budget, min(most or options.max_iterations, options.max_iterations)
                 )
             else:
                 attempt = self._solver.solve(assembly.nlp, assembly.start(w, multipliers, barrier), self.budget)

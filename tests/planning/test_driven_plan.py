@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.planning.fine import checked
-from continuum_grasp.planning.guess import smooth_path
+from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.shooting import shooting_interval
 from continuum_grasp.scene import Tendons
 from continuum_grasp.scene.plan import PlanScene
 from tests.control_cases import CABLE, DRIVES, HAND
@@ -40,9 +41,9 @@ def scene(friction=0.0, drive="winches", tendons=None, **changes):
     return PlanScene(**{**given, **changes})
 
 
-def tips(finger, instants, values, times):
-    """Tip positions at times of two clothoids under inputs that are straight lines, and held after the last."""
-    model = cg.System(finger, family="clothoid", elements=2, gravity=(0, 0))
+def tips(finger, instants, values, times, family="clothoid", start=None):
+    """Tip positions at times of two elements under inputs that are straight lines, and held after the last."""
+    model = cg.System(finger, family=family, elements=2, gravity=(0, 0))
     dynamics = model.forward_dynamics
 
     def inputs(t):
@@ -51,7 +52,7 @@ def tips(finger, instants, values, times):
     def rate(t, x):
         return np.array(dynamics(x, inputs(t), [], [])).ravel()
 
-    start = model.state(u=list(values[0]))
+    start = model.state(u=list(values[0])) if start is None else start
     ends = solve_ivp(rate, (0.0, times[-1]), start, method="LSODA", rtol=1e-7, atol=1e-9, t_eval=times).y.T
     return np.array([np.array(model.tip(x, inputs(t), [])).ravel() for t, x in zip(times, ends, strict=True)])
 
@@ -82,6 +83,50 @@ def test_plan_takes_the_tip_to_its_goal_and_holds_it(friction, drive, cells):
         )
         assert np.abs(found.u).max() <= 0.012 + 1e-9
         assert tensions.min() >= 1.0 - 1e-3  # half the pretension
+
+
+BENT = [
+    # friction, cells, family, history, lengths at first and at last [m]
+    (0.15, 1, "arc", "pulling", (0.0060, -0.0054), (0.0025, -0.0019)),
+    (0.3, 2, "arc", "pulling", (0.0070, -0.0064), (0.0020, -0.0014)),
+    (0.25, 2, "arc", "releasing", (0.0025, -0.0019), (0.0060, -0.0054)),
+    (0.15, 1, "clothoid", "pulling", (0.0057, -0.0063), (0.0004, -0.0010)),
+]
+
+
+@pytest.mark.parametrize(("friction", "cells", "family", "history", "first", "last"), few(BENT, 1))
+def test_plan_of_a_bent_finger_turns_friction_around(friction, cells, family, history, first, last):
+    asked = scene(
+        friction,
+        tendons={"friction_cells": cells},
+        fidelity={"family": family, "elements": 2},
+        initial={"pose": "equilibrium", "reached_by": history},
+        input={**DRIVES["winches"][1], "form": "linear", "initial": first},
+    )
+    start = first_state_of_plan(asked, Motion(asked).prediction)[0]
+    # Where it can be held after sliding the other way.
+    (aim,) = tips(asked.finger, [0.0, 0.6], [first, last], [1.0], family, start)
+    found = cg.plan(asked.replaced(goal={"tip": {"value": tuple(aim), "weight": 1e6}, "end": "held"}))
+    end, later = tips(asked.finger, found.t, found.u, [0.4, 0.6], family, found.x[0])
+    assert np.linalg.norm(end - aim) < 1e-4
+    assert np.linalg.norm(later - end) < 2e-6
+    states = [k for k, name in enumerate(found.x_names) if name.startswith("friction_")]
+    assert (found.x[0, states] * found.x[-1, states] < -0.8).all()
+
+
+@pytest.mark.parametrize("form", ["linear", "hold"])
+@pytest.mark.parametrize("objective", ["least_effort", "least_input_rate"])
+def test_curvature_of_an_objective_of_inputs_needs_no_other_states(objective, form):
+    own = {"fidelity": {"family": "arc", "elements": 1}, "input": {**DRIVES["winches"][1], "form": form}}
+    motion, rng = Motion(scene(0.2, objective=objective, **own)), np.random.default_rng(0)
+    start = motion.scaled_state(motion.prediction.at_rest([0.1], [0.0, 0.0]), [0.1, 0.2])
+    z, d = [*start, *rng.normal(size=2), 1.1], np.tile(motion.numbers([0.0]).T, (1, 9))
+    weights = rng.normal(size=motion.ns + 1)
+    of_all, of_inputs = (
+        np.array(shooting_interval(motion.flow, motion.ns, 20, 4, own).hessian(z, d, weights))
+        for own in (None, motion.flow_of_inputs)
+    )
+    assert np.allclose(of_inputs, of_all, rtol=1e-12, atol=1e-12 * np.abs(of_all).max())
 
 
 def test_iterations_do_not_depend_on_rounding():
