@@ -103,8 +103,8 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
     there, certified = lowered(of.grasp, fingers, of.pulls, mass, stiffness)
     keeps: Literal["tension", "position"] = "position" if keep_position(fingers) else "tension"
     return tuple(
-        Lowered(k + 1, float(own), float(kept), keeps)
-        for k, (own, kept) in enumerate(zip(there, certified, strict=True))
+        Lowered(k + 1, float(own), float(firm), keeps)
+        for k, (own, firm) in enumerate(zip(there, certified, strict=True))
     )
 
 

@@ -314,8 +314,7 @@ class _OnPlant:
         if worst is None or worst.distance < FALLEN:
             return []
         text = f"{worst.text}. From {1e3 * FALLEN:g} mm on the object counts as dropped"
-        given, kept = worst.distance, worst.certified
-        return [Exceeded("sinking", "pull_share", "m", given, kept, FALLEN, False, text)]
+        return [Exceeded("sinking", "pull_share", "m", worst.distance, worst.certified, FALLEN, False, text)]
 
 
 def _size(wrench: Array) -> tuple[str, float]:

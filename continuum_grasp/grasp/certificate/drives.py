@@ -155,7 +155,7 @@ class WoundTendons:
     @property
     def stiffness(self) -> float:
         """Difference of the tensions per path drawn in while the drives hold [N/m]."""
-        return float(self.law.stiffness(self.compliances[self.taut]))
+        return float(self.law.stiffness(self.compliances[self.taut].tolist()))
 
     @property
     def drives(self) -> tuple[DriveState, ...]:
