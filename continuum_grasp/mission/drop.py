@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import certified_contact, is_table, plant_friction
+from continuum_grasp.mission.certified import certified_contact, is_table, plant_friction, plant_mass
 from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.resisted import keep_position, lowered
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
@@ -64,6 +65,50 @@ class Slip:
 
 
 @dataclass(frozen=True)
+class Lowered:
+    """How far a pull lowers an object that weighs in the plane, though no contact slips.
+
+    Attributes
+    ----------
+    pull : int
+        Number of the pull, from 1.
+    distance, certified : float
+        With the mission's drives and pads, and with drives that keep their position as the certificate has them [m].
+    keeps : {"tension", "position"}
+        What the mission's drives keep.
+    """
+
+    pull: int
+    distance: float
+    certified: float
+    keeps: Literal["tension", "position"]
+
+    @property
+    def text(self) -> str:
+        """Both numbers, and what they are of."""
+        return (
+            f"pull {self.pull} lowers it by {1e3 * self.distance:.3g} mm at least, with drives that keep their "
+            f"{self.keeps} and contacts that give; the certificate has {1e3 * self.certified:.3g} mm, with drives that "
+            "keep their position"
+        )
+
+
+def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) -> tuple[Lowered, ...]:
+    """How far every pull lowers an object that weighs in the plane; empty where it weighs out of it."""
+    of = assignments[0]
+    if of.mission.gravity:
+        return ()
+    fingers = [one.control.finger for one in assignments]
+    mass, stiffness = plant_mass(of.mission, variation), of.mission.contact_law.stiffness
+    there, certified = lowered(of.grasp, fingers, of.pulls, mass, stiffness)
+    keeps: Literal["tension", "position"] = "position" if keep_position(fingers) else "tension"
+    return tuple(
+        Lowered(k + 1, float(own), float(firm), keeps)
+        for k, (own, firm) in enumerate(zip(there, certified, strict=True))
+    )
+
+
+@dataclass(frozen=True)
 class Drop:
     """An object that was dropped.
 
@@ -75,19 +120,23 @@ class Drop:
         In which the first contact gave way.
     slips : tuple of Slip
         Contacts that gave way and stayed so until then, the first one first.
+    lowered : Lowered, optional
+        Where none gave way while something pulled at an object that weighs in the plane: how far the pull lowers it
+        with the fingers that hold it.
     """
 
     time: float
     phase: str
     slips: tuple[Slip, ...]
+    lowered: Lowered | None = None
 
     @property
     def text(self) -> str:
         """When it fell, and at which contact it began."""
         if not self.slips:
-            return (
-                f"fell by {1e3 * FALLEN:g} mm until {self.time:.2f} s ({self.phase}), with all contacts in their cones"
-            )
+            until = f"until {self.time:.2f} s ({self.phase})"
+            head = f"fell by {1e3 * FALLEN:g} mm {until}, with all contacts in their cones"
+            return head if self.lowered is None else f"{head}; {self.lowered.text}"
         first, *others = self.slips
         then = "".join(f"; {one.contact} {one.how} at {one.time:.2f} s" for one in others)
         return f"{first.text} ({self.phase}){then}; 5 mm lower at {self.time:.2f} s"
@@ -139,7 +188,9 @@ def find_drop(
     slips.sort(key=lambda one: one.time)
     began = slips[0].time if slips else float(t[end])
     phase = next(span.name for span in timetable.spans if began <= span.end)
-    return Drop(float(t[end]), phase, tuple(slips))
+    given = lowered_by_pulls(assignments, variation) if not slips and phase.startswith("pull ") else ()
+    sinks = next((one for one in given if phase == f"pull {one.pull}"), None)
+    return Drop(float(t[end]), phase, tuple(slips), sinks)
 
 
 def _bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:

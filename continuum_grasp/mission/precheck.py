@@ -15,6 +15,7 @@ from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
 from continuum_grasp.mission.certified import plant_friction, plant_mass
+from continuum_grasp.mission.drop import FALLEN, lowered_by_pulls
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.resisted import held_resistance, plane_gravity
 from continuum_grasp.scene.load import scene_of
@@ -37,16 +38,18 @@ class Exceeded:
     Attributes
     ----------
     name : str
-        ``mass``, ``friction``, ``tension``, ``turn`` or the phase that pulls.
+        ``mass``, ``friction``, ``tension``, ``turn``, the phase that pulls, or ``sinking`` in the one that lowers most.
     key : str
         The YAML key to change.
     unit : str
     given : float
-        What the mission asks for; of friction, the coefficient at the contact that lacks most.
+        What the mission asks for; of friction, the coefficient at the contact that lacks most; of sinking, how far the
+        pull lowers the object with the mission's drives and pads.
     certified : float
-        What the grasp is certified for.
+        What the grasp is certified for; of sinking, the same with drives that keep their position.
     resisted : float
-        What the grasp's contact forces bear on this plant, all else as it is there.
+        What the grasp's contact forces bear on this plant, all else as it is there; of sinking, how far the object may
+        sink until it counts as dropped.
     certain : bool
         Whether the object is dropped for certain: these contact forces cannot carry it, however they share its weight.
     text : str
@@ -114,7 +117,7 @@ def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[E
     # What is dropped at once, or held with less force than certified, leaves pulls nothing to be compared with.
     if any(one.certain or one.name == "tension" for one in found):
         return found
-    return (*found, *plant.pulls())
+    return (*found, *plant.pulls(), *plant.sinking())
 
 
 def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variation]) -> tuple[str, ...]:
@@ -156,7 +159,7 @@ class _OnPlant:
 
     def __init__(self, assignments: Sequence[Assignment], variation: Variation) -> None:
         self.fingers, self.of, self.mission = assignments, assignments[0], assignments[0].mission
-        grasp = self.of.grasp
+        grasp, self.variation = self.of.grasp, variation
         self.mass, self.gravity = plant_mass(self.mission, variation), self.mission.gravity
         self.certified_mass, self.names = grasp.scene.object.mass, [contact.name for contact in grasp.contacts]
         self.normal = np.array([contact.normal_force for contact in grasp.contacts])
@@ -300,6 +303,18 @@ class _OnPlant:
             )
             found.append(Exceeded(f"pull {k + 1}", "pull_share", unit, given, own, resisted, False, text))
         return found
+
+    def sinking(self) -> list[Exceeded]:
+        """Whether a pull lowers an object that weighs in the plane so far that it counts as dropped.
+
+        The certificate states what its contacts resist while drives keep their position; drives that keep their
+        tension are as firm as the bare fingers are.
+        """
+        worst = max(lowered_by_pulls(self.fingers, self.variation), key=lambda one: one.distance, default=None)
+        if worst is None or worst.distance < FALLEN:
+            return []
+        text = f"{worst.text}. From {1e3 * FALLEN:g} mm on the object counts as dropped"
+        return [Exceeded("sinking", "pull_share", "m", worst.distance, worst.certified, FALLEN, False, text)]
 
 
 def _size(wrench: Array) -> tuple[str, float]:

@@ -7,19 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.certified import object_height
-from continuum_grasp.mission.plant import mission_plant_model
+from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import check_mission
+from continuum_grasp.mission.resisted import keep_position, lowered
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.model import System
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects import Circle
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings, Table
+from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.simulation.statics import equilibrium_under
 
 CUP = Path(__file__).parents[2] / "configs/mission/cup_lying.yaml"
+PINCH = CUP.with_name("pinch.yaml")
 QUICK = ("plant.fidelity={family: clothoid, elements: 3}",)
 
 
@@ -93,6 +99,96 @@ def test_gravity_decides_which_table_there_can_be():
     for table, gravity in ((Table(friction=0.3), 0.0), (wall, 9.81)):
         with pytest.raises(InputError, match="table needs out_of_plane_gravity"):
             Surroundings(object=disc, object_moves=True, contact_law=law, table=table, out_of_plane_gravity=gravity)
+
+
+# -- two fingers, one below the other ---------------------------------------------------------------------------------
+
+DOWN = "grasp.gravity={mode: planar, vector: [0.0, -9.81]}"
+WINCHES = (
+    "tendons={offset: 0.005, max_tension: 120.0, axial_stiffness: 10e3, series_stiffness: 33 N/mm, "
+    "drive: {kind: length, arrangement: one_pulley, time_constant: 20 ms, rate_max: 0.2 m/s, pretension: 2 N}}",
+    "controller.input={lengths: [-0.025, 0.025], rate_max: 0.05}",
+    "controller.effort=1e7",
+    "controller.input_rate=300",
+    "estimator.measured.length=5e-5",
+)
+"""Winches that keep their position in place of drives that keep their tension."""
+
+
+@pytest.fixture(scope="module")
+def stacked():
+    return optimize_grasp(load(PINCH, [DOWN]).grasp)
+
+
+def tip_stiffness(one, grasp):
+    """Force along y per shift of a fingertip [N/m] with the tensions of a grasp, by equilibria of a fine model."""
+    contact = grasp.contact(f"{one.name}.tip")
+    across = np.array([-contact.normal[1], contact.normal[0]])
+    force = contact.normal_force * np.array(contact.normal) + contact.friction_force * across
+    finger = one.control.finger.with_tendons(time_constant=None)
+    model = FingerModel(finger, gravity=(0.0, -9.81), family="clothoid", elements=8)
+    core, u, step = Core(model, compiled=False), np.array(grasp.fingers[one.name].tensions), 0.02
+
+    def tip(push):
+        w = np.zeros(model.nw)
+        w[[model.w_names.index(f"tip_{axis} [N]") for axis in "xy"]] = np.add(force, [0.0, push])
+        return np.ravel(core.batch("tip", equilibrium_under(model, u, w).q[None], u))[1]
+
+    return 2.0 * step / (tip(step) - tip(-step))
+
+
+def test_how_far_a_pull_lowers_an_object_between_two_fingertips(stacked):
+    """As two springs at the tensions of the grasp, each in series with its pad."""
+    fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
+    own, mass = [one.control.finger for one in fingers], stacked.scene.object.mass
+    pull = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    stiff = [tip_stiffness(one, stacked) for one in fingers]
+    for pad in (2000.0, 1e9):
+        down, up = lowered(stacked, own, pull, mass, pad)[0]
+        assert down == pytest.approx(1.0 / sum(1.0 / (1.0 / k + 1.0 / pad) for k in stiff), rel=0.01)
+        assert up == pytest.approx(-down, rel=1e-9)
+    # A heavier object is lowered as by a pull.
+    heavier = lowered(stacked, own, np.zeros((1, 3)), mass + 1.0 / 9.81, 2000.0)[0]
+    assert heavier == pytest.approx(lowered(stacked, own, pull[:1], mass, 2000.0)[0])
+
+
+def test_winches_hold_as_firmly_as_their_cables(stacked):
+    """Next to rigid cables hold as the certificate has it; the spring of both, 2 k of one pulley, is in between."""
+    pull, mass = np.array([[0.0, -1.0, 0.0]]), stacked.scene.object.mass
+    given = []
+    for series in ("1e12", "33e3", "1e-3"):
+        change = WINCHES[0].replace("33 N/mm", series).replace("10e3", "1e12")
+        own = [one.control.finger for one in assign(load(PINCH, [DOWN, *QUICK, change, *WINCHES[1:]]), stacked)]
+        given.append(float(lowered(stacked, own, pull, mass, 1e12)[0][0]))
+        assert keep_position(own)
+    tensions = [one.control.finger for one in assign(load(PINCH, [DOWN, *QUICK]), stacked)]
+    assert not keep_position(tensions)
+    away, certified = (float(value[0]) for value in lowered(stacked, tensions, pull, mass, 1e12))
+    assert given[0] == pytest.approx(certified, rel=1e-3)
+    assert given[2] == pytest.approx(away, rel=1e-3)
+    assert certified < 0.5 * given[1] + 0.5 * certified < given[1] < away
+
+
+def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_it(stacked):
+    (warned,) = check_mission(load(PINCH, [DOWN]), grasp=stacked)
+    assert (warned.name, warned.key, warned.resisted) == ("sinking", "pull_share", 0.005)
+    assert warned.given > 0.005 > warned.certified
+    assert f"pull 4 lowers it by {1e3 * warned.given:.3g} mm at least" in warned.text
+    assert f"the certificate has {1e3 * warned.certified:.3g} mm" in warned.text
+    assert check_mission(load(PINCH, [DOWN, "pull_share=0.3"]), grasp=stacked) == ()
+    assert check_mission(load(PINCH, [DOWN, *WINCHES]), grasp=stacked) == ()
+    fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
+    table = Timetable(fingers[0])
+    t, span = np.arange(0.0, table.duration, 0.01), table.span("pull 4")
+    one, zero, planar = np.ones((len(t), 2)), np.zeros((len(t), 2)), np.zeros((len(t), 2, 2))
+    held = ContactForces(("lower.tip", "upper.tip"), zero, 4.0 * one, one, zero, planar, planar)
+    sunk = 0.006 * ((t > span.start + 0.2) & (t < span.end))
+    drop = find_drop(fingers, table, Variation(), t, held, sunk)
+    assert drop.slips == ()
+    assert drop.lowered.distance == pytest.approx(warned.given)
+    assert drop.text.endswith(f"with all contacts in their cones; {drop.lowered.text}")
+    # What falls while nothing pulls has no such number.
+    assert find_drop(fingers, table, Variation(), t, held, 0.006 * (t > table.span("hold").start)).lowered is None
 
 
 @pytest.mark.slow

@@ -65,10 +65,17 @@ def object_rates(model):
     return slice(pose.stop, 2 * pose.stop - pose.start)
 
 
-@pytest.mark.parametrize("fingers", [(0, 1), (0, 1, 1)])
-def test_the_object_obeys_newton_and_each_finger_its_own_plant(models, fingers):
+@pytest.fixture(scope="module")
+def against_palm(grasp):
+    """The same tin in the way of a palm, 1 mm deep in it."""
+    palm = "grasp.supports={palm: {type: line, start: [0.0607, 0.02], end: [0.0607, -0.02], touch: on}}"
+    return [mission_plant_model(one) for one in assign(load(PINCH, [*COARSE, palm]), grasp)]
+
+
+@pytest.mark.parametrize(("around", "fingers"), [("models", (0, 1)), ("models", (0, 1, 1)), ("against_palm", (0, 1))])
+def test_the_object_obeys_newton_and_each_finger_its_own_plant(request, around, fingers):
     """Rates of the common state beside those of each plant, and the object's beside the sum of all forces on it."""
-    models = [models[k] for k in fingers]
+    models = [request.getfixturevalue(around)[k] for k in fingers]
     shared, x = random_state(models, len(fingers))
     parts, forces = shared.parts(x), [model.forces(0.0)[0] for model in models]
     u = np.array([30.0, 2.0, 3.0, 28.0, 4.0, 20.0])[: shared.nu]
@@ -90,6 +97,7 @@ def test_the_object_obeys_newton_and_each_finger_its_own_plant(models, fingers):
             total += [*force[:, row], arm[0] * force[1, row] - arm[1] * force[0, row]]
             lifted += float(lift[row, 0])
         assert np.hypot(*force[:, 0]) > 0.5
+        assert around == "models" or np.hypot(*force[:, model.system.touch_names.index("palm")]) > 1.5
     body = models[0].scene.object
     spin = (total[2] + wrench[2]) / models[0].scene.inertia
     expected = [*(total[:2] + wrench[:2]) / body.mass, spin, lifted / body.mass - 9.81]
@@ -224,6 +232,28 @@ def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
     assert {slip.contact for slip in dropped.verdict.drop.slips} == {"lower.tip", "upper.tip"}
     again = runner.run()
     assert all(np.array_equal(a.x, b.x) for a, b in zip(again.runs, run.runs, strict=True))
+
+
+@pytest.mark.slow
+def test_a_tin_is_pressed_on_a_palm_by_two_fingers_and_dropped_off_it():
+    phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+    short = load(PINCH.with_name("pinch_palm.yaml"), [f"phases={phases}", "plant.fidelity.elements=3"])
+    runner = MissionRunner(assign(short))
+    run = runner.run()
+    assert run.verdict.succeeded
+    names = run.contacts.names  # with the ends of the palm, which nothing touches
+    assert set(names) == {"lower.tip", "upper.tip", "palm", "palm.start", "palm.end", "table"}
+    bearing = [k for k, name in enumerate(names) if name != "table"]
+    hold = run.timetable.span("hold")
+    during = (run.t > hold.start) & (run.t < hold.end)
+    # The palm bears the weight with the tips, and what both press it on the palm with: forces on the tin add up.
+    assert run.contacts.lift[during][:, bearing].sum(axis=1).mean() == pytest.approx(0.1 * 9.81, rel=0.02)
+    assert run.contacts.force[during][:, 0, bearing].sum(axis=1).mean() == pytest.approx(0.0, abs=0.05)
+    assert run.contacts.normal_force[during, names.index("palm")].mean() > 2.0
+    dropped = runner.run(Variation(friction=0.2)).verdict
+    assert not dropped.held
+    assert "palm" in {slip.contact for slip in dropped.drop.slips}
+    assert "palm slipped" in dropped.drop.text or "slipped at palm" in dropped.drop.text
 
 
 def three_fingers():

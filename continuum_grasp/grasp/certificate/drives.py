@@ -155,10 +155,7 @@ class WoundTendons:
     @property
     def stiffness(self) -> float:
         """Difference of the tensions per path drawn in while the drives hold [N/m]."""
-        own, servo = np.where(self.taut, 1.0 / self.compliances, 0.0), self.law.servo if self.law.locks else 0.0
-        if self.law.pulley:
-            return float(own.sum() / (1.0 + servo * own.sum()))
-        return float((own / (1.0 + servo * own)).sum())
+        return float(self.law.stiffness(self.compliances[self.taut].tolist()))
 
     @property
     def drives(self) -> tuple[DriveState, ...]:

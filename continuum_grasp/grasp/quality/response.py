@@ -7,7 +7,7 @@ rod, from the forces on the bent rod (weight and contacts), and from contact poi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -39,9 +39,27 @@ class Change:
 
 
 class GraspResponse:
-    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts."""
+    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts.
 
-    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
+    Parameters
+    ----------
+    scene : GraspScene
+    arrays : mapping
+        The grasp's stored numbers.
+    springs : (F,) sequence of float, optional
+        Difference of a finger's tensions per path drawn in while its drives hold [N/m], where others carry the grasp
+        out than those of the scene.
+    compliance : float, optional
+        Give of each contact [m/N]; next to none where not given.
+    """
+
+    def __init__(
+        self,
+        scene: GraspScene,
+        arrays: Mapping[str, Any],
+        springs: Sequence[float] | None = None,
+        compliance: float | None = None,
+    ) -> None:
         self.contacts = ContactSet(scene, arrays)
         self.setups = scene.setups
         self.tensions = np.array([np.asarray(arrays[f"{s.name}.tensions"], dtype=float) for s in self.setups])  # [N]
@@ -54,7 +72,8 @@ class GraspResponse:
         self._jacobian = np.zeros((2 * count, size))
         self._turn_of_normal = np.zeros((count, size))
         # Difference of the tensions per path drawn in while drives hold; infinite where tendons do not elongate.
-        self._springs = [np.inf if f.wound is None else f.wound.stiffness for f in self._fingers]
+        own = [np.inf if f.wound is None else f.wound.stiffness for f in self._fingers]
+        self._springs = own if springs is None else [*springs]
         # Change of a tendon's path per its offset, and the work of its tension: with tendon friction, which the motion
         # leaves as it is, the two differ and locked tendons make the system unsymmetric.
         self._plain, self._shared, self._turned = (np.zeros((len(self._fingers), size)) for _ in range(3))
@@ -65,7 +84,8 @@ class GraspResponse:
             self._plain[k, part], self._shared[k, part] = finger.tendon_path, finger.tendon_work
         for contact in range(count):
             self._add_contact(contact)
-        self._compliance = COMPLIANCE * min(f.length**3 / f.stiffness for f in self._fingers)
+        rigid = COMPLIANCE * min(f.length**3 / f.stiffness for f in self._fingers)
+        self._compliance = rigid if compliance is None else compliance
 
     def stable(self, tendons: Tendons) -> bool:
         """Whether every small motion that the contacts and, where locked, the tendons leave raises the energy."""
