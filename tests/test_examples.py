@@ -141,7 +141,8 @@ COMPLETED = {
         "configs/simulate/swing_against_disc.yaml",
     ],
     "mpc configs/mi": [
-        f"configs/mission/{name}.yaml" for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch", "turn_block")
+        f"configs/mission/{name}.yaml"
+        for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch", "pinch_palm", "turn_block")
     ],
     "grasp configs/mpc/": [],
 }

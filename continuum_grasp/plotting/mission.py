@@ -275,12 +275,16 @@ def _draw_normal_forces(ax: Axes, mission: MissionRun) -> None:
     t, contacts = mission.t, mission.contacts
     for k, color in _touching(mission).items():
         ax.plot(t, contacts.normal_force[:, k], color=color, linewidth=1.3, label=contacts.names[k])
-    label: str | None = "its estimate, ± 1 std"
-    for held, (wanted, believed, std) in mission.held_forces.items():
-        ax.plot(t, wanted, color=INK, linewidth=1.0, linestyle="--", label=f"setpoint of {held}")
-        ax.plot(t[:-1], believed, color=GRAY, linewidth=0.9, label=label, zorder=1.9)
+    held = mission.held_forces
+    # All look alike, and names of several would not fit.
+    labels: tuple[str | None, str | None] = "setpoints", "estimates, ± 1 std"
+    if len(held) == 1:
+        labels = f"setpoint of {next(iter(held))}", "its estimate, ± 1 std"
+    for wanted, believed, std in held.values():
+        ax.plot(t, wanted, color=INK, linewidth=1.0, linestyle="--", label=labels[0])
+        ax.plot(t[:-1], believed, color=GRAY, linewidth=0.9, label=labels[1], zorder=1.9)
         ax.fill_between(t[:-1], believed - std, believed + std, color=GRAY, alpha=0.2, linewidth=0.0, zorder=1.8)
-        label = None
+        labels = None, None
     ax.set_ylim(bottom=0.0)
 
 
