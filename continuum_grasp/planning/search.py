@@ -43,8 +43,7 @@ _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
 _MOST_TURNING = 60
-"""Most iterations from a motion in which friction turns around [1]: of twenty random cases those that gave a plan took up
-to 31."""
+"""Most iterations from a motion in which friction turns around [1]: the plans of twenty random cases took up to 33."""
 _PACE = 0.85
 """Share of the sliding of the smooth motion that tendons keep up at first [1]. A cheap plan waits and lets friction
 turn around late, where slopes of given friction are wrong: with 0.6, one of three releases was not solved."""
