@@ -1,0 +1,127 @@
+"""Plans of a finger on winches with tendon friction that begins bent: released, bent again, or through straight.
+
+Run ``OPENBLAS_NUM_THREADS=1 python -m benchmarks.bench_plans`` in the root of the repository (6 min). Cases are random:
+friction 0.1 to 0.3, one or two friction cells, two arcs or two matched clothoids, 0.3 to 0.6 s, least effort or least
+input rate. Goals are where the finger stands after a slow change of its winches, so that they can be held. Each plan is
+played by another integrator (LSODA, 1e-7): how far the tip is from its goal at the end, and how far it moves on in
+0.2 s with winches that stand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import continuum_grasp as cg
+from benchmarks.report import Report, Table
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.planning.guess import first_state_of_plan
+from continuum_grasp.scene import Tendons
+from continuum_grasp.scene.plan import PlanScene
+from tests.control_cases import CABLE, DRIVES, HAND
+
+Array = NDArray[np.float64]
+
+TAUT = 6e-4
+"""Cable by which the other winch is wound further than the bend asks for [m]."""
+
+
+def case(seed: int) -> tuple[str, PlanScene]:
+    """What happens, and a scene of it with its goal."""
+    rng = np.random.default_rng(seed)
+    friction, cells = rng.uniform(0.1, 0.3), int(rng.integers(1, 3))
+    family = ["arc", "matched_clothoid"][seed % 2]
+    side = rng.choice([-1, 1])
+    kind = ["release", "release", "through straight", "bent again"][int(rng.integers(0, 4))]
+    begin, reached_by = rng.uniform(0.004, 0.008), "pulling"
+    if kind == "release":
+        end = begin * rng.uniform(0.1, 0.75)
+    elif kind == "through straight":
+        end = -rng.uniform(0.002, 0.006)
+    else:
+        begin, end, reached_by = begin * rng.uniform(0.2, 0.7), begin, "releasing"
+    if kind == "release" and rng.uniform() < 0.2:
+        reached_by = "releasing"
+    duration, objective = rng.uniform(0.3, 0.6), str(rng.choice(["least_effort", "least_input_rate"]))
+    winches, form = DRIVES["winches"]
+    first, last = (wound(bend)[::side] for bend in (begin, end))
+    scene = PlanScene(
+        finger=HAND.replaced(
+            tendons=Tendons(**{**CABLE, "drive": winches, "friction": friction, "friction_cells": cells})
+        ),
+        gravity=(0.0, 0.0),
+        fidelity={"family": family, "elements": 2},
+        initial={"pose": "equilibrium", "reached_by": reached_by},
+        input={**form, "form": "linear", "initial": first},
+        goal={"tip": {"value": (0.0, 0.18), "weight": 1e6}, "end": "held"},
+        objective=objective,
+        duration=duration,
+        intervals=20,
+    )
+    share = np.linspace(0.0, 1.0, 41)
+    smooth = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    slow = np.array(first) + smooth[:, None] * (np.array(last) - np.array(first))
+    goal = played(scene, 2.0 * duration * share, slow, [0.0, 2.0 * duration + 1.0])[1]
+    return kind, scene.replaced(goal={"tip": {"value": tuple(goal.tolist()), "weight": 1e6}, "end": "held"})
+
+
+def wound(bend: float) -> tuple[float, float]:
+    """Cable on both winches [m]."""
+    return bend, -bend + float(np.sign(bend)) * TAUT
+
+
+def played(scene: PlanScene, t: Array, u: Array, times: list[float]) -> Array:
+    """Tips (T, 2) [m] at instants, under inputs that are linear between nodes and stand after them."""
+    model = Prediction(scene)
+    start, p = first_state_of_plan(scene, model)[0], np.array(model.p_nominal)
+
+    def inputs(at: float) -> list[float]:
+        return [float(np.interp(at, t, column)) for column in u.T]
+
+    def slope(at: float, x: Array) -> Array:
+        return np.array(model.dynamics(x, inputs(at), p)).ravel()
+
+    found = solve_ivp(slope, (0.0, times[-1]), start, method="LSODA", rtol=1e-7, atol=1e-9, t_eval=times).y.T
+    return np.array([np.array(model.tip(x, inputs(at), p)).ravel() for at, x in zip(times, found, strict=True)])
+
+
+def row(seed: int) -> list[Any]:
+    """A line of the table."""
+    kind, scene = case(seed)
+    tendons, began = scene.finger.tendons, time.thread_time()
+    found = cg.plan(scene, raise_on_failure=False)
+    spent = time.thread_time() - began
+    _, end, later = played(scene, np.asarray(found.t), np.asarray(found.u), [0.0, found.t[-1], found.t[-1] + 0.2])
+    goal = np.array(scene.goal.tip.value)
+    settings = [f"{tendons.friction:.2f}, {tendons.friction_cells}", scene.fidelity.family, scene.objective]
+    off = 1e6 * np.linalg.norm(end - goal), 1e6 * np.linalg.norm(later - end)
+    return [seed, kind, *settings, found.status.value, *map(float, off), spent]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=20, help="cases")
+    asked = parser.parse_args()
+    rows = []
+    for seed in range(asked.count):
+        rows.append(row(seed))
+        print(rows[-1], flush=True)
+    report = Report("plans", 0)
+    columns = ["seed", "", "friction, cells", "family", "objective", "status"]
+    columns += ["off its goal [um]", "moves on by [um]", "processor time [s]"]
+    report.tables.append(Table("Released, bent again, through straight", columns, rows))
+    good = [one for one in rows if one[5] in ("feasible", "optimal")]
+    report.claim("share of plans that were found", len(good) / len(rows), ">=", 0.9)
+    report.claim("their tips move on by [um]", max(one[7] for one in good), "<=", 180.0)
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()
