@@ -141,7 +141,7 @@ def _released(
 def swinging(family: str, periods: int) -> Scene:
     """Undamped swing in the first mode, 50 states per period."""
     scene = _released(family, 2, tip_mass=0.02)
-    period = 1.0 / float(modes(scene.model_copy(update={"initial": {"pose": "straight"}})).frequencies_hz[0])
+    period = 1.0 / float(modes(scene.replaced(initial={"pose": "straight"})).frequencies_hz[0])
     step = round(period / 50, 6)
     return scene.model_copy(
         update={"time": scene.time.model_copy(update={"duration": round(50 * periods * step, 9), "step": step})}
