@@ -1,7 +1,7 @@
 """Plans of a finger on winches with tendon friction that begins bent: released, bent again, or through straight.
 
 Run ``OPENBLAS_NUM_THREADS=1 python -m benchmarks.bench_plans`` in the root of the repository (6 min). Cases are random:
-friction 0.1 to 0.3, one or two friction cells, two arcs or two matched clothoids, 0.3 to 0.6 s, least effort or least
+friction 0.1 to 0.3, one or two friction cells, two arcs or two clothoids, 0.3 to 0.6 s, least effort or least
 input rate. Goals are where the finger stands after a slow change of its winches, so that they can be held. Each plan is
 played by another integrator (LSODA, 1e-7): how far the tip is from its goal at the end, and how far it moves on in
 0.2 s with winches that stand.
@@ -35,7 +35,7 @@ def case(seed: int) -> tuple[str, PlanScene]:
     """What happens, and a scene of it with its goal."""
     rng = np.random.default_rng(seed)
     friction, cells = rng.uniform(0.1, 0.3), int(rng.integers(1, 3))
-    family = ["arc", "matched_clothoid"][seed % 2]
+    family = ["arc", "clothoid"][seed % 2]
     side = rng.choice([-1, 1])
     kind = ["release", "release", "through straight", "bent again"][int(rng.integers(0, 4))]
     begin, reached_by = rng.uniform(0.004, 0.008), "pulling"
