@@ -117,6 +117,19 @@ def test_gaps_of_a_plan_that_converges_are_none():
     assert force(control.stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
 
 
+def test_motion_is_no_gap():
+    """A force that rises and falls moves the finger within every plan."""
+    control = controller()
+    control.reset(u=HELD)
+    x, stage = np.array([*STATE, *HELD]), control.stages.stage
+    rows = np.tile(SETPOINTS, (control.stages.stages + 1, 1))
+    for k in range(80):
+        rows[:, 4] = 4.9 + 0.4 * np.sin(2.0 * np.pi * stage * (k + np.arange(len(rows))) / 0.4)
+        command = control.step(x[:10], rows, p=KNOWN)
+        assert Anomaly.PLAN_GAPS not in command.anomaly
+        x = driven(control.stages, x, command.u)
+
+
 def test_free_motion_has_no_checks():
     assert controller().stages.touching
     assert not stages_of(cg.load("configs/mpc/keep_out.yaml")).touching
