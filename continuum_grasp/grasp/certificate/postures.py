@@ -64,9 +64,6 @@ class Posture:
         As a result holds those of a grasp.
     reserve : float
         By how much all friction cones could be narrower, per force scale [1].
-    excess : float
-        By how much limits are exceeded (scaled).
-    converged : bool
     model : callable
         Gives what it is to first order.
     """
@@ -74,9 +71,7 @@ class Posture:
     states: Array
     arrays: Arrays
     reserve: float
-    excess: float
-    converged: bool
-    model: Callable[[], LinearModel] | None = None
+    model: Callable[[], LinearModel]
 
 
 @dataclass(frozen=True)
@@ -122,9 +117,9 @@ class Postures:
         supports = any(contact.finger is None for contact in grasp.contacts)
         self.yields = not supports
 
-    def at(self, states: Array, near: Arrays, *, deep: bool = False) -> Posture:
-        """The posture with states (K,), sought from that of other states with its contacts; ``deep``: fingers may be in
-        the object as far as the check lets them.
+    def at(self, states: Array, near: Arrays, *, deep: bool = False) -> Posture | None:
+        """The posture with states (K,), sought from that of other states with its contacts, None where none is found;
+        ``deep``: fingers may be in the object as far as the check lets them.
         """
         return Equations(self, near, deep=deep).solved(np.asarray(states, dtype=float))
 
@@ -264,8 +259,8 @@ class Equations:
 
     # -- solution ------------------------------------------------------------------------------------------------------
 
-    def solved(self, states: Array) -> Posture:
-        """The posture with states, and what it is to first order."""
+    def solved(self, states: Array) -> Posture | None:
+        """The posture with states, and what it is to first order; None where no steps lead to one."""
         x, known, moved = self.start.copy(), -np.inf, np.inf
         slopes: tuple[Array, Array] | None = None
         for _ in range(_STEPS):
@@ -287,11 +282,10 @@ class Equations:
                     break
                 fresh = True
             if settled:
-                excess, arrays = float(linear.found.excess[0]), self.arrays(x, bodies)
-                return Posture(states, arrays, reserve, excess, True, partial(linear.model, states, bodies))
+                return Posture(states, self.arrays(x, bodies), reserve, partial(linear.model, states, bodies))
             known, far = reserve, np.abs(along).max()
             x, moved = x + min(1.0, _FARTHEST / max(far, 1e-12)) * along, far
-        return Posture(states, {}, -np.inf, np.inf, False)
+        return None
 
     def arrays(self, x: Array, bodies: Sequence[_Bent]) -> dict[str, Array]:
         """The posture as a result stores it."""

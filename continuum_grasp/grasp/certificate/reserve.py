@@ -3,7 +3,7 @@
     maximize r - M t - rho |w|^2 / 2   subject to   slacks + S w + t >= 0,   t >= 0,   |sideways| <= pressed - r
 
 Slacks, pressed and sideways are affine in w. What no w satisfies is exceeded by t as little as can be. The unknowns are
-few (two to eight), so that Newton's method takes many problems at the price of one: S. Boyd, L. Vandenberghe, Convex
+few (two to eight), so that Newton's method takes many problems at once: S. Boyd, L. Vandenberghe, Convex
 Optimization, 2004, section 11.3.
 """
 

@@ -188,7 +188,6 @@ class _Search:
 
     def _candidates(self, posture: Posture) -> list[Array]:
         """Vertices that are not known, the worst to first order about a posture first."""
-        assert posture.model is not None
         model = posture.model()
         count = self.postures.count
         if count <= _ALL:
@@ -234,7 +233,7 @@ class _Search:
             sets.add(names)
             for deep in (False, True):
                 posture = self.postures.at(states, begin, deep=deep)
-                if not posture.converged:
+                if posture is None:
                     continue
                 taken = self.parts(posture.arrays)
                 violated = max(taken, key=lambda name: taken[name])
