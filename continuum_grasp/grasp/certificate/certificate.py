@@ -30,10 +30,11 @@ from continuum_grasp.grasp.certificate.check import (
     overlap,
     worst,
 )
-from continuum_grasp.grasp.certificate.held import held_checks
+from continuum_grasp.grasp.certificate.held import held_checks, searched
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp, gravity_vector
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
+from continuum_grasp.grasp.certificate.state_search import StateSearch
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
@@ -58,6 +59,8 @@ class Certificate(Summarized):
         What was recomputed; None where the stored numbers are no grasp.
     states : int
         Number of sets of friction states with which it was verified, beside those of pulled and released fingers.
+    search : StateSearch or None
+        The certificate's own search for worse friction states; None where none matter.
 
     Examples
     --------
@@ -73,6 +76,7 @@ class Certificate(Summarized):
     friction_margins: dict[str, float] = field(default_factory=dict)
     grasp: RecomputedGrasp | None = field(default=None, repr=False, compare=False)
     states: int = 0
+    search: StateSearch | None = None
 
     @cached_property
     def passed(self) -> bool:
@@ -99,6 +103,7 @@ class Certificate(Summarized):
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "friction_margin": self.friction_margin,
             "friction_states": self.states,
+            "friction_state_search": None if self.search is None else self.search.data(),
             "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
             "stability": asdict(self.stability),
         }
@@ -149,7 +154,7 @@ class Certificate(Summarized):
 
 
 @check_arguments
-def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
+def certify(scene: GraspScene, arrays: Mapping[str, Any], *, search: bool = True) -> Certificate:
     """Verify a grasp from its stored numbers.
 
     Parameters
@@ -160,6 +165,8 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
         ``F.q``, ``F.lengths``, ``F.curvature_shapes``, ``F.tip_curvature``, ``F.tensions``, ``F.base``,
         ``F.backbone``; ``object.pose``; and for the contacts ``contact_names``, ``contact_positions``,
         ``contact_normals``, ``contact_forces`` (normal, friction, lift), ``contact_stations``, ``contact_parts``.
+    search : bool, optional
+        Seek friction states that are worse than those whose postures are stored, where some are.
 
     Returns
     -------
@@ -184,8 +191,12 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
         if grasp is None:
             return Certificate(tuple(checks))
         states = list(held_checks(grasp, arrays, partial(_recomputed, scene)))
+        # Where what is stored does not hold, nothing need be searched.
+        ok = all(check.passed for check in (*checks, *states))
+        own = searched(grasp, arrays, partial(_recomputed, scene)) if ok and search else None
         margins = {c.name: c.friction_margin for c in grasp.contacts if c.friction > 0.0}
-    return Certificate((*checks, *states), margins, grasp, max(len(states) - 2, 0))
+    found = () if own is None else (own.check(),)
+    return Certificate((*checks, *states, *found), margins, grasp, max(len(states) - 2, 0), own)
 
 
 def _recomputed(scene: GraspScene, arrays: Mapping[str, Any]) -> tuple[list[Check], RecomputedGrasp | None]:

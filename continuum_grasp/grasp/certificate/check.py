@@ -30,6 +30,9 @@ GAP = 1e-6
 PENETRATION = 1e-4
 """Limit of the dense backbone's penetration, as a part of the finger's length: 10 um of 0.1 m. The optimizer guards
 some eight places per element; between them a finger may touch."""
+CONES = 1e-4
+"""Limit of friction cones with other friction states, as a part of the greatest force: of their reserve is sought what
+is greatest, which the places at which fingers are looked at for clearance change by up to 4e-5."""
 LIMIT = 1e-6
 """By what part of it a limit may be exceeded; IPOPT meets active limits to 1e-9 (scaled)."""
 

@@ -6,6 +6,7 @@ of cable and tendon per tension at the drive, the latter by the share of the ten
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -76,6 +77,14 @@ class WoundTendons:
         s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
         return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
 
+    def pulled_by(self, tensions: Array, friction: TendonFriction | None) -> WoundTendons:
+        """The same finger's at other tensions (2,) [N], with the friction of the same shape."""
+        other = copy(self)
+        other.tensions, other._friction = tensions, friction
+        for name in ("compliances", "wound"):
+            other.__dict__.pop(name, None)
+        return other
+
     @property
     def paths(self) -> Array:
         """Of both tendons (2,) [m]."""
@@ -124,21 +133,24 @@ class WoundTendons:
         """By how much the tensions are not those of the drives where they hold, greatest of the tendons [N]; None: only
         whether the two tendons of a pulley go together.
         """
+        return float(np.abs(self.misfits(held)).max())
+
+    def misfits(self, held: Array | None = None) -> Array:
+        """The same with signs, of each tendon and, of a motor on a pulley under a torque, of their difference."""
         law, (left, right) = self.law, self.tensions
         if law.pulley:
             wound = self._wound_by_pulley
-            if held is not None and not law.locks and abs(left - right - held[0]) > 0.0:
-                return float(max(abs(left - right - held[0]), self.misfit()))
             if held is not None and law.locks:
                 wound = held[0] - law.servo * (left - right)
             given = law.start + wound * np.array([1.0, -1.0])
         elif held is None:
-            return 0.0
+            return np.zeros(2)
         elif not law.locks:
-            return float(np.abs(self.tensions - held).max())
+            return np.asarray(self.tensions - held)
         else:
             given = held - law.servo * self.tensions
-        return float(np.abs(_softened(given - self.paths) / self.compliances - self.tensions).max())
+        off = np.asarray(_softened(given - self.paths) / self.compliances - self.tensions)
+        return np.append(off, left - right - held[0]) if law.pulley and not law.locks and held is not None else off
 
     @property
     def over_torque(self) -> tuple[float, float] | None:

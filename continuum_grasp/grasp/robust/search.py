@@ -78,9 +78,13 @@ class Found:
         return self.certificate.passed and all(response.holds for response in self.responses)
 
 
-def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
-    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
-    every = list(tried_errors(scene, bounds, arrays))
+def find_robust(
+    scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, also: Sequence[Array] = ()
+) -> Found:
+    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds, and for the errors
+    (6 + S,) that are given ``also``.
+    """
+    every = [*tried_errors(scene, bounds, arrays), *also]
     chosen: list[int] = []
     touching: Sequence[Mapping[str, ContactStart]] = ()
     iterations, optimal = 0, True

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.state_search import StateSearch, signs
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult
@@ -53,6 +54,8 @@ STATION_BRANCHES = 2
 that with four does not after 17 s, and one with three has no answer after minutes (preshaped)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
+RETURNS = 4
+"""How often states that the certificate's own search found become part of the problem."""
 SAME = 1e-3
 """Relative difference of the sum of tensions up to which two grasps with the same contacts are one."""
 
@@ -86,6 +89,21 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
             found = other
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
+    arrays, certificate = found.arrays, found.certificate
+    also: list[Array] = []
+    while found.holds and scene.state_columns:
+        tried = tried_states(scene, found.arrays, trials, also) if scene.robust else found.responses
+        arrays = {**found.arrays, **held_arrays(scene, found.arrays["contact_names"].tolist(), tried)}
+        certificate = certify(scene, arrays)
+        own = certificate.search
+        if own is None or own.holds or len(also) >= RETURNS or budget.over:
+            break
+        # States that the certificate found become part of the problem.
+        also.append(np.concatenate([np.zeros(OBJECT), own.states]))
+        again = find_robust(scene, bounds, found.arrays, budget, also)
+        if not again.holds:
+            break
+        found = again
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
@@ -101,12 +119,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
     held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
-    effort["branches"] = branches
-    arrays, certificate = found.arrays, found.certificate
-    if scene.state_columns:
-        tried = tried_states(scene, arrays, trials) if scene.robust else found.responses
-        arrays = {**arrays, **held_arrays(scene, arrays["contact_names"].tolist(), tried)}
-        certificate = certify(scene, arrays)
+    effort |= {"branches": branches, "corners_of_the_certificate": len(also)}
     changed = GraspResult(
         scene,
         result.status if found.optimal else Status.FEASIBLE,
@@ -117,16 +130,31 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         statistics={**result.statistics, "robust": effort},
         robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
     )
+    own = certificate.search
+    if own is not None and not own.holds:
+        return _refuted(changed, own)
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
         message = f"found for {_whatever(scene)}, but the independent check rejects: {rejected}"
         return replace(changed, status=Status.NOT_SOLVED, message=message)
+    if own is not None and own.unsettled:
+        message = f"{changed.message}; the certificate's own search has no answer for {own.unsettled} of the "
+        changed = replace(changed, status=Status.FEASIBLE, message=f"{message}{own.tried} friction states it tried")
     if robust.holds:
         return changed if certificate.acceptable else flawed(changed, UNSTABLE)
     failed = robust.margins.size - robust.held
     corners = "corners of robust" if scene.robust else "friction states sought"
     message = f"held at all {corners}, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
     return replace(changed, status=Status.FEASIBLE, message=message)
+
+
+def _refuted(result: GraspResult, search: StateSearch) -> GraspResult:
+    """The verdict on a grasp for which the certificate found friction states with which it does not hold."""
+    where = _written(result.scene, np.concatenate([np.zeros(OBJECT), search.states]))
+    message = f"held at all friction states that were sought, but not at one that the certificate found: {where}"
+    advice = f"{_less(result.scene)} solver.effort: thorough, or another fidelity, begins with other grasps."
+    violated = (f"{where}: {search.violated}, {search.part:.3g} times its limit",)
+    return replace(result, status=Status.NOT_SOLVED, message=message, violated=violated, advice=advice)
 
 
 def _whatever(scene: GraspScene) -> str:
@@ -194,17 +222,12 @@ def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Rob
         f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
         f"whatever {_whatever(result.scene)}"
     )
-    violated = () if worst is None else (f"{_written(result.scene, worst)}: {_failing(worst)}",)
+    violated = () if worst is None else (f"{_written(result.scene, worst.error)}: {_failing(worst)}",)
     base = replace(result, robustness=robustness, violated=violated, sensitivity=())
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
         if not result.scene.robust:
-            keys = " and ".join(key for key, _ in _frictions(result.scene))
-            advice = (
-                f"Lower {keys}, raise contacts.friction or contacts.normal_force_max, which fingers that were "
-                "let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
-                "after they are pulled."
-            )
+            advice = _less(result.scene)
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
     if result.scene.robust:
         text += f"; with {low:.0%} of all bounds there is one"
@@ -252,6 +275,16 @@ def _frictions(scene: GraspScene) -> list[tuple[str, float]]:
     return [(key, value) for key, value in most.items() if value > 0.0]
 
 
+def _less(scene: GraspScene) -> str:
+    """What to change where friction states are too bad."""
+    keys = " and ".join(key for key, _ in _frictions(scene))
+    return (
+        f"Lower {keys}, raise contacts.friction or contacts.normal_force_max, which fingers that were "
+        "let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
+        "after they are pulled."
+    )
+
+
 def _times(bounds: Robust, factor: float) -> Robust:
     names = ("position", "angle", "radius", "friction", "mass")
     return bounds.replaced(**{name: factor * getattr(bounds, name) for name in names})
@@ -262,26 +295,20 @@ def _failing(response: Response) -> str:
     return response.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
 
 
-def _written(scene: GraspScene, response: Response) -> str:
-    x, y, angle, size, friction, mass, *states = response.error
+def _written(scene: GraspScene, error: Array) -> str:
+    """Errors of the object and friction states (6 + S,) in words."""
+    x, y, angle, size, friction, mass, *states = error.tolist()
     place = f"({1e3 * x:+.3g}, {1e3 * y:+.3g}) mm, {np.degrees(angle):+.3g} deg"
     words = [f"corner {place}, size {size:+.1%}, friction {friction:+.1%}, mass {mass:+.1%}"]
-    if not response.error[:OBJECT].any():
+    if not error[:OBJECT].any():
         words = []
     for setup in scene.setups if states else ():
         own = states[scene.state_columns[setup.name]] if setup.name in scene.state_columns else []
         count = setup.tendon_friction_states
         parts = ("of the tendons", own[:count]), ("in bending", own[count:])
         of = f" of {setup.name}" * (len(scene.setups) > 1)
-        words += [f"friction states {part}{of} {_signs(each)}" for part, each in parts if each]
+        words += [f"friction states {part}{of} {signs(each)}" for part, each in parts if each]
     return ", ".join(words)
-
-
-def _signs(states: Sequence[float]) -> str:
-    """Friction states from base to tip, by sign alone where all are at their limits."""
-    if all(abs(z) == 1.0 for z in states):
-        return "".join("+" if z > 0.0 else "-" for z in states)
-    return " ".join(f"{z:+.3g}" for z in states)
 
 
 def _trials(
@@ -306,6 +333,7 @@ def _trials(
     if states.size:
         ends[f"friction {_where(scene)}"] = with_states(np.zeros((1, OBJECT)), states)
     single = {name: min(responder.to(error).margin for error in each) for name, each in ends.items()}
+    worst = min(corners, key=lambda response: response.reserve).error
     return Trials(
         _tension(scene, arrays),
         np.array([response.margin for response in responses]),
@@ -314,6 +342,6 @@ def _trials(
         np.array([response.margin for response in corners]),
         single,
         weakest,
-        _written(scene, min(corners, key=lambda response: response.reserve)),
+        _written(scene, worst),
         responder.anew,
     )

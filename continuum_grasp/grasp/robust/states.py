@@ -139,10 +139,15 @@ def _turned(error: Array, cell: NDArray[np.int64]) -> Array:
     return turned
 
 
-def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> list[Response]:
-    """Responses of a grasp to the friction states of `extremes`, and to the worst ones from there."""
+def tried_states(
+    scene: GraspScene, arrays: Mapping[str, Any], budget: Budget, also: Sequence[Array] = ()
+) -> list[Response]:
+    """Responses of a grasp to the friction states of `extremes` and those (6 + S,) given ``also``, and to the worst
+    ones from there.
+    """
     responder = Responder(scene, arrays, budget)
-    found = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
+    errors = [*with_states(np.zeros((1, OBJECT)), extremes(scene, arrays)), *also]
+    found = [responder.to(error) for error in errors]
     return found + list(descended(responder, found))
 
 
