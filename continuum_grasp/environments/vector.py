@@ -246,9 +246,16 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         InputError
             If actions have the wrong shape or are not finite, or there was no reset.
         """
-        asked = np.asarray(actions, dtype=np.float64)
-        if asked.shape != self._u.shape or not np.isfinite(asked).all():
-            raise InputError(f"expected {self._u.shape} finite numbers, got shape {asked.shape}", key="actions")
+        try:
+            asked = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"expected {self._u.shape} numbers: {error}", key="actions") from error
+        if asked.shape != self._u.shape:
+            raise InputError(f"expected {self._u.shape} numbers, got shape {asked.shape}", key="actions")
+        if not np.isfinite(asked).all():
+            lane, entry = np.argwhere(~np.isfinite(asked))[0]
+            words = f"{self.action_names[entry]} of plant {lane} is {asked[lane, entry]}"
+            raise InputError(f"expected finite numbers, but {words}", key="actions")
         if not self._begun:
             raise InputError("an episode begins with reset()")
         waiting = self._done.copy()
