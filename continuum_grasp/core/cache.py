@@ -11,7 +11,7 @@ import stat
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -45,24 +45,35 @@ def library_for(source: str, compiler: Compiler, what: str = "code") -> Path:
     temporary name and then renamed, the record last; any number of processes may build the same one. CompileError if
     the compiler refuses the source, OSError if no folder can be written or the disk is full.
     """
-    folder = private_folder()
-    _remove_left_builds(folder)
-    key = hashlib.sha256(compiler.identity(source).encode()).hexdigest()
-    library, record = folder / f"{key}.so", folder / f"{key}.json"
-    if _sound(library, record, key):
-        return library
-    with _build_folder(folder) as work:
-        code, built = Path(work) / "code.c", Path(work) / "code.so"
+
+    def build(work: Path) -> Path:
+        code, built = work / "code.c", work / "code.so"
         code.write_text(source)
         compiler.build(code, built, what)
         built.chmod(0o700)
-        note = {"key": key, "sha256": _hash(built), "compiler": compiler.version}
-        written = Path(work) / "record.json"
-        written.write_text(json.dumps(note))
+        return built
+
+    return entry_for(compiler.identity(source), ".so", build, compiler.version)
+
+
+def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], compiler: str) -> Path:
+    """What ``build`` writes in an empty folder, which gives its path there, unless it is in the cache by its identity.
+
+    ``identity`` is everything that it depends on. The rules are those of `library_for`.
+    """
+    folder = private_folder()
+    _remove_left_builds(folder)
+    key = hashlib.sha256(identity.encode()).hexdigest()
+    entry, record = folder / f"{key}{suffix}", folder / f"{key}.json"
+    if _sound(entry, record, key):
+        return entry
+    with _build_folder(folder) as work:
+        built, written = build(work), work / "record.json"
+        written.write_text(json.dumps({"key": key, "sha256": _hash(built), "compiler": compiler}))
         written.chmod(0o600)
-        os.replace(built, library)
+        os.replace(built, entry)
         os.replace(written, record)
-    return library
+    return entry
 
 
 @cache

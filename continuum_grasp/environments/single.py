@@ -106,7 +106,7 @@ class FingerEnv(gymnasium.Env[Array, Array]):
         InputError
             If the action has the wrong shape or is not finite, or the episode has ended.
         """
-        observation, reward, terminated, truncated, info = self.lanes.step(np.asarray(action, dtype=float)[None])
+        observation, reward, terminated, truncated, info = self.lanes.step(np.asarray(action)[None])
         return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _of_one(info)
 
 

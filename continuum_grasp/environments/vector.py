@@ -165,7 +165,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._p, self._w = np.empty((count, plants.p.shape[1])), np.empty((count, model.nw))
         self._at = np.zeros(count, dtype=np.int64)
         self._readings = np.empty((count, self._first.shape[1]))
-        self._past = np.empty((self._sensing.late + 1, count, len(self._sensing.names)))
+        # What is observed is in single precision.
+        self._past = np.empty((self._sensing.late + 1, count, len(self._sensing.names)), dtype=np.float32)
         self._std = self._sensing.std.astype(np.float32)
         self._noisy = bool(self._std.any())
         self._done = np.ones(count, dtype=np.bool_)
@@ -223,8 +224,9 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
                 raise InputError(f"expected numbers from 0 to {count - 1}, got {number!r:.60}", key="options.scene")
         self.drawn[lanes], self._at[lanes], self._done[lanes] = drawn, 0, False
         self.x[lanes], self._p[lanes], self._w[lanes] = plants.start[drawn], plants.p[drawn], plants.forces[drawn]
-        self._u[lanes], self._readings[lanes] = plants.model.rest_input, self._first[drawn]
-        self._past[:, lanes] = self._first[drawn, : len(self._sensing.names)]
+        first = self._first[drawn]
+        self._u[lanes], self._readings[lanes] = plants.model.rest_input, first
+        self._past[:, lanes] = first[:, : len(self._sensing.names)]
 
     def step(self, actions: Any) -> tuple[Any, Array, Any, Any, dict[str, Any]]:
         """Apply a command to each plant for one control period.
@@ -244,16 +246,26 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         InputError
             If actions have the wrong shape or are not finite, or there was no reset.
         """
-        asked = np.asarray(actions, dtype=np.float64)
-        if asked.shape != self._u.shape or not np.isfinite(asked).all():
-            raise InputError(f"expected {self._u.shape} finite numbers, got shape {asked.shape}", key="actions")
+        try:
+            asked = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"expected {self._u.shape} numbers: {error}", key="actions") from error
+        if asked.shape != self._u.shape:
+            raise InputError(f"expected {self._u.shape} numbers, got shape {asked.shape}", key="actions")
+        if not np.isfinite(asked).all():
+            lane, entry = np.argwhere(~np.isfinite(asked))[0]
+            words = f"{self.action_names[entry]} of plant {lane} is {asked[lane, entry]}"
+            raise InputError(f"expected finite numbers, but {words}", key="actions")
         if not self._begun:
             raise InputError("an episode begins with reset()")
         waiting = self._done.copy()
         if self._mode is AutoresetMode.DISABLED and waiting.any():
             raise InputError("episodes have ended: reset these plants before the next step", key="options.reset_mask")
         held = self._u
-        u = np.clip(asked, np.maximum(self._low, held - self._change), np.minimum(self._high, held + self._change))
+        low, high = self._low, self._high
+        if self._change < math.inf:
+            low, high = np.maximum(low, held - self._change), np.minimum(high, held + self._change)
+        u = np.clip(asked, low, high)
         plants = self._plants
         rows = rows_of(plants.setpoints, self.drawn, self._at)
         arrays = self.x, u, held, self._w, self._p, rows, self._x_bounds, self._readings
@@ -266,11 +278,12 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         terminated = stopped > 0
         reward = -cost
         info: dict[str, Any] = {}
-        if terminated.any() or (self._at >= self._plants.periods).any() or waiting.any():
+        any_waits = waiting.any()
+        if any_waits or terminated.any() or (self._at >= self._plants.periods).any():
             terminated &= ~waiting
             self._end(reward, stopped, terminated, waiting, info)
         truncated = self._done & ~terminated & ~waiting
-        if waiting.any():
+        if any_waits:
             self._begin(np.flatnonzero(waiting))
             info |= {"scene": self.drawn.copy(), "_scene": waiting}
         if self._mode is AutoresetMode.SAME_STEP and self._done.any():
@@ -290,13 +303,14 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         left = self._plants.periods - self._at
         over = (left <= 0) & ~waiting
         # As if the plant stayed where it is: an episode that fails must not be cheaper than one that goes on.
-        reward[terminated] *= 1.0 + np.maximum(left[terminated], 0)
+        failed = np.flatnonzero(terminated)
+        reward[failed] *= 1.0 + np.maximum(left[failed], 0)
         reward[waiting] = 0.0
         self._done = (terminated | over) & ~waiting
         if self._done.any():
-            why = np.full(self.num_envs, None, dtype=object)
-            why[over], why[terminated] = Ended.TIME.value, Ended.RANGE.value
-            why[terminated & (stopped == 1)] = Ended.DIVERGED.value
+            why = np.empty(self.num_envs, dtype=object)  # None
+            why[np.flatnonzero(over)], why[failed] = Ended.TIME.value, Ended.RANGE.value
+            why[failed[stopped[failed] == 1]] = Ended.DIVERGED.value
             info |= {"ended": why, "_ended": self._done.copy()}
 
     def _begin_at_once(self, info: dict[str, Any]) -> None:
@@ -320,11 +334,13 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     def _observation(self) -> NDArray[np.float32]:
         a, b = self._past.shape[2], self._past.shape[2] + self._u.shape[1]
         found = np.empty((self.num_envs, len(self._least)), dtype=np.float32)
-        sensed = found[:, :a]
-        sensed[:] = self._past[0]
+        sensed = self._past[0]
         if self._noisy:
-            sensed += self._std * self.np_random.standard_normal(sensed.shape, dtype=np.float32)
-        np.clip(sensed, self._least[:a], self._most[:a], out=sensed)
+            noise = self.np_random.standard_normal(sensed.shape, dtype=np.float32)
+            noise *= self._std
+            noise += sensed
+            sensed = noise
+        np.clip(sensed, self._least[:a], self._most[:a], out=found[:, :a])
         found[:, a:b] = self._u
         found[:, b:] = rows_of(self._observed.setpoints, self.drawn, self._at)
         return found

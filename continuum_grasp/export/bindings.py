@@ -174,15 +174,21 @@ def _python_struct(struct: Struct, begin: Mapping[str, object] | None) -> str:
     return f"{head}    _fields_ = [\n{fields}\n    ]\n{more}\n"
 
 
-def wasm_files(contents: Contents) -> dict[str, str]:
-    """Script, wrapper and test for WebAssembly, by path."""
-    prefix, calls, stateful = contents.subject.prefix, contents.calls, contents.stateful
+def wasm_exports(contents: Contents) -> list[str]:
+    """Functions that a module exports."""
+    calls, stateful = contents.calls, contents.stateful
     names = ["strerror", "version", "abi", "configuration", *(f"{name}_init_abi" for name in _begun(contents))]
     names += [f"{function.types[0]}_{method.name}" for function in stateful for method in function.methods]
     names += [call.name for call in calls] + (["init_abi"] if calls else [])
     names += [name for function in stateful for name in (function.name, f"{function.types[0]}_init_abi")]
     described = any(part.describes is not None for part in contents.parts)
     names += ["fields", *(f"field_{of}" for of in _DESCRIBED)] if described else []
+    return [f"{contents.subject.prefix}_{name}" for name in names]
+
+
+def wasm_files(contents: Contents) -> dict[str, str]:
+    """Script, wrapper and test for WebAssembly, by path."""
+    prefix, calls, stateful = contents.subject.prefix, contents.calls, contents.stateful
     used = [_use_of_call(contents, call) for call in calls[:1]]
     used += [contents.fill("wasm/use_stateful.mjs", owner=f.types[0], output=f.output) for f in stateful]
     if calls:
@@ -192,7 +198,7 @@ def wasm_files(contents: Contents) -> dict[str, str]:
         example = f"const {owner} = finger.new_{owner}();\n//   const {{ code, {last.output} }} = {owner}.step("
         example += f"{', '.join(last.inputs)});"
     more = {
-        "exports": " ".join(f"-Wl,--export={prefix}_{name}" for name in names),
+        "exports": " ".join(f"-Wl,--export={name}" for name in wasm_exports(contents)),
         "interface": json.dumps(_interface(contents)),
         "use": "".join(used).rstrip("\n"),
         "example": example,

@@ -224,8 +224,8 @@ def library_files(contents: Contents) -> dict[str, str]:
     return {
         f"include/{prefix}.h": _header(contents),
         f"src/{prefix}_internal.h": _internal_header(contents),
-        f"src/{prefix}_kernels.c": kernels,
         f"src/{prefix}.c": layer,
+        f"src/{prefix}_kernels.c": kernels,
         "tests/check.h": contents.fill("tests/check.h"),
         **own,
     }

@@ -24,10 +24,21 @@ from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, w
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.readme import readme
-from continuum_grasp.export.source import Given, Source, count_of, parts_of, positive, prefix_of, sections_of, source_of
+from continuum_grasp.export.source import (
+    Given,
+    Source,
+    count_of,
+    names_of,
+    parts_of,
+    positive,
+    prefix_of,
+    sections_of,
+    source_of,
+)
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
+from continuum_grasp.scene.control import ControlScene
 
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
@@ -136,8 +147,10 @@ def export_c(
     subject = replace(subject, sections=sections_of(sections), surroundings=source.surroundings)
     parts = [PARTS[name](subject) for name in names]
     # The same in double: the truth for the errors of single precision.
-    wide = [PARTS[name](replace(subject, real=REALS["double"])) for name in names]
-    contents = _contents(subject, parts, source.title)
+    double = replace(subject, real=REALS["double"])
+    wide = parts if kind.name == "double" else [PARTS[name](double) for name in names]
+    solver = {"what": "a predictive controller"} if source.model is None else {}
+    contents = _contents(subject, parts, source.title, **solver)
     errors: dict[str, tuple[OutputError, ...]] = {}
     if kind.name == "float":
         exact = (call for part in wide for call in part.calls)
@@ -177,6 +190,14 @@ def export_c(
     files[MANIFEST] = manifest_text(values)
     write_package(Path(folder), files)
     return Package(Path(folder), tuple(sorted(files)), values)
+
+
+def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
+    """The controller of a closed loop alone, in double precision, without what tests and describes it."""
+    kind = REALS["double"]
+    loop = Loop.of(scene, kind, ["mpc"])
+    subject = Subject.of_loop(loop, "finger", kind)
+    return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
 def _subject(
@@ -220,7 +241,7 @@ _AS_THEY_ARE = (
 )
 
 
-def _contents(subject: Subject, parts: Sequence[Part], title: str) -> Contents:
+def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "a planar continuum finger") -> Contents:
     """Parts with what their templates have in common."""
     match = re.match(r"\d+(\.\d+)*", __version__)
     prefix, number, single = subject.prefix, match[0] if match else "0", subject.real.name == "float"
@@ -237,7 +258,7 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str) -> Contents:
             "version3": ".".join([*number.split("."), "0", "0"][:3]),  # package.xml of ROS asks for three numbers
             "real": subject.real.name,
             "title": title,
-            "what": "a predictive controller" if subject.finger is None else "a planar continuum finger",
+            "what": what,
             "sources": " ".join(sources),
             "count": str(len(contents.calls) + len(contents.stateful)),
             "check_memory": memory or "\n  int nothing;",  # C takes no empty struct

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import plant_friction
@@ -199,18 +199,18 @@ class MissionRun(MotionResult):
         """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
         return present(self.runs[0].object_pose)
 
+    @cached_property
     def _page(self) -> Any:
         if self.run is None:
             raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
         return maker_of(self.page)(self.run, self.controller_changes)
 
-    @property
-    def controller_changes(self) -> list[dict[str, Any]]:
-        """What phases changed of the controller of the only finger: from instants ``t`` [s] on ``weights`` of setpoints
-        and limits ``low`` and ``high`` of the input.
+    def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:
+        """What phases changed of the controller of the only finger, whose problem is given: from instants ``t`` [s] on
+        ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
         """
         run, found = self.runs[0], list[dict[str, Any]]()
-        for span, phase in zip(self.spans, self.timetable.phases(stages_of(run.scene)), strict=True):
+        for span, phase in zip(self.spans, self.timetable.phases(stages), strict=True):
             if phase.begin is None:
                 continue
 

@@ -260,7 +260,7 @@ def _check_rollout(finger: FingerModel, method: str, raises: bool, arrays: Seque
         f"{INTEGRATORS[method].failure} in {len(rows)} of {len(states)} rollouts, first in {first}, after t = "
         f"{at * h[first, 0, 0]:g} s (last finite state {states[first, at].tolist()}): the step is too large for this "
         "scene, or the finger left the range of the model; try a smaller step, more substeps, another method, or "
-        "nonfinite='nan' to get NaN in these rows",
+        "operators that are made with nonfinite='nan' to get NaN in these rows",
         time=at * float(h[first, 0, 0]),
         state=states[first, at],
         result=states,

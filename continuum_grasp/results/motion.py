@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -63,9 +64,11 @@ class MotionResult(Result):
         """
         if len(self.t) < 2:
             raise InputError("this run has one instant only: there is nothing to show")
-        return self._page()
+        return self._page
 
+    @cached_property
     def _page(self) -> Any:
+        """What `show` gives, made once."""
         if not self.page:
             raise InputError(f"there is no page of a {type(self).__name__}: take animate")
         return maker_of(self.page)(self)

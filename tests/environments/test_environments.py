@@ -441,8 +441,12 @@ def test_contact_forces():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda env: env.step(np.full((12, 2), np.nan)), "finite"),
+        (
+            lambda env: env.step(np.where(np.arange(24).reshape(12, 2) == 7, np.nan, 1.0)),
+            "tension_2 .N. of plant 3 is nan",
+        ),
         (lambda env: env.step(np.ones((12, 3))), "shape"),
+        (lambda env: env.step("pull"), "could not convert"),
         (lambda env: env.reset(options={"pose": 1}), "reset_mask or scene"),
         (lambda env: env.reset(options={"scene": 12}), "from 0 to 11"),
         (lambda env: env.reset(options={"scene": 0.5}), "one number"),

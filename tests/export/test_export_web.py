@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import ctypes
 import dataclasses
+import gzip
 import html
 import json
 import re
@@ -15,11 +17,12 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.web.page import _compiled
+from continuum_grasp.export.web.page import plant_exports
 from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import loop_record, trajectory_record
+from continuum_grasp.export.web.wasm import compiled
 from continuum_grasp.results.motion import MotionResult
-from tests.export_cases import needs
+from tests.export_cases import loop_scene, needs
 
 pytestmark = needs("clang", "wasm-ld", "node", "gcc")
 
@@ -104,7 +107,7 @@ def test_a_hand_pushes_where_it_is(release, tmp_path):
 def test_the_same_bits_in_webassembly(tmp_path):
     plant = plant_of_scene(cg.load("configs/simulate/close_on_mug.yaml"))
     library, arrays = native(plant, tmp_path)
-    (tmp_path / "plant.wasm").write_bytes(_compiled(plant, tmp_path))
+    (tmp_path / "plant.wasm").write_bytes(compiled({"plant.c": plant.source}, plant_exports(plant)))
     (tmp_path / "run.mjs").write_text(
         """
 import { readFile } from "node:fs/promises";
@@ -135,6 +138,20 @@ console.log(JSON.stringify({ codes, bits }));
     assert found["codes"] == codes
     for name, array in arrays.items():
         assert [int(v) for v in found["bits"][name]] == array.view(np.uint64).tolist(), name
+
+
+def test_the_controller_of_a_page_is_that_of_a_package(tmp_path):
+    scene = loop_scene(6)
+    cg.export_c(scene, tmp_path, what=["mpc"], target="wasm")
+    subprocess.run(["sh", tmp_path / "wasm/build.sh", tmp_path / "wasm", "library"], check=True)
+    page = cg.export_web(scene, tmp_path / "page.html")
+    modules = json.loads(re.search(r'id="modules">(.*?)</script>', page.text)[1])
+    assert gzip.decompress(base64.b64decode(modules["controller"])) == (tmp_path / "wasm/finger.wasm").read_bytes()
+    # Its interface too, with the bytes of its memory; only what follows from parts that a page has not may differ.
+    interface = re.compile(r"^const INTERFACE = (.*);$", re.MULTILINE)
+    texts = page.text, (tmp_path / "wasm/finger.mjs").read_text()
+    own, packaged = (json.loads(interface.search(text)[1]) for text in texts)
+    assert own == packaged
 
 
 def test_the_plant_of_a_loop_is_that_of_closed_loops(tmp_path):
@@ -218,6 +235,16 @@ def test_a_loop_is_played_back_with_what_its_controller_knew():
     np.testing.assert_allclose(np.array(record["z"])[:, nx:], run.disturbance[at], rtol=1e-6, atol=1e-9)
     assert np.abs(run.disturbance[-1]).max() > 0.0
     np.testing.assert_allclose(record["reference"][0], run.r[0], rtol=1e-6)
+
+
+def test_a_page_is_made_once(monkeypatch):
+    run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.1"]))
+    page = run.show()
+    assert run.show() is page
+    # Another run of the scene has another record, and modules that are compiled already.
+    monkeypatch.setattr("continuum_grasp.export.web.wasm._run", None)
+    other = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.2"])).show()
+    assert record_of(other)["record"]["t"][-1] == pytest.approx(0.2)
 
 
 def test_what_no_page_plays_back_says_why():

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.export.web.plant import plant_of_loop
@@ -405,7 +406,7 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     table = plant.system.w_names.index("table_height [m]")
     assert min(row[table] for row in record.w) == pytest.approx(loop.w[:, -1].min(), rel=1e-6)
     assert plant.p == pytest.approx(loop.readings.plant.p)
-    changes = held.controller_changes
+    changes = held.controller_changes(stages_of(loop.scene))
     assert [change["t"] for change in changes] == [
         held.timetable.span(n).start for n in ("approach", "lift", "release")
     ]

@@ -8,10 +8,8 @@ import html
 import json
 import math
 import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,18 +19,19 @@ from numpy.typing import NDArray
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.export.control.loop import identifiers
-from continuum_grasp.export.package import export_c
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.export.bindings import wasm_exports, wasm_files
+from continuum_grasp.export.control.loop import Loop, identifiers
+from continuum_grasp.export.layer import library_files
+from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
+from continuum_grasp.export.web.wasm import add_sizes, check_tools, compiled
 from continuum_grasp.results import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
@@ -41,9 +40,8 @@ from continuum_grasp.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-TOOLS = ("clang", "wasm-ld")
-"""Programs that make WebAssembly."""
-_FLAGS = "--target=wasm32 -nostdlib -std=c99 -O2 -ffp-contract=off -fno-builtin -mbulk-memory"
+_TESTED = "tests/check.h"
+"""Header of a package's tests."""
 _DIGITS = 6
 """Of numbers that are only drawn."""
 _TABLE = 0.005
@@ -131,62 +129,66 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
 
 def page_of(
     scene: Scene | ControlScene,
-    record: Callable[[WebPlant], Record] | None = None,
+    record: Callable[[WebPlant, Loop | None], Record] | None = None,
     plant_model: PlantModel | None = None,
 ) -> Page:
     """The page of a scene, which plays back a record before anything else, where there is one.
 
     ``plant_model`` is the plant of a closed loop where it is not the scene's.
     """
-    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
-    if missing:
-        raise InputError(f"a page needs {' and '.join(missing)} to make WebAssembly (Debian: clang, lld)")
-    modules: dict[str, bytes] = {}
-    with tempfile.TemporaryDirectory() as work:
-        folder = Path(work)
+    check_tools()
+    modules: dict[str, Future[bytes]] = {}
+    loop, controller, wrapper = None, None, ""
+    with ThreadPoolExecutor() as pool:
         if isinstance(scene, ControlScene):
+            package, loop = controller_of(scene)
+            files = {Path(name).name: text for name, text in library_files(package).items() if name != _TESTED}
+            # Compiled while the plant is written.
+            modules["controller"] = pool.submit(compiled, files, ["__heap_base", *wasm_exports(package)])
+            add_sizes(package, files)
+            wrapper = wasm_files(package)["wasm/finger.mjs"]
             plant, sensors = plant_of_loop(scene, plant_model)
-            played = None if record is None else record(plant)
-            loop, wrapper = _controller(scene, plant, folder)
-            loop["reference"] = _reference(scene)
-            modules["controller"] = (folder / "wasm" / "finger.wasm").read_bytes()
-            loop |= {"names": [name.split(" ")[0] for name in sensors.names], "std": sensors.std.tolist()}
-            loop["delay"] = sensors.delay
+            controller = _controller(scene, loop, sensors)
         else:
-            plant, loop, wrapper = plant_of_scene(scene), None, ""
-            played = None if record is None else record(plant)
-        modules["plant"] = _compiled(plant, folder)
-    known: dict[str, Any] = {
-        "plant": _plant(plant, scene),
-        "controller": loop,
-        "view": _view(plant, scene),
-        "record": None if played is None else played.frames(),
-    }
-    if played is not None:
-        known["plant"]["table"] = played.table()
-        if loop is not None and played.reference is not None:
-            loop["reference"] |= {"dt": played.dt, "rows": played.reference}
+            plant = plant_of_scene(scene)
+        modules["plant"] = pool.submit(compiled, {"plant.c": plant.source}, plant_exports(plant))
+        played = None if record is None else record(plant, loop)
+        if controller is not None and played is not None and played.reference is not None:
+            controller["reference"] |= {"dt": played.dt, "rows": played.reference}
+        known: dict[str, Any] = {
+            "plant": _plant(plant, scene),
+            "controller": controller,
+            "view": _view(plant, scene),
+            "record": None if played is None else played.frames(),
+        }
+        if played is not None:
+            known["plant"]["table"] = played.table()
+        binaries = {name: module.result() for name, module in modules.items()}
     words = {
         "title": html.escape(scene.name or "a continuum finger"),
         "about": html.escape(_about(plant, scene, played)),
         "version": __version__,
         "known": _script(json.dumps(known)),
-        "modules": json.dumps({name: _packed(binary) for name, binary in modules.items()}),
+        "modules": json.dumps({name: _packed(binary) for name, binary in binaries.items()}),
         "style": fill("web/page.css", {}),
         "wrapper": wrapper,
         "script": fill("web/page.js", {}),
     }
-    return Page(fill("web/page.html", words), {name: len(binary) for name, binary in modules.items()})
+    return Page(fill("web/page.html", words), {name: len(binary) for name, binary in binaries.items()})
 
 
 def page_of_motion(run: Trajectory) -> Page:
     """The page of a motion, see ``MotionResult.show``."""
-    return page_of(run.scene, lambda plant: trajectory_record(run, plant))
+    return page_of(run.scene, lambda plant, _: trajectory_record(run, plant))
 
 
-def page_of_loop(run: ControlRun, changes: Sequence[Any] = ()) -> Page:
+def page_of_loop(run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: ()) -> Page:
     """The page of a closed loop, and what changed of its controller."""
-    return page_of(run.scene, lambda plant: loop_record(run, plant, changes), run.readings.plant)
+
+    def record(plant: WebPlant, loop: Loop | None) -> Record:
+        return loop_record(run, plant, () if loop is None else changes(loop.stages))
+
+    return page_of(run.scene, record, run.readings.plant)
 
 
 def _packed(binary: bytes) -> str:
@@ -199,41 +201,28 @@ def _script(text: str) -> str:
     return text.replace("</", "<\\/")
 
 
-def _run(*command: str) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
+def plant_exports(plant: WebPlant) -> list[str]:
+    """Functions of the plant's module."""
+    return ["advance", "look", "sense", "restart", *(f"at_{name}" for name in plant.arrays)]
 
 
-def _compiled(plant: WebPlant, folder: Path) -> bytes:
-    """The plant as WebAssembly."""
-    source, found = folder / "plant.c", folder / "plant.wasm"
-    source.write_text(plant.source, encoding="utf-8")
-    exports = ["advance", "look", "sense", "restart", *(f"at_{name}" for name in plant.arrays)]
-    words = [*_FLAGS.split(), "-Wl,--no-entry", "-Wl,--strip-all", *(f"-Wl,--export={name}" for name in exports)]
-    (folder / "string.h").write_text(fill("wasm/string.h", {}), encoding="utf-8")
-    (folder / "string.c").write_text(fill("wasm/string.c", {}), encoding="utf-8")
-    _run("clang", *words, str(source), str(folder / "string.c"), "-o", str(found))
-    return found.read_bytes()
-
-
-def _controller(scene: ControlScene, plant: WebPlant, folder: Path) -> tuple[dict[str, Any], str]:
-    """What the page must know of the controller, and its wrapper; its module is in the folder."""
-    export_c(scene, folder, what=["mpc"], target="wasm")
-    _run("sh", str(folder / "wasm" / "build.sh"), str(folder / "wasm"), "library")
-    wrapper = (folder / "wasm" / "finger.mjs").read_text(encoding="utf-8")
-    starts = "estimate" if scene.estimator is not None else "measurement"
-    return {"period": scene.controller.step, "starts": starts, "commands": identifiers(plant.u_names)}, wrapper
-
-
-def _reference(scene: ControlScene) -> dict[str, Any]:
-    """Setpoints of the scene over time, by rows, of which the last one holds."""
-    c = scene.controller
-    wanted = setpoints(Outputs.of(c.cost, Prediction(scene)), scene.reference)
+def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, Any]:
+    """What the page must know of controller and sensors."""
+    c, wanted = scene.controller, loop.setpoints
+    # Setpoints of the scene over time, by rows, of which the last one holds.
     rows = wanted.rows(np.arange(0.0, (scene.duration or 0.0) + c.step, c.step))
     if (rows == rows[0]).all():
         rows = rows[:1]
-    return {"dt": c.step, "stage": c.horizon.stage, "names": identifiers(wanted.names), "rows": rounded(rows)}
+    reference = {"dt": c.step, "stage": c.horizon.stage, "names": identifiers(wanted.names), "rows": rounded(rows)}
+    return {
+        "period": c.step,
+        "starts": loop.start.name,
+        "commands": identifiers(loop.stages.u_names),
+        "reference": reference,
+        "names": [name.split(" ")[0] for name in sensors.names],
+        "std": sensors.std.tolist(),
+        "delay": sensors.delay,
+    }
 
 
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:

@@ -1,0 +1,84 @@
+"""C of a page as WebAssembly, by clang and its linker alone."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+from continuum_grasp.core.cache import entry_for
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.template import fill
+
+TOOLS = ("clang", "wasm-ld")
+"""Programs that make WebAssembly."""
+# Those of templates/wasm/build.sh, so that pages have the bits of packages.
+_FLAGS = ("--target=wasm32", "-nostdlib", "-std=c99", "-O2", "-ffp-contract=off", "-fno-builtin", "-mbulk-memory")
+_LINKED = ("-Wl,--no-entry", "-Wl,--strip-all")
+_INTEGER = re.compile(r"^\s*\.int32\s+(\d+)", re.MULTILINE)
+
+
+def check_tools() -> None:
+    """InputError where a program is missing."""
+    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
+    if missing:
+        raise InputError(f"a page needs {' and '.join(missing)} to make WebAssembly (Debian: clang, lld)")
+
+
+def compiled(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
+    """A module of C files and headers by their names, with functions that it exports; from the cache where it is there.
+
+    Sources are compiled side by side, on all processors.
+    """
+    files = {**files, **{name: fill(f"wasm/{name}", {}) for name in ("string.h", "string.c")}}
+    linked = [*_FLAGS, *_LINKED, *(f"-Wl,--export={name}" for name in exports)]
+    version = _version(shutil.which("clang") or "clang")
+
+    def build(work: Path) -> Path:
+        for name, text in files.items():
+            (work / name).write_text(text, encoding="utf-8")
+        sources = [name for name in files if name.endswith(".c")]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(lambda name: _run(work, *_FLAGS, "-I.", "-c", name, "-o", f"{name}.o"), sources))
+        _run(work, *linked, *(f"{name}.o" for name in sources), "-o", "module.wasm")
+        (work / "module.wasm").chmod(0o600)
+        return work / "module.wasm"
+
+    identity = "\0".join([version, *linked, *(part for item in sorted(files.items()) for part in item)])
+    return entry_for(identity, ".wasm", build, version).read_bytes()
+
+
+def add_sizes(contents: Contents, files: Mapping[str, str]) -> None:
+    """Add the bytes of a package's memory to its words; ``files`` are its headers by their names."""
+    prefix = contents.subject.prefix
+    owned = [name for function in contents.stateful for name in function.types]
+    sizes = ", ".join(f"sizeof({prefix}_{name})" for name in owned)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in files.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        source = f'#include "{prefix}.h"\nconst unsigned int sizes[] = {{{sizes}}};\n'
+        (Path(folder) / "sizes.c").write_text(source, encoding="utf-8")
+        assembly = _run(Path(folder), *_FLAGS, "-I.", "-S", "sizes.c", "-o", "-")
+    found = _INTEGER.findall(assembly)
+    contents.words.update((f"{name}_bytes", size) for name, size in zip(owned, found, strict=True))
+
+
+def _run(folder: Path, *arguments: str) -> str:
+    """What clang says in a folder; SolverError if it fails."""
+    done = subprocess.run(["clang", *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
+    return done.stdout
+
+
+@cache
+def _version(path: str) -> str:
+    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+    return f"{path} {done.stdout.splitlines()[0] if done.stdout else ''}"
