@@ -37,7 +37,7 @@ def oscillation(linear: float, dry: float, drag: float) -> tuple[np.ndarray, np.
 class Moved(Block):
     """A path that is predicted by the best damped sine, as a linear model would."""
 
-    horizons = True
+    moves = True
 
     def __init__(self, t: np.ndarray, x: np.ndarray) -> None:
         self.name = "release"
