@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from continuum_grasp import interrupt
-from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
+from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, check_pose, choices, open_families
 from continuum_grasp.accuracy.motion import (
     INSTANTS,
     Motion,
@@ -29,6 +29,7 @@ from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
+from continuum_grasp.labels import unit_of
 from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.results.result import Result
@@ -143,7 +144,7 @@ class AccuracyReport(Result):
         table = self.tables[0] if dimension is None else known[dimension]
         frame: pandas.DataFrame = package("pandas").DataFrame(list(table.rows), columns=list(table.columns))
         units = {
-            name: "" if isinstance(value, str) else name.partition(" [")[2].rstrip("]") or "1"
+            name: "" if isinstance(value, str) else unit_of(name) or "1"
             for name, value in zip(table.columns, table.rows[0], strict=True)
         }
         frame.attrs = {"units": units, "descriptions": dict.fromkeys(table.columns, table.note)}
@@ -210,7 +211,7 @@ class AccuracyReport(Result):
         return target
 
 
-_LONGEST = _LONGEST = 10_000
+_LONGEST = 10_000
 """Instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones would take
 most of the report's time."""
 _STEPS = tuple(
@@ -374,8 +375,7 @@ def accuracy_report(
     if not [whole("counts", count) for count in counts]:
         raise InputError("expected numbers of elements, got none", key="counts")
     given = scene_of(scene)
-    if given.initial.q is not None:
-        raise InputError("initial.q is in coordinates of one model: give a pose", key="initial.q")
+    check_pose(given, "give a pose")
     given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
     truth = find_truth(given)
     measuring = ReportRows(given, truth, reference_motion(given, truth) if given.time is not None else None)

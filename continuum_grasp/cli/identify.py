@@ -14,6 +14,7 @@ from continuum_grasp.errors import InputError
 if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.identify import IdentifyScene
+    from continuum_grasp.scene.simulate import FingerScene
 
 _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
@@ -54,8 +55,6 @@ def identify(
 
     For a closed loop (its configuration has a controller) it learns from logs what the controller's model misses.
     """
-    from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.results.yaml_text import yaml_text
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
@@ -87,11 +86,9 @@ def identify(
 
     with output.busy("identifying") as report:
         fit = run(scene, data or (), progress=report)
-    applied = [(f"{path.stem}_identified.yaml", fit.apply(target)) for path, target in targets]
+    applied = [(path, fit.apply(target)) for path, target in targets]
     files = output.save(fit, folder, pictures)
-    for name, changed in applied:
-        plain = changed.model_dump(mode="json", exclude_unset=True)
-        files.append(write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / name))
+    files += [_written(changed, folder, path) for path, changed in applied]
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
@@ -118,6 +115,15 @@ def identify(
     output.statistics({"singular values": " ".join(f"{v:.3g}" for v in fit.singular_values), **statistics})
     own = {"status": fit.status, "folder": folder, "files": files, "warnings": fit.warnings, "statistics": statistics}
     output.result(**own, **fit.summary())
+
+
+def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
+    """The file of a scene with the estimates in it, named after its configuration."""
+    from continuum_grasp.results.atomic import write_text
+    from continuum_grasp.results.yaml_text import yaml_text
+
+    plain = scene.model_dump(mode="json", exclude_unset=True)
+    return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
 
 
 def _design(scene: IdentifyScene, folder: Path, output: Output, pictures: bool) -> None:
@@ -158,22 +164,17 @@ def _learn(
 ) -> None:
     """Learn what the model of a controller misses."""
     from continuum_grasp.identification import learn_residual
-    from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.results.yaml_text import yaml_text
-    from continuum_grasp.scene.control import ControlScene as Kind
     from continuum_grasp.scene.load import scene_of
 
     if excitation or not data:
         raise InputError("expected --data LOG of the controller", key="data")
-    targets = [(path, scene_of(path, Kind)) for path in apply or ()]
+    targets = [(path, scene_of(path, type(scene))) for path in apply or ()]
     folder = run_folder(out, config, "identify")
     with output.busy("learning") as report:
         fit = learn_residual(scene, data, holdout=holdout or (), progress=report)
     files = output.save(fit, folder, pictures)
-    for path, target in targets if fit.residual is not None else ():
-        plain = fit.apply(target).model_dump(mode="json", exclude_unset=True)
-        name = folder / f"{path.stem}_identified.yaml"
-        files.append(write_text(yaml_text({"schema_version": 1, **plain}, exact=True), name))
+    if fit.residual is not None:
+        files += [_written(fit.apply(target), folder, path) for path, target in targets]
     output.warn(fit.warnings)
     output.table(
         ("one-step errors of", "tip", "with residual", "tip's velocity", "with residual", "beyond the logs"),

@@ -2,16 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from continuum_grasp._lazy import lazy_names
-
-_MODULES = {
-    "continuum_grasp.design.evaluation": ("CaseValues", "Evaluation", "Row"),
-    "continuum_grasp.design.optimize": ("optimize_design",),
-    "continuum_grasp.design.result": ("DesignResult", "Influence", "Status", "WorstCase"),
-}
-__all__ = [name for names in _MODULES.values() for name in names]
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.design.evaluation import CaseValues as CaseValues
@@ -23,4 +14,6 @@ if TYPE_CHECKING:
     from continuum_grasp.design.result import Status as Status
     from continuum_grasp.design.result import WorstCase as WorstCase
 
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

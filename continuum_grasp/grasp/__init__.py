@@ -2,23 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from continuum_grasp._lazy import lazy_names
-
-_MODULES = {
-    "continuum_grasp.grasp.bound": ("least_normal_force_bound",),
-    "continuum_grasp.grasp.certificate.certificate": ("Certificate", "certify"),
-    "continuum_grasp.grasp.certificate.check": ("Check",),
-    "continuum_grasp.grasp.closing.path": ("closing_path",),
-    "continuum_grasp.grasp.closing.result": ("ClosingPath", "ClosingStatus"),
-    "continuum_grasp.grasp.quality.quality": ("Quality",),
-    "continuum_grasp.grasp.result": ("GraspResult",),
-    "continuum_grasp.grasp.robust.result": ("Robustness", "Trials"),
-    "continuum_grasp.grasp.solve": ("optimize_grasp",),
-    "continuum_grasp.grasp.values": ("Contact", "FingerPosture", "Reason", "Status"),
-}
-__all__ = [name for names in _MODULES.values() for name in names]
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.bound import least_normal_force_bound as least_normal_force_bound
@@ -38,4 +22,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.values import Reason as Reason
     from continuum_grasp.grasp.values import Status as Status
 
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -5,8 +5,9 @@ from continuum_grasp.identification.data import Frequencies, Poses, Reading, Tip
 from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
 from continuum_grasp.identification.fit import Error, Fit
 from continuum_grasp.identification.fitting import identify
+from continuum_grasp.identification.learning import learn_residual
 from continuum_grasp.identification.read import data_folder, read_data
-from continuum_grasp.identification.residual import OneStepError, ResidualFit, learn_residual
+from continuum_grasp.identification.residual import OneStepError, ResidualFit
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 

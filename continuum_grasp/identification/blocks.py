@@ -17,6 +17,7 @@ from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.spectrum import poles
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ class Block:
     """Whose laws predict it."""
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
-    horizons = False
+    moves = False
     """Whether the entries go along a motion."""
     kinked = False
     """Whether its predictions have kinks, where friction turns along a motion."""
@@ -190,15 +191,12 @@ def _mode(
     mass: Array, damping: Array, stiffness: Array, number: int
 ) -> tuple[complex, NDArray[np.complex128], NDArray[np.complex128]]:
     """Pole (rate and pulsation [1/s]), left and right shape of the mode of that number, from 1."""
-    n = len(mass)
-    # first order: d/dt (q, qd) = (qd, -M^-1 (K q + D qd))
-    lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-    poles = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), lower]))
+    found = poles(mass, stiffness, damping)
     # of each pair of conjugates one; those without imaginary part do not vibrate
-    ringing = sorted(poles[poles.imag > 1e-9 * np.abs(poles).max()], key=lambda pole: pole.imag)
+    ringing = sorted(found[found.imag > 1e-9 * np.abs(found).max()], key=lambda pole: pole.imag)
     if len(ringing) < number:
         raise SolverError(
-            f"mode {number} does not ring: only {len(ringing)} of {n} modes do",
+            f"mode {number} does not ring: only {len(ringing)} of {len(mass)} modes do",
             status="overdamped",
             advice="give another mode, take more elements, or bound damping and stiffness",
         )

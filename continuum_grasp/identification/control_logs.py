@@ -11,6 +11,7 @@ import numpy as np
 from continuum_grasp.control.log import COMMANDED, ControlLog
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.table import Table, read_table
+from continuum_grasp.labels import split_unit
 
 Log = ControlLog | str | PathLike[str]
 
@@ -55,5 +56,5 @@ def _read(path: Path, u_names: Sequence[str], y_names: Sequence[str]) -> Control
 
 
 def _column(table: Table, before: str, name: str, *, gaps: bool = False) -> np.ndarray:
-    heading, unit = name.removesuffix("]").split(" [")
+    heading, unit = split_unit(name)
     return table.in_si(before + heading, unit, gaps=gaps)

@@ -15,6 +15,7 @@ from continuum_grasp.identification.observation import moving
 from continuum_grasp.identification.rows import runtime_names, symbols
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.tendon_friction import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import friction_history
 from continuum_grasp.simulation.signals import Signals
@@ -58,9 +59,9 @@ class Driven:
             # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse.
             count = model.structure.tendon_friction_states
             of_tendons = 2.0 * ca.sin(ca.asin(history[:count]) / 3.0)
-            states = _within(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0])
+            states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
             for before, now in pairwise(slid):
-                states = _within(states + now - before)
+                states = ca.SX(clipped(states + now - before))
             parts.append(states)
         start = ca.densify(ca.vertcat(*parts))
         slopes = [ca.densify(ca.jacobian(start, by)) for by in (q, u, p)]
@@ -116,7 +117,3 @@ class Driven:
         """
         if self.signals.constant and any(one.target == DELAY for one in unknowns):
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=name)
-
-
-def _within(states: ca.SX) -> ca.SX:
-    return ca.fmin(ca.fmax(states, -1.0), 1.0)

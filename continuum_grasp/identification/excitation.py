@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.commands import InputNames
-from continuum_grasp.identification.data import TipPath
+from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.inference import Inference, infer
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.read import plain_scene
@@ -186,7 +185,7 @@ def design_excitation(scene: IdentifyScene) -> ExcitationPlan:
     found = _predicted(unknowns, values, jacobian.reshape(-1, len(unknowns)))
     warnings = [one.replace("the data", "these commands") for one in found.warnings]
     each = np.stack([np.sum(jacobian[own] ** 2, axis=(0, 1)) for own in segments], axis=1)
-    names = InputNames.of(scene)
+    labels = scene.finger.input_labels
     return ExcitationPlan(
         names=tuple(one.name for one in unknowns),
         units=tuple(one.unit for one in unknowns),
@@ -195,8 +194,8 @@ def design_excitation(scene: IdentifyScene) -> ExcitationPlan:
         shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
         segments=design.segments(weights),
         t=rehearsal.t,
-        commands=rehearsal.u[:, : len(names.entries)],
-        command_names=tuple(f"{name} [{names.unit}]" for name in names.entries),
+        commands=rehearsal.u[:, : len(labels)],
+        command_names=labels,
         rehearsal=rehearsal,
         scene=design.scene(weights, scale),
         status="designed",
@@ -222,8 +221,6 @@ def _information(
     design: Design, weights: Array, scale: float, logged: TipTrajectory, unknowns: Sequence[Unknown]
 ) -> tuple[Array, list[NDArray[np.bool_]]]:
     """Derivatives (T, readings, n) per standard deviation, and which instants belong to each segment."""
-    from continuum_grasp.identification.data import Reading
-
     options, scene = design.options, design.scene(weights, scale)
     t = np.arange(1, round(options.duration / options.sample) + 1) * options.sample
     none = np.zeros(t.size)

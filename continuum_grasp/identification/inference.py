@@ -254,7 +254,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
     found = []
     which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
     # instants of a path are no repeats; `_series` judges them
-    still = np.array([not block.horizons for block in problem.blocks])[which]
+    still = np.array([not block.moves for block in problem.blocks])[which]
     for group, entries in problem.groups.items():
         members = problem.fitted & still & entries
         sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
@@ -276,12 +276,10 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
 
 def _series(problem: Problem, weighted: Array) -> list[str]:
     """Paths whose residuals hang together: then they are the model's error rather than noise."""
-    found, at = [], 0
-    for block in problem.blocks:
-        own = weighted[at : at + len(block.entries)]
-        at += len(block.entries)
-        count = sum(entry.at == block.entries[0].at for entry in block.entries)
-        if not block.horizons or own.size < _SERIES * count:
+    found = []
+    for block, part in zip(problem.blocks, problem.parts, strict=True):
+        own, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
+        if not block.moves or own.size < _SERIES * count:
             continue
         before, after = own[:-count] - own.mean(), own[count:] - own.mean()
         # of each coordinate with itself one instant later

@@ -75,11 +75,8 @@ class _Series(NamedTuple):
 
 def _series(problem: Problem, predictions: Array, paths: bool) -> Iterator[_Series]:
     """Readings of the fitted sets that move, or that rest, one by one."""
-    start = 0
-    for block in problem.blocks:
-        part = slice(start, start + len(block.entries))
-        start = part.stop
-        if block.horizons != paths:
+    for block, part in zip(problem.blocks, problem.parts, strict=True):
+        if block.moves != paths:
             continue
         found = []
         for name in dict.fromkeys(entry.series for entry in block.entries):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import casadi as ca
@@ -57,7 +56,7 @@ def felt(model: FingerModel, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
             acting[j] = 0.0
         arm: ca.SX | float = source.arms[pulling[0]]
         if made.parameters.is_runtime("tendon_offset"):
-            arm = math.copysign(1.0, source.arms[pulling[0]]) * p[model.p_names.index("tendon_offset [m]")]
+            arm = p[model.p_names.index("tendon_offset [m]")]  # of a pair, whose first tendon has it
         acting[pulling[0]] = state / arm
     return acting
 

@@ -20,9 +20,10 @@ from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.data import UNIT_OF, Reading, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
-from continuum_grasp.identification.rows import Rows, Shapes, split_unit
+from continuum_grasp.identification.rows import Rows, Shapes
 from continuum_grasp.identification.start import MeasuredStart
 from continuum_grasp.identification.unknowns import DEADBAND, START, Unknown
+from continuum_grasp.labels import split_unit
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.trajectory import acting_input, limit_warnings
@@ -33,7 +34,7 @@ Array = NDArray[np.float64]
 class PathBlock(Block):
     """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated."""
 
-    horizons = ordered = True
+    moves = ordered = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
         if any(one.target == DEADBAND for one in unknowns):

@@ -56,7 +56,8 @@ class Solution(NamedTuple):
 class Problem:
     """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
 
-    The first ``shared`` unknowns are those of all sets, the others of one set each.
+    The first ``shared`` unknowns are those of all sets, the others of one set each. ``parts`` are the entries of each
+    set among all.
 
     Raises
     ------
@@ -81,9 +82,9 @@ class Problem:
             raise InputError("no row is to be fitted", key="data")
         names = [entry.group for entry in self.entries]
         ends = np.cumsum([len(block.entries) for block in self.blocks])
-        self._parts = [slice(end - len(block.entries), end) for block, end in zip(self.blocks, ends, strict=True)]
+        self.parts = [slice(end - len(block.entries), end) for block, end in zip(self.blocks, ends, strict=True)]
         self._sought = np.ones(len(self.unknowns), dtype=bool)
-        for own_columns, part in zip(self._columns, self._parts, strict=True):
+        for own_columns, part in zip(self._columns, self.parts, strict=True):
             # what only a set that is not fitted has would drift in a search that does not see it
             self._sought[own_columns[own_columns >= self.shared]] = self.fitted[part].any()
         self.groups = {name: np.array([one == name for one in names]) for name in dict.fromkeys(names)}
@@ -100,7 +101,7 @@ class Problem:
     def series(self) -> list[NDArray[np.intp]]:
         """Of each set whose entries follow one another, the number (T, readings) that they have among the fitted."""
         rows = np.cumsum(self.fitted) - 1
-        own = [(block, rows[part][self.fitted[part]]) for block, part in zip(self.blocks, self._parts, strict=True)]
+        own = [(block, rows[part][self.fitted[part]]) for block, part in zip(self.blocks, self.parts, strict=True)]
         return [
             found.reshape(-1, len({entry.series for entry in block.entries}))
             for block, found in own
@@ -119,7 +120,7 @@ class Problem:
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n); zeros for sets of which no entry is chosen."""
         y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
-        for block, part, columns in zip(self.blocks, self._parts, self._columns, strict=True):
+        for block, part, columns in zip(self.blocks, self.parts, self._columns, strict=True):
             if chosen is None or chosen[part].any():
                 y[part], jacobian[part, columns] = block.predict(values[columns])
         return y, jacobian
@@ -162,7 +163,7 @@ class Problem:
         What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
         """
         values = values.copy()
-        for block, part, columns in zip(self.blocks, self._parts, self._columns, strict=True):
+        for block, part, columns in zip(self.blocks, self.parts, self._columns, strict=True):
             own = columns >= self.shared
             if self.fitted[part].any() or not own.any():
                 continue

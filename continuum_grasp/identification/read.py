@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.commands import InputNames
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
-from continuum_grasp.identification.rows import split_unit
 from continuum_grasp.identification.table import Table, read_table
+from continuum_grasp.labels import name_of, split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
     Column,
@@ -171,19 +170,19 @@ def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key
 
 def _commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
     """The scene under commands that were logged, smooth between their instants."""
-    names = InputNames.of(scene)
-    unknown = [name for name in commands if name not in names.entries]
+    taken, names = scene.finger.input_key, [name_of(label) for label in scene.finger.input_labels]
+    unknown = [name for name in commands if name not in names]
     if unknown:
-        message = f"{unknown[0]} is no command of the drives; expected {', '.join(names.entries)}"
+        message = f"{unknown[0]} is no command of the drives; expected {', '.join(names)}"
         raise InputError(message, key=f"{key}.conditions")
-    missing = [name for name in names.entries if name not in commands]
+    missing = [name for name in names if name not in commands]
     if missing:
         raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
     if np.any(np.diff(t) <= 0.0):
         raise InputError("instants must increase", file=file)
-    given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names.entries]
+    given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
     try:
-        return scene.changed({"actuation": {names.key: given if names.several else given[0]}})
+        return scene.changed({"actuation": {taken: given[0] if taken == "tip_moment" else given}})
     except InputError as error:
         raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
 

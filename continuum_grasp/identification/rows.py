@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.tendon_friction import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under, friction_of
@@ -54,7 +56,7 @@ class Rows:
         conditions: Mapping[str, ArrayLike] | None = None,
         rows: int = 1,
     ) -> None:
-        self.scene, self._unknowns, self.count, key = scene, list(unknowns), rows, f"{name}.conditions"
+        self.scene, self.unknowns, self.count, key = scene, list(unknowns), rows, f"{name}.conditions"
         given = dict(conditions or {})
         plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
         entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
@@ -96,7 +98,7 @@ class Rows:
         """Values z (nz,) of a row and their derivative (nz, unknowns)."""
         z = self._own * self._table[row] + self._derivative @ values
         derivative = self._derivative
-        for k, one in enumerate(self._unknowns):
+        for k, one in enumerate(self.unknowns):
             if one.target == DEADBAND:
                 derivative = derivative.copy()
                 z[:2], derivative[:2, k] = _behind_deadband(z[0], z[1], values[k])
@@ -156,9 +158,9 @@ class Shapes:
         # Measured shapes were pulled, unless the scene says otherwise.
         own = {} if initial.reached_by is None else friction_of(initial, model)
         start = equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **own)
-        self._history = start.history
-        self._last: list[tuple[Array, Array]] = [(start.q, rows.nominal)] * rows.count
-        self._first = start.q, rows.nominal
+        count = len(rows.unknowns)
+        flat = [np.zeros((size, count)) for size in (rows.nominal.size, model.n, start.history.size)]
+        self._last = [Resting(rows.nominal, start.q, start.history, *flat)] * rows.count
         q, u, w, p = symbols(model)
         z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
         still, given = ca.SX(model.n, 1), (history,) if start.history.size else ()
@@ -169,7 +171,7 @@ class Shapes:
         carried = ca.SX(start.history.size, 1)
         if start.history.size:
             slid = model.sliding()(q, u, p)
-            carried = ca.vertcat(ca.fmin(ca.fmax(history[:-1] + history[-1] * slid, -1.0), 1.0) - slid, 1.0)
+            carried = ca.vertcat(clipped(history[:-1] + history[-1] * slid) - slid, 1.0)
         self._carried = with_slopes("carried", carried, q, z, history)
 
     def all(self, values: Array) -> Iterator[Resting]:
@@ -180,35 +182,27 @@ class Shapes:
         SolverError
             If one cannot be followed there.
         """
-        none = np.zeros((self._history.size, len(values)))
-        if not self._sequence:
-            for row in range(self.rows.count):
-                z, by_values = self.rows.at(row, values)
-                q, before = self._last[row]
-                resting = self._follow(q, before, z, by_values, self._history, none)
-                self._last[row] = resting.q, z
-                yield resting
-            return
-        # The first row from the scene's own start, whose history it has; each of the others from the one before.
-        z, by_values = self.rows.at(0, values)
-        resting = self._follow(*self._first, z, by_values, self._history, none)
-        self._first = resting.q, z
-        yield resting
-        for row in range(1, self.rows.count):
+        resting = self._last[0]
+        for row in range(self.rows.count):
             z, by_values = self.rows.at(row, values)
-            resting = self._next(resting, z, by_values)
+            # Of a sequence the first row has the scene's own history, each of the others that of the one before.
+            carried = self._sequence and row > 0
+            resting = self._follow(resting if carried else self._last[row], z, by_values, carried)
+            if not carried:
+                self._last[row] = resting
             yield resting
 
-    def _next(self, before: Resting, z: Array, by_values: Array) -> Resting:
-        """The row after another, in steps that each carry the friction on."""
-        done, step = 0.0, 1.0
-        state = before
+    def _follow(self, before: Resting, z: Array, by_values: Array, carried: bool) -> Resting:
+        """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""
+        done, step, state = 0.0, 1.0, before
         while done < 1.0:
             step = min(step, 1.0 - done)
-            share = 1.0 if step == 1.0 - done else done + step
-            target = before.z + share * (z - before.z)
-            slope = before.by_z + share * (by_values - before.by_z)
-            history, by_history = self._carry(state)
+            # the last step ends at z itself, not at a rounding of it
+            target, slope = z, by_values
+            if step < 1.0 - done:
+                share = done + step
+                target, slope = before.z + share * (z - before.z), before.by_z + share * (by_values - before.by_z)
+            history, by_history = self._carry(state) if carried else (state.history, state.by_history)
             q = self._newton(state.q, target, history)
             if q is None:
                 step *= 0.5
@@ -220,23 +214,6 @@ class Shapes:
     def _carry(self, state: Resting) -> tuple[Array, Array]:
         history, by_q, by_z, by_history = (np.array(v) for v in self._carried(state.q, state.z, state.history))
         return history.ravel(), by_q @ state.by_q + by_z @ state.by_z + by_history @ state.by_history
-
-    def _follow(
-        self, q: Array, before: Array, z: Array, by_values: Array, history: Array, by_history: Array
-    ) -> Resting:
-        """An equilibrium at z from one at ``before``, under one history."""
-        done, step = 0.0, 1.0
-        while done < 1.0:
-            step = min(step, 1.0 - done)
-            # the last step ends at z itself, not at a rounding of it
-            target = z if step == 1.0 - done else before + (done + step) * (z - before)
-            found = self._newton(q, target, history)
-            if found is None:
-                step *= 0.5
-                _check_step(step)
-                continue
-            q, done, step = found, done + step, 2.0 * step
-        return self._resting(q, z, by_values, history, by_history)
 
     def _resting(self, q: Array, z: Array, by_values: Array, history: Array, by_history: Array) -> Resting:
         # implicit function theorem: Q(q, z, history) = 0
@@ -293,9 +270,3 @@ def symbols(model: FingerModel, first: str = "q") -> list[ca.SX]:
     """Symbols q, or x, and u, w and p of a model."""
     sizes = {first: model.n if first == "q" else model.nx, "u": model.nu, "w": model.nw, "p": model.np}
     return [ca.SX.sym(name, size) for name, size in sizes.items()]
-
-
-def split_unit(label: str) -> tuple[str, str]:
-    """Name and unit of ``"name [unit]"``."""
-    name, _, unit = label.partition(" [")
-    return name, unit.rstrip("]")

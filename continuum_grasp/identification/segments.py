@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
-from continuum_grasp.identification.commands import InputNames
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.graded import ends
@@ -73,12 +72,12 @@ _SHOWS = {
 
 def base_of(scene: Scene) -> Array:
     """Commands at which the tendons are just taut."""
-    names, finger = InputNames.of(scene), scene.finger
-    tendons = finger.tendon_list
-    base = np.zeros(len(names.entries))
-    if names.key == "tensions":
+    finger = scene.finger
+    tendons, key = finger.tendon_list, finger.input_key
+    base = np.zeros(len(finger.input_labels))
+    if key == "tensions":
         return np.array([max(one.min_tension, _BASE * one.max_tension) for one in tendons])
-    if names.key in ("torques", "currents") and finger.winches[0].arrangement == "per_tendon":
+    if key in ("torques", "currents") and finger.winches[0].arrangement == "per_tendon":
         for k, drive in enumerate(finger.winches):
             if isinstance(drive, MotorDrive):
                 base[k] = _BASE * tendons[k].max_tension * drive.winch_radius / (drive.torque_constant or 1.0)
@@ -87,37 +86,41 @@ def base_of(scene: Scene) -> Array:
 
 def patterns_of(scene: Scene) -> list[Pattern]:
     """To one side, to the other, and both tendons together."""
-    names, finger = InputNames.of(scene), scene.finger
-    count, tendons = len(names.entries), finger.tendon_list
+    finger = scene.finger
+    tendons, key = finger.tendon_list, finger.input_key
     model = FingerModel(scene, input_rates=False)
     bend = float(sum(model.ranges))
+    directions = {"to the left": 1.0, "to the right": -1.0}
     if not tendons:
         most = bend * finger.rod.stiffness / finger.rod.length
-        return [Pattern("to the left", np.array([1.0]), most), Pattern("to the right", np.array([-1.0]), most)]
+        return [Pattern(name, np.array([way]), most) for name, way in directions.items()]
     sides = np.array([np.sign(ends(one.offset)[0]) for one in tendons])
     strong = max(one.max_tension for one in tendons)
-    found: list[Pattern] = []
-    if names.key == "tensions":
-        for side, name in ((1.0, "to the left"), (-1.0, "to the right")):
-            if np.any(sides == side):
-                found.append(Pattern(name, (sides == side).astype(float), strong))
-        return found + [Pattern("together", np.ones(count), strong)] * (len(found) > 1)
+    if key == "tensions":
+        return _of_sides(sides, directions, 0.0, strong)
     winches = model.structure.winches
     # Cable for the whole bending range, and for the elongation by the greatest tension.
     offset = max(abs(at) for one in tendons for at in ends(one.offset))
     cable = bend * offset + strong / float(winches[0].stiffness)
     drive = finger.winches[0]
     if isinstance(drive, MotorDrive):
-        cable = cable / drive.winch_radius if names.key == "angles" else float(drive.limit or 0.0)
+        cable = cable / drive.winch_radius if key == "angles" else float(drive.limit or 0.0)
     if drive.arrangement == "one_pulley":
-        return [Pattern("to the left", np.array([1.0]), cable), Pattern("to the right", np.array([-1.0]), cable)]
+        return [Pattern(name, np.array([way]), cable) for name, way in directions.items()]
     # Those on the other side pay out what their path takes: they stay as taut as they are.
     bent = finger.rod.stiffness / (finger.rod.length * offset)
-    paid = 0.0 if names.key in ("torques", "currents") else offset / (offset + bent / float(winches[0].stiffness))
-    for side, name in ((1.0, "to the left"), (-1.0, "to the right")):
-        if np.any(sides == side):
-            found.append(Pattern(name, np.where(sides == side, 1.0, -paid), cable))
-    return found + [Pattern("together", np.ones(count), cable)] * (len(found) > 1)
+    paid = 0.0 if key in ("torques", "currents") else offset / (offset + bent / float(winches[0].stiffness))
+    return _of_sides(sides, directions, paid, cable)
+
+
+def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, most: float) -> list[Pattern]:
+    """One tendon each: those of a side pull while the others pay out a share of it, and all together."""
+    found = [
+        Pattern(name, np.where(sides == side, 1.0, -paid), most)
+        for name, side in directions.items()
+        if np.any(sides == side)
+    ]
+    return found + [Pattern("together", np.ones(sides.size), most)] * (len(found) > 1)
 
 
 class Design:
@@ -128,7 +131,6 @@ class Design:
 
     def __init__(self, scene: Scene, patterns: Sequence[Pattern], options: Excitation) -> None:
         self._scene, self.options, self._base = scene, options, base_of(scene)
-        self._names = InputNames.of(scene)
         taut = self._commanded([(0.0, self._base), (1.0, self._base)])
         self._model = FingerModel(taut, input_rates=False)
         self._forces = Signals(taut, self._model).w(0.0)[0]
@@ -240,7 +242,8 @@ class Design:
                 rows[-1] = row
         columns = np.array(rows).T
         given = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
-        actuation = {self._names.key: given if self._names.several else given[0]}
+        key = self._scene.finger.input_key
+        actuation = {key: given[0] if key == "tip_moment" else given}
         options = self.options
         duration = round(options.duration / options.sample) * options.sample
         return self._scene.changed({"actuation": actuation, "time": {"duration": duration, "step": options.sample}})

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import unit_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
@@ -190,7 +191,7 @@ def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
         raise InputError(f"{error.message}{hint}", key=f"{key}.name") from None
     if model.np != 1:
         raise InputError(f"{name} has {model.np} entries; only single numbers can be estimated", key=f"{key}.name")
-    return float(model.p_nominal[0]), model.p_names[0].partition("[")[2].rstrip("]")
+    return float(model.p_nominal[0]), unit_of(model.p_names[0])
 
 
 def _typical(scene: Scene, name: str) -> float:

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from continuum_grasp._lazy import lazy_names
-
-_MODULES = {
-    "continuum_grasp.planning.solve": ("plan",),
-    "continuum_grasp.planning.result": ("Constraint", "Plan", "PlanStatus"),
-}
-__all__ = [name for names in _MODULES.values() for name in names]
+from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.planning.result import Constraint as Constraint
@@ -18,4 +10,6 @@ if TYPE_CHECKING:
     from continuum_grasp.planning.result import PlanStatus as PlanStatus
     from continuum_grasp.planning.solve import plan as plan
 
+_MODULES = checked_imports(__name__)
+__all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
@@ -107,7 +108,7 @@ def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=axes.words(name))
     for limit in np.unique([*run.u_min, *run.u_max]):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
-    return axes.time_axes(ax, f"input [{axes.split_unit(run.u_names[0])[1]}]", run.name)
+    return axes.time_axes(ax, f"input [{unit_of(run.u_names[0])}]", run.name)
 
 
 def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
@@ -119,7 +120,7 @@ def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
     for column, name, color in zip(plan.u.T, plan.u_names, axes.colors(plan.u.shape[1]), strict=True):
         ax.plot(plan.t, column, color=color, linewidth=1.5, drawstyle=style, label=axes.words(name))
     ax.margins(x=0.0)
-    return axes.time_axes(ax, f"input [{axes.split_unit(plan.u_names[0])[1]}]", plan.name)
+    return axes.time_axes(ax, f"input [{unit_of(plan.u_names[0])}]", plan.name)
 
 
 def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
@@ -151,7 +152,7 @@ def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     if run.tip_reference is not None:
         size, name, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
     else:
-        name, unit = axes.split_unit(run.r_names[0])
+        name, unit = split_unit(run.r_names[0])
         name = name.rstrip("0123456789_")  # entries of one quantity differ in their number
         columns = [k for k, entry in enumerate(run.r_names) if entry.startswith(name)]
         size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
@@ -176,8 +177,8 @@ def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw the estimated disturbances of the first one's unit, with two standard deviations either way."""
     ax = axes.new_axes(ax)
     names = run.disturbance_names
-    unit = axes.split_unit(names[0])[1] if names else ""
-    chosen = [k for k, name in enumerate(names) if axes.split_unit(name)[1] == unit]
+    unit = unit_of(names[0]) if names else ""
+    chosen = [k for k, name in enumerate(names) if unit_of(name) == unit]
     for k, color in zip(chosen, axes.colors(len(chosen)), strict=True):
         value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import name_of, unit_of
 from continuum_grasp.plotting.drawing.axes import head, label, new_axes, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 
@@ -112,7 +113,7 @@ def plot_excitation(plan: ExcitationPlan, *, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 9.0, 3.8)
     looks = zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False)
     for values, name, color in looks:
-        ax.plot(plan.t, values, color=color, linewidth=1.2, label=name.partition(" [")[0])
+        ax.plot(plan.t, values, color=color, linewidth=1.2, label=name_of(name))
     for k, one in enumerate(plan.segments):
         if k % 2:
             ax.axvspan(one.start, one.end, color=GRAY, alpha=0.12, linewidth=0)
@@ -132,6 +133,6 @@ def plot_excitation(plan: ExcitationPlan, *, ax: Axes | None = None) -> Axes:
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
     ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
     ax.legend(loc="lower right", fontsize=8, frameon=False, ncols=4)
-    label(ax, "time [s]", f"command [{plan.command_names[0].partition('[')[2].rstrip(']')}]")
+    label(ax, "time [s]", f"command [{unit_of(plan.command_names[0])}]")
     head(ax, "Commands that show the unknowns")
     return ax

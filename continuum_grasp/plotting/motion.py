@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import split_unit
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
@@ -233,7 +234,7 @@ def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -
     True
     """
     ax = axes.new_axes(ax)
-    names = [axes.split_unit(name) for name in trajectory.x_names[: trajectory.n]]
+    names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
     values = np.asarray(trajectory.x)[:, : trajectory.n]
     alone = len(names) == 1  # which the axis names; the others have a legend
     for k, color in enumerate(axes.colors(trajectory.n)):

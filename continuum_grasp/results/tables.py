@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import split_unit
 from continuum_grasp.results.declared import Stored
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def _labels(result: Any, name: str, size: int) -> tuple[Array | None, Array | No
         return None, None
     if not all(isinstance(label, str) for label in labels):
         return np.asarray(labels), None
-    names, units = zip(*(_split(label) for label in labels), strict=True)
+    names, units = zip(*(split_unit(label) for label in labels), strict=True)
     return np.array(names, dtype=str), np.array(units, dtype=str) if any(units) else None
 
 
@@ -121,12 +122,6 @@ def _entries(result: Any, name: str, size: int) -> list[tuple[str, str]]:
     labels, units = _labels(result, name, size)
     texts = [str(k) for k in range(size)] if labels is None else [str(label) for label in labels.tolist()]
     return list(zip(texts, [""] * size if units is None else units.tolist(), strict=True))
-
-
-def _split(label: str) -> tuple[str, str]:
-    """``"name [unit]"`` as name and unit."""
-    name, bracket, unit = label.partition(" [")
-    return (name, unit[:-1]) if bracket and unit.endswith("]") else (label, "")
 
 
 def _unit(one: Stored) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.scene.damping import Damping
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.rod import Rod
@@ -298,6 +298,13 @@ class Finger(Value):
         if self.tendons is None:
             return "tip_moment"
         return self.winches[0].key if self.winches else "tensions"
+
+    @property
+    def input_labels(self) -> tuple[str, ...]:
+        """Name and unit of each of its inputs, as the model has them."""
+        word, unit = COMMANDS[self.input_key]
+        count = len(self.winches) or len(self.tendon_list)
+        return tuple(f"{word}_{k + 1} [{unit}]" for k in range(count)) or (f"{word} [{unit}]",)
 
     @property
     def input_words(self) -> str:

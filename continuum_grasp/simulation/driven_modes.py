@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
+from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.family import nodes_of
+from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.model.winches import compliance
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.static_shape import Equilibrium
@@ -46,16 +48,15 @@ def small_motions(found: Equilibrium) -> SmallMotions:
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core, n = Core(model, compiled=False), model.n
     mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)
-    # Friction acts as it does at rest.
     friction = found.friction_states
     if not model.structure.winches:
+        # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
         held = core.statics(q, u, w, p, *history)[1]
         return SmallMotions(mass, held, damping, held + _branches(model, p) if model.structure.bending_cells else None)
-    # Of a tendon's state z the cubic of a motion; its inverse.
-    states, of_tendons = friction.copy(), model.structure.tendon_friction_states
-    states[:of_tendons] = 2.0 * np.sin(np.arcsin(friction[:of_tendons]) / 3.0)
-    x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), states])
+    of_tendons = model.structure.tendon_friction_states
+    states = state_of(friction[:of_tendons]), friction[of_tendons:]
+    x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
     stiffness, _, inertia, passive = (np.array(value) for value in model.stiffness_of_drives()(x, u, w, p))
     inertia = inertia.ravel()
     heavy = np.r_[np.ones(n, dtype=bool), inertia > 0.0]
@@ -104,7 +105,7 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
 def _branches(model: FingerModel, p: Array) -> Array:
     """Stiffness of the branches of dry friction in bending."""
     made, total = model.structure, np.zeros((model.n, model.n))
-    values = {label.split(" ")[0]: value for label, value in zip(model.p_names, p, strict=True)}
+    values = {name_of(label): value for label, value in zip(model.p_names, p, strict=True)}
     branches = enumerate(made.finger.damping.dry_friction, start=1)
     stiffness = sum(values.get(f"dry_friction_{k}_stiffness", one.stiffness) for k, one in branches)
     for cell in made.bending_cells:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,11 +12,13 @@ from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.static_shape import friction_states
 from continuum_grasp.simulation.statics import (
     equilibrium_held,
     equilibrium_under,
     friction_of,
     released_states,
+    statics_model,
 )
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = np.array(initial.coordinates, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
-        held = _statics_model(scene, model, loads=(*scene.loads, *initial.held_by))
+        held = statics_model(scene, model, (*scene.loads, *initial.held_by))
         acting = Signals(scene, held)
         w = acting.w(0.0)[0]
         if initial.motor_angles is None:
@@ -79,7 +79,8 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     elif initial.pose == "straight":
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
-    ways = _friction_states(initial, model, q, u)
+    p = np.array(model.p_nominal)
+    ways = friction_states(model, q, u, p, friction_history(initial, model, q, u, p))
     if stands is None:
         drives = model.drives_at(q, u, ways)
     else:
@@ -87,7 +88,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         drives = model.drives_at(q, at_rest, ways)
         drives = _with_motor_friction(model, drives, at_rest, u)
     # Tendon friction of a motion acts by another function of its states than that at rest.
-    count = sum(cells.states for cells in model.structure.cell_sets)
+    count = model.structure.tendon_friction_states
     return np.concatenate([q, qd, drives, state_of(ways[:count]), ways[count:]])
 
 
@@ -105,14 +106,6 @@ def _with_motor_friction(model: FingerModel, drives: list[float], at_rest: Array
     return found
 
 
-def _friction_states(initial: Initial, model: FingerModel, q: Array, u: Array) -> Array:
-    if not model.friction_names:
-        return np.zeros(0)
-    *states, moved = friction_history(initial, model, q, u, np.array(model.p_nominal))
-    slid = np.array(model.sliding()(q, u, model.p_nominal)).ravel()
-    return np.asarray(np.clip(states + moved * slid, -1.0, 1.0))
-
-
 def friction_history(initial: Initial, model: FingerModel, q: Array, u: Array, p: Array) -> Array:
     """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
 
@@ -128,7 +121,7 @@ def friction_history(initial: Initial, model: FingerModel, q: Array, u: Array, p
     elif initial.reached_by == "pulling":
         history[count] = 1.0
     else:
-        history[:count] = released_states(np.array(model.sliding()(q, u, p)).ravel())
+        history[:count] = released_states(model, q, u, p)
     return history
 
 
@@ -139,12 +132,4 @@ def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
     return (
         f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "
         f"of the initial pose: use fidelity.family: {default_family(free_tip=True)}, or moments that grow from zero",
-    )
-
-
-def _statics_model(scene: Scene, model: FingerModel, **keywords: Any) -> FingerModel:
-    """The elements of a model under other loads, whose inputs have no rates."""
-    accuracy = model.structure.accuracy
-    return FingerModel(
-        scene, family=model.family, elements=model.lengths, accuracy=accuracy, input_rates=False, **keywords
     )

@@ -171,8 +171,7 @@ def damping_matrix(core: Core, q: Array, u: Array, p: Array, qd: Array | None = 
         x = np.zeros(core.model.nx)
         x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
         return np.asarray(core.internal(x, u, p)[2])
-    # Linear in the rates.
-    # At rest it is not zero where the tip's curvature moves with the input.
+    # Linear in the rates; at rest it is not zero where the tip's curvature moves with the input.
     at_rest = core.damping(q, np.zeros_like(q), u, p)
     return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T
 

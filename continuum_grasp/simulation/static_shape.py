@@ -87,11 +87,7 @@ class Equilibrium(Result):
     @property
     def friction_states(self) -> Array:
         """Which way friction acts, per friction state, from -1 to 1 [1]."""
-        if not self.history.size:
-            return np.zeros(0)
-        *states, moved = self.history
-        slid = np.array(self.model.sliding()(self.q, self.u, self.p)).ravel()
-        return np.asarray(np.clip(states + moved * slid, -1.0, 1.0))
+        return friction_states(self.model, self.q, self.u, self.p, self.history)
 
     @cached_property
     def tensions(self) -> Array | None:
@@ -183,3 +179,16 @@ class Equilibrium(Result):
         """World positions (points, 2) along the backbone [m]."""
         s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]
         return np.array(Core(self.model, compiled=False).batch("position", self.q, self.u, s, self.p))
+
+
+def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
+    """What slid since the finger was straight, per presliding, and its bends above rest, per those that slide."""
+    return np.array(model.sliding()(q, u, p)).ravel()
+
+
+def friction_states(model: FingerModel, q: Array, u: Array, p: Array, history: Array) -> Array:
+    """Which way friction acts in a shape, per friction state, by its history (states + 1,) or none."""
+    if not history.size:
+        return np.zeros(0)
+    *states, moved = history
+    return np.asarray(np.clip(states + moved * slid(model, q, u, p), -1.0, 1.0))

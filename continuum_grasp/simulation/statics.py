@@ -19,7 +19,7 @@ from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
-from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.static_shape import Equilibrium, slid
 from continuum_grasp.simulation.trajectory import LOST, limit_warnings
 
 Array = NDArray[np.float64]
@@ -84,18 +84,8 @@ class Search:
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
         residual = float(np.abs(missing).max() / self._scale(q))
-        found = Equilibrium(
-            q,
-            self._u,
-            self._w,
-            self._p,
-            steady,
-            margin,
-            residual,
-            iterations,
-            self._model,
-            history=self._history,
-        )
+        given = self._u, self._w, self._p
+        found = Equilibrium(q, *given, steady, margin, residual, iterations, self._model, history=self._history)
         return replace(found, warnings=(*warnings, *map(str, found.limits)))
 
     def _checked(self, q: Array) -> tuple[str, ...]:
@@ -251,14 +241,7 @@ def equilibrium_held(
     same = scene.replaced(
         finger=scene.finger.replaced(tendons=locked_tendons), actuation={"lengths": lengths}, initial=initial
     )
-    locked = FingerModel(
-        same,
-        family=model.family,
-        elements=model.lengths,
-        accuracy=model.structure.accuracy,
-        loads=model.loads,
-        input_rates=False,
-    )
+    locked = statics_model(same, model, model.loads)
     # Moments that are inputs come after the drives.
     u = Signals(same, locked).u(0.0)[0]
     friction = friction_of(initial, locked)
@@ -276,6 +259,14 @@ def equilibrium_held(
             )
         held[k] = 0.5 * (least + greatest)
     return replace(found, model=model, u=held, p=np.array(model.p_nominal))
+
+
+def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> FingerModel:
+    """The elements of a model under other loads, whose inputs have no rates."""
+    accuracy = model.structure.accuracy
+    return FingerModel(
+        scene, family=model.family, elements=model.lengths, accuracy=accuracy, loads=loads, input_rates=False
+    )
 
 
 def _locked(tendons: Any) -> Any:
@@ -355,24 +346,25 @@ def equilibrium_under(
     start = None if guess is None else real_array("guess", guess)
     if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
-    history = np.zeros(model.structure.friction_states)
-    if not history.size:
-        search = Search(model, given, forces, p, history)
-        return search.find(search.rest() if start is None else start, stable, side)
-    if reached_by == "state":
+    none = np.zeros(model.structure.friction_states)
+    history = none
+    if none.size and reached_by == "state":
         states = np.array([] if friction_states is None else friction_states, dtype=float).ravel()
-        if states.shape != history.shape:
-            raise InputError(f"friction_states: expected {history.size} entries, got {states.tolist()}")
-        search = Search(model, given, forces, p, np.append(states, 0.0))
-        return search.find(search.rest() if start is None else start, stable, side)
-    # Pulled from straight: states are what was slid and bent, most at an end of their range.
-    search = Search(model, given, forces, p, np.append(history, 1.0))
+        if states.shape != none.shape:
+            raise InputError(f"friction_states: expected {none.size} entries, got {states.tolist()}")
+        history = np.append(states, 0.0)
+    elif none.size:
+        # Pulled from straight: states are what was slid and bent, most at an end of their range.
+        history = np.append(none, 1.0)
+    search = Search(model, given, forces, p, history)
     found = search.find(search.rest() if start is None else start, stable, side)
-    states = released_states(_slid(model, found.q, given, p))
-    for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
+    if reached_by != "releasing" or not none.size:
+        return found
+    states = released_states(model, found.q, given, p)
+    for _ in range(_MOST_TURNS):
         found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
         # The shape decides which way the tendons slid back; it seldom changes that.
-        before, states = states, released_states(_slid(model, found.q, given, p))
+        before, states = states, released_states(model, found.q, given, p)
         if np.array_equal(before, states):
             break
     return found
@@ -424,21 +416,17 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         given = model, factor * u, factor * w, scaled
         q = path[-1].q if path else Search(*given, np.zeros(0)).rest()
         # A friction state follows what slides in the step as a stop does.
-        history = np.append(states - _slid(model, q, u, scaled), 1.0) if states.size else states
+        history = np.append(states - slid(model, q, u, scaled), 1.0) if states.size else states
         path.append(Search(*given, history).find(q, True, side))
         states = path[-1].friction_states
     return path
 
 
-def released_states(slid: Array) -> Array:
-    """Friction states at a shape that was reached from far beyond it, by what ``slid`` since the finger was straight.
+def released_states(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
+    """Friction states at a shape that was reached from far beyond it.
 
     A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it slid.
     Where nothing slid at all, nothing says from which side.
     """
-    return np.asarray(np.where(np.abs(slid) > _SAME_STATE, -np.sign(slid), 0.0))
-
-
-def _slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
-    """What slid since the finger was straight, per presliding, and its bends above rest, per those that slide."""
-    return np.array(model.sliding()(q, u, p)).ravel()
+    own = slid(model, q, u, p)
+    return np.asarray(np.where(np.abs(own) > _SAME_STATE, -np.sign(own), 0.0))

@@ -15,6 +15,7 @@ from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.excitation import _predicted, _shares_of_time, csv_of, yaml_of
 from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.segments import base_of, patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.simulation.initial import initial_state
 from tests.identification_cases import coverage, slope_error
@@ -195,6 +196,17 @@ def loop(drive: dict, names: list[str], measured: list[dict], **keys) -> Identif
         data=[{"kind": "trajectory", "sigma": 3e-4, "measured": measured, **keys}],
         excitation={"duration": 3.0, "sample": 0.015, "reach": 0.5},
     )
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_the_other_winch_pays_out_what_its_tendon_needs(side):
+    """Without friction the tendon of the other side stays at its pretension, however far the finger is bent."""
+    scene = driven(WINCHES, "lengths", [], friction=0.0)
+    pattern = patterns_of(scene)[side]
+    commands = base_of(scene) + 5e-3 * pattern.commands
+    pulled = cg.equilibrium(scene.changed({"actuation": {"lengths": commands.tolist()}}))
+    assert pulled.tensions[1 - side] == pytest.approx(WINCHES["pretension"], rel=1e-9)
+    assert pulled.tensions[side] > 2.0 * WINCHES["pretension"]
 
 
 def test_commands_stay_within_limits_and_predict_what_a_fit_reports():

@@ -176,6 +176,17 @@ def test_damped_sine_is_recovered_within_its_deviations():
     assert exact.damping_ratio == pytest.approx(0.3 / math.hypot(0.3, 2.0 * math.pi * 3.05))
 
 
+def test_deviations_of_a_damped_sine_pay_for_its_six_unknowns():
+    """Squared errors of frequency and decay rate are as large as reported in the mean, also of short records."""
+    t, rng = np.linspace(0.0, 2.0, 20), np.random.default_rng(6)
+    exact = np.exp(-0.4 * t) * np.cos(2.0 * math.pi * 1.5 * t + 0.3) + 0.1
+    fits = [fit_damped_sine(t, exact + 1e-3 * rng.standard_normal(t.size)) for _ in range(200)]
+    errors = np.array([(fit.frequency - 1.5, fit.decay_rate - 0.4) for fit in fits])
+    reported = np.array([fit.deviations for fit in fits])
+    # Three standard deviations of 200 repeats.
+    assert np.mean(errors**2, axis=0) / np.mean(reported**2, axis=0) == pytest.approx([1.0, 1.0], abs=0.3)
+
+
 def test_noise_alone_is_no_vibration():
     t = np.arange(0.0, 5.0, 0.01)
     with pytest.raises(SolverError, match="no damped vibration"):

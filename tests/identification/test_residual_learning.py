@@ -11,7 +11,7 @@ from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification import learn_residual
 from continuum_grasp.identification.control_logs import read_logs
-from continuum_grasp.identification.residual import RidgeProblem
+from continuum_grasp.identification.learning import RidgeProblem
 from continuum_grasp.scene.load import load
 
 FOLDER = Path(__file__).parents[2] / "configs/mpc"

@@ -181,6 +181,36 @@ def test_critical_loads_are_bounded_from_above(family, elements, euler, greenhil
         assert not above, name
 
 
+def test_weight_input_and_loads_of_a_path_grow_together():
+    """Each shape is that of the exact rod under all of them times the factor."""
+
+    def loaded(factor: float):
+        keys = {"gravity": (0.0, -0.8 * factor), "loads": [force(1.0, (0.0, 0.3 * factor))]}
+        return rod_scene(UNIT, "matched_clothoid", 6, actuation={"tip_moment": 0.7 * factor}, **keys)
+
+    factors = [0.4, 1.5, 0.0]
+    for factor, found in zip(factors, equilibrium_path(loaded(1.0), factors), strict=True):
+        assert found.tip == pytest.approx(solve_elastica(loaded(factor)).tip, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("family", "elements", "share", "near"),
+    [
+        ("matched_clothoid", 2, 0.97, False),
+        ("matched_clothoid", 2, 0.99, True),
+        # Two arcs buckle at 1.05 of Euler's load: what is left there is their own error, which they warn of.
+        ("arc", 2, 0.95, False),
+        ("arc", 2, 1.0, True),
+    ],
+)
+def test_a_column_near_its_buckling_load_says_so(family, elements, share, near):
+    """The stiffness that is left falls in proportion to the load, to zero at the critical one."""
+    found = equilibrium(pressed(share * EULER, family, elements))
+    assert found.stable
+    said = [one for one in found.warnings if "near a buckling load" in one]
+    assert len(said) == near
+
+
 def test_the_path_leaves_the_straight_one_where_it_buckles():
     """The weight grows; before the critical one the rod stands, beyond it has the elastica's tip."""
     slopes = (1.0, 1.5, 2.0, 2.5)

@@ -33,6 +33,15 @@ def test_shapes_at_rest_are_those_of_closed_forms(name):
         assert found.friction_states == pytest.approx(np.sign(angle) * (1 if reached_by == "pulling" else -1))
 
 
+def test_where_nothing_slid_friction_acts_neither_way():
+    """Two tendons that pull alike leave the finger straight, whatever it is said to have come from."""
+    made = model(0.2)
+    for how in ("pulling", "releasing"):
+        found = equilibrium_under(made, [8.0, 8.0], np.zeros(made.nw), reached_by=how)
+        assert bend(made, found.q) == pytest.approx(0.0, abs=1e-9)
+        assert found.friction_states == pytest.approx(0.0, abs=1e-6)
+
+
 def plays(values, radius, first):
     """The play operator of a radius (or radii) along a way that starts by sliding: ``first`` is its sign then."""
     z = values[0] + first * radius

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.labels import name_of
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
 if TYPE_CHECKING:
@@ -122,15 +123,9 @@ def time_axes(ax: Axes, text: str, name: str | None, columns: int = 4) -> Axes:
     return ax
 
 
-def split_unit(name: str) -> tuple[str, str]:
-    """Name and unit of ``"name [unit]"``; the unit is empty where there is none."""
-    head, bracket, rest = name.partition("[")
-    return head.strip(), rest.rpartition("]")[0].strip() if bracket else ""
-
-
 def words(name: str) -> str:
     """``"tip_moment [N m]"`` as it is written in a legend: without unit and underscores."""
-    return split_unit(name)[0].replace("_", " ")
+    return name_of(name).replace("_", " ")
 
 
 def symbol(name: str) -> str:

@@ -1,0 +1,96 @@
+"""What a fit says against its own intervals, and the variance of a robust one."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import scipy.stats
+from scipy.optimize import brentq
+
+from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.inference import _outliers, _sets, infer, model_error_warnings
+from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.unknowns import Unknown
+
+ONE = Unknown("level", "m", "level", 1.0, False, 0.0, -np.inf, np.inf, 1.0)
+
+
+class Level(Block):
+    """Numbers that are predicted by one unknown, their mean."""
+
+    def __init__(self, values: np.ndarray, name: str = "level", sigma: float | None = 1.0) -> None:
+        self.name = name
+        self.entries = [
+            Entry(f"{name} {k}", "levels", "m", float(v), True, sigma, float(k)) for k, v in enumerate(values)
+        ]
+
+    def predict(self, values):
+        count = len(self.entries)
+        return np.full(count, values[0]), np.ones((count, 1))
+
+
+@pytest.mark.parametrize(("ratio", "reported"), [(7.5, False), (8.5, True)])
+def test_sets_that_differ_are_reported_by_the_analysis_of_variance(ratio, reported):
+    """Three sets of unequal size, moved apart until scipy's ratio of variances is the one asked for."""
+    rng = np.random.default_rng(4)
+    noise = [rng.standard_normal(count) for count in (6, 9, 4)]
+    shift = np.array([1.0, -0.3, 0.4])
+
+    def moved(by: float) -> list[np.ndarray]:
+        return [one + by * step for one, step in zip(noise, shift, strict=True)]
+
+    by = brentq(lambda by: scipy.stats.f_oneway(*moved(by)).statistic - ratio, 0.5, 10.0)
+    sets = moved(by)
+    problem = Problem([Level(one, f"set {k}") for k, one in enumerate(sets)], [ONE], "squares")
+    found = _sets(problem, np.concatenate(sets))
+    assert len(found) == reported
+    assert all(f"ratio of variances {ratio:.0f}" in one for one in found)
+
+
+def test_what_a_finer_model_would_move_is_exact_of_a_linear_one():
+    rng = np.random.default_rng(7)
+    jacobian, moved = rng.standard_normal((12, 3)), np.array([0.3, -0.02, 0.5])
+    coarse = rng.standard_normal(12)
+    unknowns = [ONE._replace(name=name) for name in ("a", "b", "c")]
+    # The same data are met by parameters that are so much greater, where predictions are so much smaller.
+    (found,) = model_error_warnings(unknowns, np.array([0.2, 0.1, np.inf]), jacobian, coarse, coarse - jacobian @ moved)
+    assert re.findall(r"(\w) by (-?[\d.]+) \(([\d.]+) deviations\)", found) == [("a", "0.3", "1.5")]
+    assert not model_error_warnings(unknowns, np.full(3, 0.51), jacobian, coarse, coarse - jacobian @ moved)
+
+
+def test_outliers_are_found_among_many_and_not_in_normal_noise():
+    rng = np.random.default_rng(11)
+    reported = 0
+    for _ in range(200):
+        noise = rng.standard_normal(400)
+        reported += bool(_outliers(Problem([Level(noise)], [ONE], "squares"), noise))
+    assert reported <= 10
+    # A tenth of the readings far off must not hide each other, whatever the unit of the deviation.
+    noise = 1e-3 * rng.standard_normal(400)
+    noise[::10] += 8e-3 * rng.choice([-1.0, 1.0], 40)
+    noise[70] = 0.1
+    (found,) = _outliers(Problem([Level(noise)], [ONE], "squares"), noise)
+    assert int(found.split()[0]) >= 38
+    assert found.endswith("worst: level 70")
+
+
+@pytest.mark.parametrize("freedom", [3, 30])
+def test_the_deviation_of_a_robust_fit_is_that_of_the_jackknife(freedom):
+    """Huber's location of a sample of Student's t, found anew without each of the numbers in turn."""
+    values = scipy.stats.t.rvs(freedom, size=400, random_state=np.random.default_rng(freedom))
+
+    def location(sample: np.ndarray) -> float:
+        return float(brentq(lambda at: np.sum(np.clip(sample - at, -1.345, 1.345)), -3.0, 3.0, xtol=1e-14))
+
+    without = np.array([location(np.delete(values, k)) for k in range(values.size)])
+    jackknife = np.sqrt((values.size - 1) * np.var(without))
+    problem = Problem([Level(values)], [ONE], "huber")
+    found = problem.solve(lambda share: None)
+    assert found.values[0] == pytest.approx(location(values), abs=2e-4)
+    residuals = found.predictions - values
+    deviation = infer([ONE], found.values, found.jacobian, residuals, found.inflation).deviations[0]
+    assert deviation == pytest.approx(jackknife, rel=0.02)
+    plain = infer([ONE], found.values, found.jacobian, residuals).deviations[0]
+    assert (plain > 1.2 * jackknife) == (freedom == 3)
