@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import PENETRATION
 from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp, across, known_contacts
-from continuum_grasp.grasp.certificate.reserve import Limits, Reserve, greatest_reserve
+from continuum_grasp.grasp.certificate.reserve import NEAR, Limits, Reserve, greatest_reserve
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import slope
 from continuum_grasp.scene.families import FAMILIES
@@ -31,14 +31,17 @@ YIELDS = 0.1
 """How far an object that fingers alone hold may move as friction changes: part of its size, and rad."""
 EXACT = 1e-8
 """Residual of the equations of a posture, per what its checks are relative to: a hundredth of their limits."""
-_STEPS = 25
-"""Steps to one posture: 3 to 8 are enough next to one that is known."""
+_STEPS, _LAST = 30, 8
+"""Steps to one posture, of which the last ones only balance: 3 to 8 are enough next to one that is known."""
+_SHORTER, _NEARER, _NEAREST = 0.5, 10.0, 1.0
+"""Length of a step, per the last one, above which the cost of its length rises by a factor, and its greatest one [1]:
+slack winches need 0.1."""
 _CLOSE_BY = 0.03
 """Step after which slopes are taken anew (scaled unknowns)."""
 _FARTHEST = 0.3
 """Greatest change of an unknown in one step: bends of elements [rad], parts of the greatest tension and so on."""
-_SETTLED = 1e-6
-"""Change of the reserve [1] below which a posture is taken for the best one."""
+_SETTLED = 2e-6
+"""What a further step promises of the reserve [1] below which a posture is taken for the best one."""
 _DIFFERENCE = 1e-6
 """Of the difference quotients of the equations (scaled unknowns): what it leaves out is 1e-6 of them."""
 _RANK = 1e-9
@@ -261,9 +264,9 @@ class Equations:
 
     def solved(self, states: Array) -> Posture | None:
         """The posture with states, and what it is to first order; None where no steps lead to one."""
-        x, known, moved = self.start.copy(), -np.inf, np.inf
+        x, moved, slow, rho = self.start.copy(), np.inf, False, NEAR
         slopes: tuple[Array, Array] | None = None
-        for _ in range(_STEPS):
+        for step in range(_STEPS):
             bodies = [finger.bent(x, states) for finger in self.fingers]
             body = PlacedObject(self.scene.object, self.pose_of(x))
             news = [finger.guard(one, body) for finger, one in zip(self.fingers, bodies, strict=True)]
@@ -271,19 +274,27 @@ class Equations:
             if not (np.isfinite(zero).all() and np.isfinite(spare).all()):
                 break
             # Close to the posture slopes hardly change; the last ones are its own.
-            fresh = slopes is None or any(news) or moved > _CLOSE_BY
+            fresh = slopes is None or slow or any(news) or moved > _CLOSE_BY
             while True:
                 if fresh or slopes is None:
                     slopes = self.jacobians(x, states, bodies)
-                linear = _Linear(self, x, zero, spare, *slopes)
-                reserve, along = float(linear.found.reserve[0]), linear.along
-                settled = np.abs(zero).max() < EXACT and abs(reserve - known) < _SETTLED and np.abs(along).max() < 1e-3
+                linear = _Linear(self, x, zero, spare, *slopes, rho)
+                reserve = float(linear.found.reserve[0])
+                # Along a flat ridge the reserve settles before the unknowns do.
+                within = spare.min() > -EXACT / _GUARD_UNIT - 1.01 * float(linear.found.excess[0])
+                # Where it does not settle, any posture that balances: its own reserve is a lower bound.
+                best = within and (reserve - linear.reserve < _SETTLED or step > _STEPS - _LAST)
+                settled = best and np.abs(zero).max() < EXACT
                 if fresh or not settled:
                     break
                 fresh = True
             if settled:
-                return Posture(states, self.arrays(x, bodies), reserve, partial(linear.model, states, bodies))
-            known, far = reserve, np.abs(along).max()
+                return Posture(states, self.arrays(x, bodies), linear.reserve, partial(linear.model, states, bodies))
+            along = linear.least if best else linear.along
+            far = float(np.abs(along).max())
+            # Steps that do not become shorter go to and fro across a curved ridge: they must stay nearer.
+            slow = far > _SHORTER * moved
+            rho = min(_NEARER * rho, _NEAREST) if slow else rho
             x, moved = x + min(1.0, _FARTHEST / max(far, 1e-12)) * along, far
         return None
 
@@ -311,7 +322,9 @@ class Equations:
 class _Linear:
     """Equations and limits about a point: the least change that balances, and the greatest reserve from there."""
 
-    def __init__(self, equations: Equations, x: Array, zero: Array, spare: Array, first: Array, second: Array) -> None:
+    def __init__(
+        self, equations: Equations, x: Array, zero: Array, spare: Array, first: Array, second: Array, rho: float
+    ) -> None:
         self._equations, self._x, self._second = equations, x, second
         left, values, right = np.linalg.svd(first)
         rank = int((values > _RANK * values[0]).sum())
@@ -324,8 +337,10 @@ class _Linear:
         self._rows[:, 0] *= np.array([[equations.scene.friction(name)] for name in names])
         slacks, cones = spare + second @ least, self._rows @ (x + least)
         self.limits = Limits(slacks[None], second @ directions, cones[None], self._rows @ directions)
-        self.found = greatest_reserve(self.limits)
-        self.along = least + directions @ self.found.w[0]
+        self.found = greatest_reserve(self.limits, rho)
+        self.least, self.along = least, least + directions @ self.found.w[0]
+        here = self._rows @ x
+        self.reserve = float((here[:, 0] - np.hypot(here[:, 1], here[:, 2])).min(initial=np.inf))
 
     def model(self, states: Array, bodies: Sequence[_Bent]) -> LinearModel:
         """The same as it depends on the friction states."""

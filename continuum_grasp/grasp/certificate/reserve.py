@@ -19,8 +19,8 @@ Array = NDArray[Any]
 
 _PENALTY = 100.0
 """M: what exceeding a limit costs, per reserve; limits are scaled so that it is more than they bring [1]."""
-_NEAR = 1e-6
-"""rho: makes w unique where the reserve does not depend on it [1]."""
+NEAR = 1e-6
+"""Least rho: makes w unique where the reserve does not depend on it [1]."""
 _FIRST, _LAST, _FACTOR = 1.0, 1e-9, 0.1
 """Weights of the barrier: each limit costs as much of the reserve as the last one at most."""
 _STEPS, _CENTERED = 50, 0.1
@@ -67,7 +67,7 @@ class Reserve:
     cone_forces: Array
 
 
-def greatest_reserve(limits: Limits) -> Reserve:
+def greatest_reserve(limits: Limits, rho: float = NEAR) -> Reserve:
     """Solve B problems that differ in their values alone."""
     count, size = len(limits.slacks), limits.slack_slopes.shape[1]
     rows, cones = limits.slacks.shape[1], limits.cones.shape[1]
@@ -84,7 +84,7 @@ def greatest_reserve(limits: Limits) -> Reserve:
     x[:, size] = spare.min(axis=1, initial=0.0) - 1.0
     x[:, -1] = 1.0 + np.maximum(-limits.slacks, 0.0).max(axis=1, initial=0.0)
     cost, near = np.zeros(size + 2), np.zeros(size + 2)
-    cost[size:], near[:size] = (-1.0, _PENALTY), _NEAR
+    cost[size:], near[:size] = (-1.0, _PENALTY), rho
     weight = _FIRST
     while True:
         for _ in range(_STEPS):
