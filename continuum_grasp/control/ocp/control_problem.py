@@ -155,7 +155,7 @@ class ControlProblem(Summarized):
             terminal=terminal,
             **functions,
             scenarios=None,
-            touching=False,
+            checks_gaps=False,
             stages=whole("stages", stages),
             stage=stage,
             substeps=whole("substeps", substeps),
