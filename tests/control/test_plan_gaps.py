@@ -180,6 +180,27 @@ def test_checked_plans_of_a_users_model_press_as_they_should():
     assert all(value < 1e-6 for value in commands[-1].gaps.values())
 
 
+def test_checks_leave_a_linear_problem_alone():
+    """Its plans are motions of the model, though their cost rises a millionfold with a setpoint."""
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    problem = cg.ControlProblem(
+        states=x,
+        inputs=u,
+        dynamics=ca.vertcat(x[1], u - 4.0 * x[0]),
+        cost={"x": (x, [3.0, 1.0]), "u": (u, 0.5)},
+        stages=10,
+        stage=0.1,
+    )
+    checked, other = (cg.rti(problem, check_gaps=check) for check in (True, False))
+    state = np.array([1e-3, 0.0])
+    for k in range(20):
+        target = {"x": [1.0 if k > 12 else 0.0, 0.0]}
+        command = checked.step(state, target)
+        np.testing.assert_array_equal(command.u, other.step(state, target).u)
+        assert not command.anomalies
+        state = command.plan.x[1]
+
+
 def test_gaps_are_those_of_an_independent_integration():
     """Of a plan that has not converged, by scipy: one stage after the other, with the input held."""
     problem = cart_pole()
