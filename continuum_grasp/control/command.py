@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.control.arguments import bare
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
 from continuum_grasp.summary import Summarized, quoted
@@ -24,15 +25,10 @@ class Layout(NamedTuple):
     """Where the C controller writes its numbers, and the names of its vectors."""
 
     parts: dict[str, slice]
-    nx: int
-    nu: int
-    nd: int
     measurement_names: tuple[str, ...]
     sensor_names: tuple[str, ...]
     places: tuple[float, ...]  # where contacts are considered [m]; none without a contact detector
-    x_names: tuple[str, ...]
-    u_names: tuple[str, ...]
-    row_names: tuple[str, ...]
+    stages: Stages
     touch: ca.Function | None = None  # Estimation.contact_forces
     adapted: tuple[AdaptedState, ...] = ()
 
@@ -135,36 +131,67 @@ class Command(Summarized):
     def plan(self) -> Plan:
         """The last plan, with scenarios that of the first; all zero where there is none yet."""
         x, u = self._part("plan_x"), self._part("plan_u")
-        return Plan(x.reshape(-1, self._layout.nx), u.reshape(-1, self._layout.nu))
+        return Plan(x.reshape(-1, self._layout.stages.nx), u.reshape(-1, self._layout.stages.nu))
 
     @property
     def inputs(self) -> dict[str, float]:
         """The command by name of its entries."""
-        return {bare(name): value for name, value in zip(self._layout.u_names, self.u.tolist(), strict=True)}
+        return {bare(name): value for name, value in zip(self._layout.stages.u_names, self.u.tolist(), strict=True)}
 
     def planned(self, name: str) -> Array:
         """Course of an input (N,), or else of a state (N + 1,), in the last plan.
 
         ``InputError`` where neither has the name.
         """
-        layout = self._layout
-        for values, labels in zip(self.plan[::-1], (layout.u_names, layout.x_names), strict=True):
+        s = self._layout.stages
+        for values, labels in zip(self.plan[::-1], (s.u_names, s.x_names), strict=True):
             order = [bare(label) for label in labels]
             if name in order:
                 return values[:, order.index(name)]
-        known = ", ".join(dict.fromkeys(bare(label) for label in (*layout.u_names, *layout.x_names)))
+        known = ", ".join(dict.fromkeys(bare(label) for label in (*s.u_names, *s.x_names)))
         raise InputError(f"expected one of {known}, got {name!r:.60}", key="name")
+
+    @property
+    def gaps(self) -> dict[str, float]:
+        """By how much the last plan is no motion of the model: by name of a state, the largest over the stages.
+
+        A gap is the difference, in the unit of the state, between the end of a stage by the model, from the plan's
+        state and input, and the plan's next state. Full steps close them as they converge. Computed when it is read,
+        with the parameters of this step: as many evaluations of the model as there are stages.
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> import continuum_grasp as cg
+        >>> angle, torque = ca.SX.sym("angle [rad]"), ca.SX.sym("torque")
+        >>> problem = cg.ControlProblem(
+        ...     states=angle,
+        ...     inputs=torque,
+        ...     dynamics=torque - ca.sin(angle),
+        ...     cost={"angle": (angle, 1.0), "torque": (torque, 1.0)},
+        ...     stages=10,
+        ...     stage=0.1,
+        ... )
+        >>> solver = cg.rti(problem)
+        >>> bool(solver.step([0.8]).gaps["angle"] < 1e-6)
+        True
+        """
+        s, plan, p = self._layout.stages, self.plan, self._part("p")
+        if s.scenarios is not None:  # the plan is that of the first
+            p = s.scenarios.scale[0] * p + s.scenarios.shift[0]
+        largest = np.abs(s.ends(plan.x[:-1], plan.u, p) - plan.x[1:]).max(axis=0).tolist()
+        return {bare(name): value for name, value in zip(s.x_names, largest, strict=True)}
 
     @property
     def violated(self) -> dict[str, float]:
         """Rows that the plan violates: by name, the largest violation in shares of the row's scale."""
         excess = self._part("excess").tolist()
-        return {name: value for name, value in zip(self._layout.row_names, excess, strict=True) if value > 0.0}
+        return {name: value for name, value in zip(self._layout.stages.c_names, excess, strict=True) if value > 0.0}
 
     @property
     def estimate(self) -> Estimate:
         """State and parameters."""
-        x, p, then = self._part("x")[: self._layout.nd], self._part("p"), self._part("then")
+        x, p, then = self._part("x")[: self._layout.stages.nd], self._part("p"), self._part("then")
         if not then.size:
             return Estimate(x, p)
         root = self._part("upper").reshape(then.size, -1) * np.sqrt(np.maximum(self._part("diagonal"), 0.0))

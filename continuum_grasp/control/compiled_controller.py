@@ -96,9 +96,7 @@ class CompiledController(Remade, Summarized):
         sensors = () if estimation is None else estimation.sensor_names
         touch = None if estimation is None else estimation.contact_forces
         adapted = () if estimation is None else estimation.adapted
-        names = s.x_names, s.u_names, s.c_names
-        sizes = s.nx, s.nu, s.nd
-        self._layout = Layout(self._c.parts, *sizes, self.measurement_names, sensors, places, *names, touch, adapted)
+        self._layout = Layout(self._c.parts, self.measurement_names, sensors, places, s, touch, adapted)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step

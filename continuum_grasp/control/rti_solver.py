@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -47,6 +48,10 @@ class RtiSolver(CompiledController):
         Greatest number of factorizations per QP.
     precision : {"double", "float"}
         Floating-point type of the C.
+    check_gaps : bool
+        Whether plans are checked for being motions of the model, as dynamics with contacts require: half a horizon
+        apart, and where one costs more than four times as much as any before. What fails is replaced, and reported as
+        ``Anomaly.PLAN_GAPS``. A check takes as long as a linearization.
     deadline : float
         Duration of a step after which its command counts as late [s]; never by default.
 
@@ -98,9 +103,10 @@ class RtiSolver(CompiledController):
         start_calls: int = 1,
         iterations: int = 60,
         precision: str = "double",
+        check_gaps: bool = False,
         deadline: float = math.inf,
     ) -> None:
-        self.problem, self.stages = problem, problem.stages
+        self.problem, self.stages = problem, replace(problem.stages, checks_gaps=check_gaps)
         s = self.stages
         self.precision = precision_of(precision)
         self.period = s.stage if period is None else positive("period", period)
@@ -172,7 +178,8 @@ class RtiSolver(CompiledController):
         Returns
         -------
         Command
-            ``u``, or by name ``inputs``; ``status``; ``plan``, or by name ``planned``; ``violated`` rows.
+            ``u``, or by name ``inputs``; ``status``; ``plan``, or by name ``planned``, and its ``gaps``; ``violated``
+            rows.
 
         Raises
         ------

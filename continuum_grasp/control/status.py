@@ -115,7 +115,7 @@ _OF_THE_REST = {
     Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
     Anomaly.BEYOND_LIMIT: "the command is beyond a limit that was moved past it, and approaches it as fast as allowed",
     Anomaly.UNFAMILIAR: "the state is beyond the logs of the learned residual, which fades to zero",
-    Anomaly.PLAN_GAPS: "the plan was no motion of the model, and is integrated anew",
+    Anomaly.PLAN_GAPS: "the plan was no motion of the model: replaced, or integrated anew",
 }
 
 

@@ -206,6 +206,8 @@ GOOD = {"states": X, "inputs": U, "dynamics": U - X, "cost": {"x": (X, 1.0), "u"
         ({"dynamics": ca.MX.sym("x")}, "expand"),
         ({"states": [X, ca.SX.sym("x")], "dynamics": [U, U]}, "more than one x"),
         ({"inputs": []}, "inputs: expected at least one"),
+        ({"inputs": X}, "given twice among states, inputs, parameters and previous: x"),
+        ({"previous": U}, "given twice.*: u"),
         ({"cost": {}}, "cost: expected at least one"),
         ({"cost": {"x": X}}, "cost.x: expected"),
         ({"cost": {"x": (X, -1.0)}}, "no negative"),

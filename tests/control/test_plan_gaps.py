@@ -11,13 +11,16 @@ import math
 from functools import cache
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp.control import RealTimeIteration, stages_of
-from continuum_grasp.control.status import Anomaly
+from continuum_grasp.control.status import Anomaly, Status
 from continuum_grasp.mission.assignment import assign
+from tests.rti_problems import cart_pole, cart_pole_rates
 
 MUG = (0.0386, 0.00176)
 """Where the estimator takes the mug to be [m]."""
@@ -130,6 +133,87 @@ def test_motion_is_no_gap():
         x = driven(control.stages, x, command.u)
 
 
+def mass_at_a_wall():
+    """A point mass that presses against a wall of a penalty law, 100 N/mm, with a force that is tracked."""
+    x, speed, push = ca.SX.sym("x [m]"), ca.SX.sym("speed [m/s]"), ca.SX.sym("push [N]")
+    force = 1e5 * (x + ca.sqrt(x**2 + 9e-8)) / 2
+    return cg.ControlProblem(
+        states=[x, speed],
+        inputs=push,
+        dynamics=[speed, (push - force - 5.0 * speed) / 0.05],
+        cost={"force": (force, 1.0), "speed": (speed, 0.01), "push": (push, 1e-3)},
+        bounds={"push": (-10.0, 10.0)},
+        rows={"pressed": (x, -1.0, ca.inf)},
+        stages=20,
+        stage=0.01,
+        method="sdirk2",
+    )
+
+
+def pressed(solver, steps=80):
+    """Press with 5, 1 and 5 N; commands, and the forces that result."""
+    stages, x = solver.stages, np.array([-0.005, 0.0])
+    commands, forces = [], []
+    for k in range(2 * steps):
+        target = 5.0 if k // (steps // 2) % 2 == 0 else 1.0
+        commands.append(solver.step(x, {"force": target, "push": target}))
+        x = stages.ends(x[None], commands[-1].u[None], np.zeros(0))[0]
+        forces.append(float(stages.outputs(x, commands[-1].u, [])[0]))
+    return commands, forces
+
+
+def test_full_steps_throw_a_mass_away_from_a_stiff_wall():
+    commands, forces = pressed(cg.rti(mass_at_a_wall()))
+    assert max(command.cost for command in commands) > 1e6
+    # The QP is solved, and says nothing of the model; the gaps do.
+    assert all(command.status in (Status.SOLVED, Status.ROW_VIOLATED) for command in commands)
+    assert max(command.gaps["x"] for command in commands) > 1.0
+    assert forces[119] < 1.0
+
+
+def test_checked_plans_of_a_users_model_press_as_they_should():
+    commands, forces = pressed(cg.rti(mass_at_a_wall(), check_gaps=True))
+    said = [k for k, command in enumerate(commands) if Anomaly.PLAN_GAPS in command.anomaly]
+    assert said
+    assert len(said) < 8
+    np.testing.assert_allclose([forces[k] for k in (39, 79, 119)], [5.0, 1.0, 5.0], atol=0.01)
+    assert all(value < 1e-6 for value in commands[-1].gaps.values())
+
+
+def test_checks_leave_a_linear_problem_alone():
+    """Its plans are motions of the model, though their cost rises a millionfold with a setpoint."""
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    problem = cg.ControlProblem(
+        states=x,
+        inputs=u,
+        dynamics=ca.vertcat(x[1], u - 4.0 * x[0]),
+        cost={"x": (x, [3.0, 1.0]), "u": (u, 0.5)},
+        stages=10,
+        stage=0.1,
+    )
+    checked, other = (cg.rti(problem, check_gaps=check) for check in (True, False))
+    state = np.array([1e-3, 0.0])
+    for k in range(20):
+        target = {"x": [1.0 if k > 12 else 0.0, 0.0]}
+        command = checked.step(state, target)
+        np.testing.assert_array_equal(command.u, other.step(state, target).u)
+        assert not command.anomalies
+        state = command.plan.x[1]
+
+
+def test_gaps_are_those_of_an_independent_integration():
+    """Of a plan that has not converged, by scipy: one stage after the other, with the input held."""
+    problem = cart_pole()
+    command = cg.rti(problem, start_iterations=1).step([0.0, 2.0, 0.0, 0.0], parameters={"gravity": 8.0})
+    rates = ca.Function("f", [x := ca.SX.sym("x", 4), u := ca.SX.sym("u")], cart_pole_rates(ca.vertsplit(x), u, 8.0))
+    most = np.zeros(4)
+    for state, push, following in zip(command.plan.x, command.plan.u, command.plan.x[1:], strict=False):
+        end = solve_ivp(lambda _, y, p=push: np.ravel(rates(y, p)), (0.0, 0.04), state, rtol=1e-10, atol=1e-12).y[:, -1]
+        most = np.maximum(most, np.abs(end - following))
+    assert list(command.gaps) == ["position", "angle", "speed", "rate"]
+    np.testing.assert_allclose(list(command.gaps.values()), most, rtol=1e-3)
+
+
 def test_free_motion_has_no_checks():
-    assert controller().stages.touching
-    assert not stages_of(cg.load("configs/mpc/keep_out.yaml")).touching
+    assert controller().stages.checks_gaps
+    assert not stages_of(cg.load("configs/mpc/keep_out.yaml")).checks_gaps

@@ -48,7 +48,7 @@
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
  * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input; the command approaches it at its rate
  * 65536 CONTROLLER_UNFAMILIAR  the state is beyond the logs of the learned residual, which fades to zero
- * 131072 CONTROLLER_PLAN_GAPS  the plan was no motion of the model, and is integrated anew
+ * 131072 CONTROLLER_PLAN_GAPS  the plan was no motion of the model: replaced, or integrated anew
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
@@ -121,7 +121,7 @@ typedef struct {
   int started, planned;       /* whether there is a plan */
   int blind;                  /* calls since something was measured */
   int pending;                /* iterations of its start that are left */
-#ifdef RTI_TOUCHING
+#ifdef RTI_CHECKS_GAPS
   int unchecked, gaps;        /* calls since its gaps were checked, how often in a row they were too large */
   real most;                  /* cost of a plan so far */
 #endif

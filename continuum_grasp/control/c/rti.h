@@ -141,7 +141,7 @@ int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const rea
 int rti_prepare(rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs);
 /* Solve for the state x0. If the result is 0 or more, the plan is replaced and its first input is to be applied. */
 int rti_feedback(rti_work *work, rti_plan *plan, const rti_settings *settings, const real *x0, rti_report *report);
-#ifdef RTI_TOUCHING
+#ifdef RTI_CHECKS_GAPS
 /* What the gaps of a plan cost: the quadratic part of the cost, as last prepared, at F(x, u) - x of each next node. Small beside
  * the cost of the QP where full steps converge; of its size where the plan is no motion of the model. */
 real rti_gaps(const rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p);

@@ -35,7 +35,7 @@ static real rti_input_change(const rti_work *o, const rti_settings *s)
   return most;
 }
 
-#ifdef RTI_TOUCHING
+#ifdef RTI_CHECKS_GAPS
 real rti_gaps(const rti_work *o, const rti_plan *plan, const rti_settings *s, const real *p)
 {
   const real step = s->stage / (real)s->substeps;

@@ -127,6 +127,10 @@ class ControlProblem(Summarized):
         known = ca.vertcat(x, u, p, held)
         for key, symbols in (("states", x), ("inputs", u), ("parameters", p)):
             _once(key, [bare(label) for label in _names(symbols)])
+        own = [known[k].element_hash() for k in range(known.numel())]
+        twice = [known[k].name() for k in range(len(own)) if own[k] in own[:k]]
+        if twice:
+            raise InputError(f"a symbol is given twice among states, inputs, parameters and previous: {twice[0]}")
         reader = _Reader(known, ca.vertcat(u, held))
         tracked = reader.cost(cost)
         limits = dict(bounds or {})
@@ -155,7 +159,7 @@ class ControlProblem(Summarized):
             terminal=terminal,
             **functions,
             scenarios=None,
-            touching=False,
+            checks_gaps=False,
             stages=whole("stages", stages),
             stage=stage,
             substeps=whole("substeps", substeps),

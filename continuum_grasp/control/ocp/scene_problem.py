@@ -66,8 +66,8 @@ def stages_of(scene: ControlScene, prediction: Prediction | None = None) -> Stag
     (8, 2, ('tip_x [m]', 'tip_y [m]'))
     """
     model = Prediction(scene) if prediction is None else prediction
-    touching = scene.object is not None
-    return replace(problem_of(scene, model).stages, scenarios=scenarios_of(scene, model), touching=touching)
+    touches = scene.object is not None
+    return replace(problem_of(scene, model).stages, scenarios=scenarios_of(scene, model), checks_gaps=touches)
 
 
 def scenarios_of(scene: ControlScene, model: Prediction) -> Scenarios | None:

@@ -73,9 +73,9 @@ class Stages:
         Nominal values, which may be changed at run time; +-1e30 is no bound.
     scenarios : Scenarios or None
         None: the one plant that p describes.
-    touching : bool
-        Whether there are contacts in the dynamics, on which full steps may repeat themselves: gaps of the plan are
-        checked.
+    checks_gaps : bool
+        Whether a controller checks the gaps of its plans, as contacts in the dynamics require: on these, full steps may
+        repeat a plan that is no motion of the model, or lead away from one that is.
     """
 
     step: ca.Function
@@ -106,13 +106,20 @@ class Stages:
     terminal_weights: Array
     p_nominal: Array
     scenarios: Scenarios | None = None
-    touching: bool = False
+    checks_gaps: bool = False
 
     def __repr__(self) -> str:
         return (
             f"Stages({self.stages} of {self.stage:g} s, {self.substeps} {self.method} steps each: {self.nx} states, "
             f"{self.nu} inputs, {self.np} parameters, {self.nr} setpoints, {self.nc} rows)"
         )
+
+    def ends(self, x: Array, u: Array, p: Array) -> Array:
+        """Integrate stages, each from a state (count, nx) with an input (count, nu); return their ends (count, nx)."""
+        count, h = len(u), self.stage / self.substeps
+        for _ in range(self.substeps):
+            x = np.array(self.step.map(count)(x.T, u.T, np.tile(p[:, None], count), np.full(count, h))[0]).T
+        return x
 
     @property
     def plants(self) -> int:

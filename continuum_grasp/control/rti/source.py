@@ -122,8 +122,8 @@ def dimensions(stages: Stages, real: str) -> str:
     lines = [f"#define RTI_{name} {size}" for name, size in sizes.items()]
     if stages.scenarios is not None:
         lines += ["#define RTI_ROBUST", f"#define RTI_SCENARIOS {stages.plants}"]
-    if stages.touching:
-        lines.append("#define RTI_TOUCHING")
+    if stages.checks_gaps:
+        lines.append("#define RTI_CHECKS_GAPS")
     if real == "float":
         lines.append("#define RTI_SINGLE")
     return "\n".join([*lines, f"typedef {real} real;", ""])

@@ -41,7 +41,7 @@ ANOMALIES = {
     "FROZEN": "a reading does not move: it counts as missing until it does",
     "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
     "UNFAMILIAR": "the state is beyond the logs of the learned residual, which fades to zero",
-    "PLAN_GAPS": "the plan was no motion of the model, and is integrated anew",
+    "PLAN_GAPS": "the plan was no motion of the model: replaced, or integrated anew",
 }
 
 
@@ -96,7 +96,7 @@ class _Writer:
 
     def settled(self, text: str) -> str:
         """Without what only scenarios or contacts need, where there are none."""
-        absent = {"RTI_ROBUST": self.loop.stages.scenarios is None, "RTI_TOUCHING": not self.loop.stages.touching}
+        absent = {"RTI_ROBUST": self.loop.stages.scenarios is None, "RTI_CHECKS_GAPS": not self.loop.stages.checks_gaps}
         for macro in [macro for macro, missing in absent.items() if missing]:
             text = without(macro, text)
         return text
