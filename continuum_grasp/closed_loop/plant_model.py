@@ -262,9 +262,19 @@ class PlantModel(Remade):
         return ca.SX(0.0)
 
     @property
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """What its expressions are of: x, u, w, p."""
+        return self._x, self._u, self._w, self._p
+
+    @property
     def command(self) -> ca.SX:
-        """The input as a symbol of its expressions."""
+        """The input."""
         return self._u
+
+    @property
+    def acting(self) -> ca.SX:
+        """What acts on the system."""
+        return self._acting
 
     # -- a chain of guides --------------------------------------------------------------------------------------------
 
