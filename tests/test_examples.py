@@ -142,7 +142,7 @@ COMPLETED = {
     ],
     "mpc configs/mi": [
         f"configs/mission/{name}.yaml"
-        for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch", "pinch_palm", "turn_block")
+        for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch", "pinch_palm", "pinch_three", "turn_block")
     ],
     "grasp configs/mpc/": [],
 }

@@ -1,13 +1,13 @@
-"""Motion of a chain of guides: compiled steps that are implicit in bends, contacts, drives and sliding tendons."""
+"""Motion of chains of guides: compiled steps that are implicit in bends, contacts, drives and sliding tendons."""
 
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.control.rti.source import load_library
@@ -16,22 +16,43 @@ from continuum_grasp.core.source import filled, generated, template
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model.remade import Remade
 
-if TYPE_CHECKING:
-    from continuum_grasp.closed_loop.plant_model import PlantModel
-
 Array = NDArray[np.float64]
 
 
+class Guided(Protocol):
+    """Plants of ``plant.guides``, one or several that touch one object, as what integrates them sees them.
+
+    Their state is that of all: bends, their rates, tensions finger by finger, then the other states.
+    """
+
+    nx: int
+    nw: int
+
+    @property
+    def chains(self) -> tuple[ChainSystem, ...]: ...
+    @property
+    def chain_numbers(self) -> Array: ...
+    @property
+    def around_p(self) -> Array: ...
+    @property
+    def drums(self) -> ca.Function: ...
+    @property
+    def around(self) -> ca.Function: ...
+    def forces(self, t: ArrayLike) -> Array:
+        """Forces (T, nw) at instants (T,) [s]."""
+
+
 class ChainIntegration(Remade):
-    """Integrates a plant of ``plant.guides`` over periods of constant input; see ``templates/chain.c``."""
+    """Integrates plants of ``plant.guides`` over periods of constant input; see ``templates/chain.c``.
+
+    Raises a TypeError where the plant is no chain of guides.
+    """
 
     compiled = True
 
-    def __init__(self, model: PlantModel) -> None:
-        if not isinstance(model.system, ChainSystem):
-            raise TypeError("the plant is no chain of guides")
-        self._model, self._system = model, model.system
-        library = load_library(chain_source(model, model.system), "a plant of plant.guides")
+    def __init__(self, model: Any) -> None:
+        self._model: Guided = model
+        library = load_library(chain_source(model), "a plant of plant.guides")
         self._steps = library.chain_steps
         self._steps.restype = ctypes.c_longlong
 
@@ -45,8 +66,8 @@ class ChainIntegration(Remade):
         rows = np.ascontiguousarray(model.forces(instants))
         states = np.full((substeps + 1, model.nx), np.nan)
         states[0] = x
-        command, numbers = np.ascontiguousarray(u, dtype=float), self._system.numbers(model.p)
-        p = np.ascontiguousarray(model.p[model.finger_parameters :])
+        command, numbers = np.ascontiguousarray(u, dtype=float), model.chain_numbers
+        p = np.ascontiguousarray(model.around_p)
         arrays = [pointer(each) for each in (numbers, command, rows)]
         done = int(
             self._steps(
@@ -69,30 +90,31 @@ class ChainIntegration(Remade):
         return states
 
 
-def chain_source(model: PlantModel, system: ChainSystem) -> str:
-    """C of the motion of a plant: what surrounds the chain, and its steps."""
-    x, u, w = model.others, model.command, ca.SX.sym("w", model.nw)
-    places = ca.SX.sym("places", 6 * len(system.places))
-    tension = ca.SX.sym("tension", len(system.tendons))
-    p = ca.SX.sym("p", system.np - model.finger_parameters)
-    own = x[: system.nx - system.first_other]
-    drum = system.drums(own, model.acting)
-    motion = ca.reshape(places, 6, len(system.places))
-    force, rate = system.around(motion, tension, own, model.acting, w, p)
-    values = ca.vertcat(ca.vec(force), rate, model.drive_rates)
+def chain_source(model: Guided) -> str:
+    """C of the motion of plants: what surrounds the chains, and their steps."""
+    chains, names = model.chains, model.around.name_in()
+    given = {name: ca.SX.sym(name, *model.around.size_in(name)) for name in names}
+    places = ca.SX.sym("places", given["places"].numel())
+    tension, x, u = given["tension"], given["others"], given["u"]
+    force, rate, *_ = model.around(ca.reshape(places, given["places"].shape), *[given[name] for name in names[1:]])
+    drum, values = model.drums(x, u), ca.vertcat(ca.vec(force), rate)
     slopes = ca.densify(ca.jacobian(values, ca.vertcat(places, tension, x)))
     drums = ca.Function("drums_of", [x, u], ca.cse([ca.densify(drum), ca.densify(ca.jacobian(drum, x))]))
-    around = ca.Function("around", [places, tension, x, u, w, p], ca.cse([ca.densify(values), slopes]))
+    arguments = [places, *[given[name] for name in names[1:]]]
+    around = ca.Function("around", arguments, ca.cse([ca.densify(values), slopes]))
     sizes = []
     for name, function in (("drums", drums), ("around", around)):
         for what in ("arg", "res", "iw", "w"):
             sizes.append(f"#define {name}_SZ_{what.upper()} {max(getattr(function, f'sz_{what}')(), 1)}")
     words = {
-        "hinges": system.n,
-        "tendons": len(system.tendons),
-        "places": len(system.places),
+        "fingers": len(chains),
+        "hinges": chains[0].n,
+        "tendons": tension.numel(),
+        "tendons_of": ", ".join(str(len(chain.tendons)) for chain in chains),
+        "places": given["places"].size2(),
+        "places_of": ", ".join(str(len(chain.places)) for chain in chains),
         "others": x.numel(),
-        "nu": model.nu,
+        "nu": u.numel(),
         "nw": model.nw,
         "functions": "\n".join([generated("chain", drums, around), *sizes]),
     }

@@ -166,9 +166,10 @@ class ChainSystem:
 
     @cached_property
     def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> force, rate``: forces and couples (3, K) on the places, world, and
-        the rates of the other states; places (6, K) have position, velocity, angle and spin, tensions are those at the
-        drives.
+        """``(places, tension, others, u, w, p) -> force, rate, exerted, point, lift``: forces and couples (3, K) on the
+        places, world, and the rates of the other states; places (6, K) have position, velocity, angle and spin,
+        tensions are those at the drives. What the finger exerts on the object at its C contacts is world force (2, C)
+        [N], the point (2, C) [m] where it acts, and force out of the plane (C) [N].
         """
         forces = [ca.SX(3, 1) for _ in self.places]
         w_at = {name: self._w[k] for k, name in enumerate(self.w_names)}
@@ -185,7 +186,8 @@ class ChainSystem:
                 c, s = ca.cos(self._motion[4, at]), ca.sin(self._motion[4, at])
                 fx, fy = c * fx - s * fy, s * fx + c * fy
             forces[at] += ca.vertcat(fx, fy, 0.0)
-        for k, pair in enumerate(self._pairs[: contacts + 1]):
+        own = self._pairs[: contacts + 1]
+        for k, pair in enumerate(own):
             center = Vec(self._motion[0, k], self._motion[1, k])
             couple = (pair.point - center).cross(pair.force)
             forces[k] += ca.vertcat(pair.force.x, pair.force.y, couple)
@@ -200,9 +202,11 @@ class ChainSystem:
         for pair in self._pairs:
             rates += pair.z_rate
         inputs = [self._motion, self._tension, self._others, self._u, self._w, self._p]
-        outputs = ca.cse([ca.densify(ca.horzcat(*forces)), ca.densify(column(rates))])
+        exerted = [_columns([pair.force.scaled(-1.0) for pair in own]), _columns([pair.point for pair in own])]
+        values = [ca.horzcat(*forces), column(rates), *exerted, column([pair.lift for pair in own])]
+        outputs = ca.cse([ca.densify(value) for value in values])
         names = ["places", "tension", "others", "u", "w", "p"]
-        return ca.Function("around", inputs, outputs, names, ["force", "rate"])
+        return ca.Function("around", inputs, outputs, names, ["force", "rate", "exerted", "point", "lift"])
 
     # -- what is read off -------------------------------------------------------------------------------------------
 
@@ -290,17 +294,14 @@ class ChainSystem:
         """``(x, u, w, p) -> gap, ...``: as of a ``System``."""
         (x, u, p), pairs = self._symbols, self._pairs
 
-        def columns(vectors: list[Vec]) -> ca.SX:
-            return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
-
         values = {
             "gap": column([pair.gap for pair in pairs]),
             "normal_force": column([pair.normal_force for pair in pairs]),
             "friction": column([pair.tangential for pair in pairs]),
             "lift": column([pair.lift for pair in pairs]),
-            "force": columns([pair.force.scaled(-1.0) for pair in pairs]),
-            "point": columns([pair.point for pair in pairs]),
-            "normal": columns([pair.normal for pair in pairs]),
+            "force": _columns([pair.force.scaled(-1.0) for pair in pairs]),
+            "point": _columns([pair.point for pair in pairs]),
+            "normal": _columns([pair.normal for pair in pairs]),
         }
         own = ca.Function("own", [self._motion, self._others, self._w, self._p], list(values.values()))
         motion = ca.horzcat(*[ca.vertcat(*self._at(at)) for at in self.places])
@@ -335,6 +336,11 @@ class ChainSystem:
             at = 2 * self.n + j * (self.n + 1)
             x[at : at + tendon.guides] = tension * shares[1:]
         return x
+
+
+def _columns(vectors: Sequence[Vec]) -> ca.SX:
+    """Vectors as columns (2, C)."""
+    return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 
 
 def _check(scene: Scene, axial_stiffness: float | None, parameters: Sequence[str]) -> None:

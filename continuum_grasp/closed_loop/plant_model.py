@@ -166,6 +166,7 @@ class PlantModel(Remade):
                 object_parameters=object_parameters,
             )
         self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
+        self.object_parameters = tuple(object_parameters)
         self.u_names = tuple(self.system.u_names[: len(lags)])
         names: tuple[str, ...] = ()
         if self._lag is not None:
@@ -260,17 +261,6 @@ class PlantModel(Remade):
             return side * mean
         return ca.SX(0.0)
 
-    # -- a chain of guides --------------------------------------------------------------------------------------------
-
-    @property
-    def _guided(self) -> bool:
-        return isinstance(self.system, ChainSystem)
-
-    @property
-    def others(self) -> ca.SX:
-        """States of a chain of guides beside bends and tensions: drives, object, contacts."""
-        return self._x[self.system.first_other :] if isinstance(self.system, ChainSystem) else ca.SX(0, 1)
-
     @property
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """What its expressions are of: x, u, w, p."""
@@ -286,10 +276,59 @@ class PlantModel(Remade):
         """What acts on the system."""
         return self._acting
 
+    # -- a chain of guides --------------------------------------------------------------------------------------------
+
     @property
-    def drive_rates(self) -> ca.SX:
-        """Rates of the states of a lag."""
-        return self._drive_rates
+    def _guided(self) -> bool:
+        return isinstance(self.system, ChainSystem)
+
+    @property
+    def chain(self) -> ChainSystem:
+        """The chain of a plant of guides."""
+        if not isinstance(self.system, ChainSystem):
+            raise TypeError("the plant is no chain of guides")
+        return self.system
+
+    @property
+    def chains(self) -> tuple[ChainSystem, ...]:
+        """The chain, as of a plant that may have several."""
+        return (self.chain,)
+
+    @property
+    def _others(self) -> tuple[ca.SX, ca.SX]:
+        """States of a chain beside bends and tensions, drive, object, contacts and lag, and those of its system."""
+        return self._x[self.chain.first_other :], self._x[self.chain.first_other : self.chain.nx]
+
+    @property
+    def chain_numbers(self) -> Array:
+        """What the C of the chain's motion needs to know of it."""
+        return self.chain.numbers(self.p)
+
+    @property
+    def around_p(self) -> Array:
+        """Parameters of what surrounds the chain."""
+        return self.p[self.finger_parameters :]
+
+    @cached_property
+    def drums(self) -> ca.Function:
+        """``(others, u) -> drum``: what each tendon of a chain has at its drive: a length [m], or a tension [N]."""
+        others, own = self._others
+        value = ca.densify(self.chain.drums(own, self._acting))
+        return ca.Function("drums", [others, self._u], [value], ["others", "u"], ["drum"])
+
+    @cached_property
+    def around(self) -> ca.Function:
+        """``(places, tension, others, u, w, p) -> force, rate, exerted, point, lift``: as ``ChainSystem.around`` has
+        them, with the lag among the other states, and parameters without those of the finger.
+        """
+        chain, (others, own) = self.chain, self._others
+        places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
+        p = self._p[self.finger_parameters :]
+        force, rate, *exerted = chain.around(places, tension, own, self._acting, self._w, p)
+        names = ["places", "tension", "others", "u", "w", "p"]
+        values = [force, ca.vertcat(rate, self._drive_rates), *exerted]
+        given = [places, tension, others, self._u, self._w, p]
+        return ca.Function("around", given, values, names, ["force", "rate", "exerted", "point", "lift"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 

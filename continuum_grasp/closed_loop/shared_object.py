@@ -9,15 +9,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.closed_loop.chain_integration import ChainIntegration
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant import Integration, Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.errors import InputError
-from continuum_grasp.model import System
 
 Array = NDArray[np.float64]
 
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+_RISE = "object_z_rate [m/s]"
 
 
 class SharedModel:
@@ -26,8 +26,8 @@ class SharedModel:
     Each plant describes its finger with the object, the supports and the table, as if the other fingers were not there.
     Here the object's motion is that of the first plant, on which the other fingers act with their contact forces, and
     so is the friction of supports and table; all else is each finger's own. State, input, forces and parameters are
-    those of the plants one after the other, without what they share; the fingers' coordinates and their rates come
-    first, as integrators expect them.
+    those of the plants one after the other, without what they share; the fingers' coordinates and their rates, of
+    chains of guides also their tensions, come first, as integrators expect them.
 
     Parameters
     ----------
@@ -38,34 +38,29 @@ class SharedModel:
     ----------
     nx, nu, nw : int
         Numbers of states, inputs and forces.
-
-    Raises
-    ------
-    InputError
-        A finger is a chain of guides, whose motion is decided step by step.
     """
 
     def __init__(self, plants: Sequence[PlantModel]) -> None:
         self.plants = tuple(plants)
-        if any(isinstance(plant.system, ChainSystem) for plant in plants):
-            raise InputError("chains of guides are for one finger", key="plant.guides")
         shared = [_shared(plant) for plant in plants]
         sizes = [plant.nx for plant in plants]
         bends = [np.arange(plant.system.n) for plant in plants]
         rates = [plant.system.n + np.arange(plant.system.n) for plant in plants]
+        first = [_first_other(plant) for plant in plants]
+        tensions = [np.arange(2 * plant.system.n, at) for plant, at in zip(plants, first, strict=True)]
         others = [
-            np.setdiff1d(np.arange(size), [*q, *qd, *common])
-            for size, q, qd, common in zip(sizes, bends, rates, shared, strict=True)
+            np.setdiff1d(np.arange(begin, size), common)
+            for begin, size, common in zip(first, sizes, shared, strict=True)
         ]
         at = [np.zeros(size, dtype=np.intp) for size in sizes]
         start = 0
-        for group in (bends, rates, others):
+        for group in (bends, rates, tensions, others):
             for place, own in zip(at, group, strict=True):
                 place[own] = start + np.arange(own.size)
                 start += own.size
         for place, common in zip(at, shared, strict=True):
             place[common] = start + np.arange(common.size)
-        self._at = at
+        self._at, self._first = at, first
         self.nx = start + shared[0].size
         self.nu, self.nw = sum(plant.nu for plant in plants), sum(plant.nw for plant in plants)
 
@@ -105,24 +100,37 @@ class SharedModel:
         given = self._split(x, u, w, p)
         xd = ca.SX(self.nx, 1)
         lead, (x0, u0, w0, p0) = self.plants[0], given[0]
-        center, wrench, lifts = _center_of_mass(lead, x0), ca.SX(3, 1), ca.SX(0)
+        exerted = list[list[ca.SX]]()
         for plant, place, arguments in zip(self.plants[1:], self._at[1:], given[1:], strict=True):
-            rate, force, point, lift = plant.touching_dynamics(*arguments)
+            rate, *of_object = plant.touching_dynamics(*arguments)
             xd[place.tolist()] = rate
-            arms = point - ca.repmat(center, 1, point.size2())
-            moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
-            wrench += ca.vertcat(ca.sum2(force), ca.sum2(moments))
-            lifts += ca.sum1(lift)
-        for k, name in enumerate(_WRENCH):
-            w0[lead.w_names.index(name)] += wrench[k]
-        own = lead.forward_dynamics(x0, u0, w0, p0)
-        if "object_z_rate [m/s]" in lead.x_names:
-            names = _system(lead).p_names
-            mass = p0[names.index("object_mass [kg]")] if "object_mass [kg]" in names else _body_mass(lead)
-            own[lead.x_names.index("object_z_rate [m/s]")] += lifts / mass
+            exerted.append(of_object)
+        known = p0[lead.system.np - len(lead.object_parameters) : lead.system.np]
+        more, rise = self._exerted(exerted, x0[lead.system.object_states], known)
+        own = lead.forward_dynamics(x0, u0, w0 + more, p0)
+        if _RISE in lead.x_names:
+            own[lead.x_names.index(_RISE)] += rise
         xd[self._at[0].tolist()] = own  # last: what is shared moves as the first plant says
         value = ca.cse([ca.densify(xd)])
         return ca.Function("forward_dynamics", [x, u, w, p], value, ["x", "u", "w", "p"], ["xd"])
+
+    def _exerted(self, exerted: Sequence[Sequence[ca.SX]], pose: ca.SX, known: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Forces w on the first plant by what other fingers exert on its object, and its acceleration out of the plane.
+
+        Each finger exerts forces (2, C) [N] at points (2, C) [m] and forces out of the plane (C) [N]; ``known`` are the
+        object's parameters.
+        """
+        lead = self.plants[0]
+        w, lifts, center = ca.SX(lead.nw, 1), ca.SX(0), _center_of_mass(lead, pose)
+        for force, point, lift in exerted:
+            arms = point - ca.repmat(center, 1, point.size2())
+            moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
+            for name, total in zip(_WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
+                w[lead.w_names.index(name)] += total
+            lifts += ca.sum1(lift)
+        names = lead.object_parameters
+        mass = known[names.index("object_mass")] if "object_mass" in names else _body_mass(lead)
+        return w, lifts / mass
 
     @cached_property
     def internal(self) -> ca.Function:
@@ -135,9 +143,88 @@ class SharedModel:
         return ca.Function("internal", [x, u, p], ca.cse(values), ["x", "u", "p"], ["M", "K", "D"])
 
     @cached_property
-    def integration(self) -> Integration:
+    def integration(self) -> Integration | ChainIntegration:
         """What integrates it."""
-        return Integration(self, "ros2")
+        guided = isinstance(self.plants[0].system, ChainSystem)
+        return ChainIntegration(self) if guided else Integration(self, "ros2")
+
+    # -- chains of guides ---------------------------------------------------------------------------------------------
+
+    @property
+    def chains(self) -> tuple[ChainSystem, ...]:
+        """The chain of each finger."""
+        return tuple(plant.chain for plant in self.plants)
+
+    @property
+    def chain_numbers(self) -> Array:
+        """What the C of their motion needs to know of the chains."""
+        return np.concatenate([plant.chain_numbers for plant in self.plants])
+
+    @property
+    def around_p(self) -> Array:
+        """Parameters of what surrounds the chains."""
+        return np.concatenate([plant.around_p for plant in self.plants])
+
+    @cached_property
+    def drums(self) -> ca.Function:
+        """``(others, u) -> drum``: what each tendon has at its drive: a length [m], or a tension [N]."""
+        given = self._around_symbols(("others", "u"))
+        parts = self._around_parts(given)
+        values = [plant.drums(*own.values()) for plant, own in zip(self.plants, parts, strict=True)]
+        return ca.Function("drums", [*given.values()], [ca.vertcat(*values)], [*given], ["drum"])
+
+    @cached_property
+    def around(self) -> ca.Function:
+        """``(places, tension, others, u, w, p) -> force, rate``: forces and couples (3, K) on the places of all chains,
+        and the rates of all other states.
+        """
+        given = self._around_symbols(("places", "tension", "others", "u", "w", "p"))
+        parts, forces, exerted = self._around_parts(given), list[ca.SX](), list[list[ca.SX]]()
+        rates = ca.SX(given["others"].numel(), 1)
+        for plant, own, place in zip(self.plants[1:], parts[1:], self._others_at[1:], strict=True):
+            force, rate, *of_object = plant.around(*own.values())
+            rates[place] = rate
+            forces.append(force)
+            exerted.append(of_object)
+        lead, first, first_own = self.plants[0], parts[0], self._first[0]
+        pose = lead.system.object_states
+        of_pose = first["others"][pose.start - first_own : pose.stop - first_own]
+        more, rise = self._exerted(exerted, of_pose, first["p"])
+        first["w"] += more
+        force, rate, *_ = lead.around(*first.values())
+        if _RISE in lead.x_names:
+            rate[lead.x_names.index(_RISE) - first_own] += rise
+        rates[self._others_at[0]] = rate  # last: what is shared moves as the first plant says
+        values = [ca.horzcat(force, *forces), rates]
+        return ca.Function("around", [*given.values()], values, [*given], ["force", "rate"])
+
+    @property
+    def _others_at(self) -> list[list[int]]:
+        """Where the other states of each chain are among those of all."""
+        before = sum(self._first)
+        return [(place[first:] - before).tolist() for place, first in zip(self._at, self._first, strict=True)]
+
+    def _around_symbols(self, names: Sequence[str]) -> dict[str, ca.SX]:
+        """Arguments of what surrounds all chains."""
+        places = sum(len(chain.places) for chain in self.chains)
+        sizes = {"others": (self.nx - sum(self._first), 1), "places": (6, places), "u": (self.nu, 1)}
+        sizes |= {"tension": (sum(len(chain.tendons) for chain in self.chains), 1), "w": (self.nw, 1)}
+        sizes |= {"p": (self.around_p.size, 1)}
+        return {name: ca.SX.sym(name, *sizes[name]) for name in names}
+
+    def _around_parts(self, given: dict[str, ca.SX]) -> list[dict[str, ca.SX]]:
+        """The same arguments for each chain alone."""
+        found: list[dict[str, ca.SX]] = [{} for _ in self.plants]
+        for name, whole in given.items():
+            if name == "others":
+                parts = [whole[place] for place in self._others_at]
+            else:
+                of = "size2_in" if name == "places" else "size1_in"
+                ends = np.cumsum([0, *[getattr(plant.around, of)(name) for plant in self.plants]]).tolist()
+                parts = (ca.horzsplit if name == "places" else ca.vertsplit)(whole, ends)
+            for own, part in zip(found, parts, strict=True):
+                own[name] = part
+        return found
 
     @property
     def _sizes(self) -> dict[str, int]:
@@ -157,15 +244,14 @@ class SharedModel:
         return found
 
 
-def _system(plant: PlantModel) -> System:
-    if isinstance(plant.system, ChainSystem):
-        raise TypeError("a chain of guides has no differential equation")
-    return plant.system
+def _first_other(plant: PlantModel) -> int:
+    """Where the states behind the coordinates of a finger, their rates and the tensions of a chain begin."""
+    return plant.system.first_other if isinstance(plant.system, ChainSystem) else 2 * plant.system.n
 
 
 def _shared(plant: PlantModel) -> NDArray[np.intp]:
     """Where in a plant's state the object is, and the friction states of supports and table."""
-    system = _system(plant)
+    system = plant.system
     pose = system.object_states
     body = range(pose.start, 2 * pose.stop - pose.start)
     friction = range(body.stop, system.nx)
@@ -173,9 +259,8 @@ def _shared(plant: PlantModel) -> NDArray[np.intp]:
     return np.array([*body, *common], dtype=np.intp)
 
 
-def _center_of_mass(plant: PlantModel, x: ca.SX) -> ca.SX:
+def _center_of_mass(plant: PlantModel, pose: ca.SX) -> ca.SX:
     """World position of the object's center of mass (2) [m]."""
-    pose = x[plant.system.object_states]
     along, across = plant.scene.object.com if plant.scene.object is not None else (0.0, 0.0)
     c, s = ca.cos(pose[2]), ca.sin(pose[2])
     return pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across)

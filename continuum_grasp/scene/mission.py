@@ -219,8 +219,6 @@ class MissionScene(Value):
             raise ValueError("grasp.contacts must have the tip: a mission closes with it")
         if self.tendons is not None and self.drive_tension is not None:
             raise ValueError("drive_tension has no effect beside tendons, which have a max_tension")
-        if len(fingers) > 1 and self.plant.guides is not None:
-            raise ValueError("plant.guides: a plant of guides has one finger, whose motion is decided step by step")
         if self.table_friction_radius > 0.0 and self.gravity == 0.0:
             raise ValueError("table_friction_radius is of a table below the plane: it needs gravity out of the plane")
         self._check_turn()

@@ -1,4 +1,5 @@
-/* A chain of hinges with a guide of the tendons at each, in steps that are implicit in everything.
+/* Chains of hinges with a guide of the tendons at each, one per finger, in steps that are implicit in everything. Fingers
+ * act on each other through the other states alone: what each touches is there.
  *
  * Time: the two-stage diagonally implicit method of order 2 that is L-stable (R. Alexander, SIAM J. Numer. Anal. 14
  * (1977), doi:10.1137/0714068). Each stage is solved by Newton's method for bends and other states; tensions are
@@ -7,16 +8,18 @@
 #include <math.h>
 #include <string.h>
 
-#define N <<hinges>>    /* hinges */
-#define NT <<tendons>>  /* tendons */
-#define NP <<places>>   /* places that bear forces */
+#define NF <<fingers>>  /* fingers */
+#define N <<hinges>>    /* hinges of each */
+#define NB (NF * N)     /* hinges of all */
+#define NT <<tendons>>  /* tendons of all */
+#define NP <<places>>   /* places of all that bear forces */
 #define NX <<others>>   /* other states */
 #define NU <<nu>>
 #define NW <<nw>>
-#define NALL (N + NX)
+#define NALL (NB + NX)
 #define MOST (N + 1)            /* guides of a tendon at most, with that of a conduit */
 #define OWN (7 + N + MOST + 1)  /* numbers that describe a tendon */
-#define STATES (2 * N + NT * MOST + NX)
+#define STATES (2 * NB + NT * MOST + NX)
 #define GAMMA 0.29289321881345254  /* 1 - 1/sqrt(2) */
 #define NEWTON 60   /* evaluations of a stage, then its step is halved */
 #define AGAINST 0.3 /* share of the work along a step that may turn against it at its end */
@@ -29,34 +32,47 @@ typedef long long whole;
 
 <<functions>>
 
-typedef struct {
-  const double *inertia, *stiffness, *rest, *damping, *weight, *length, *bar, *along, *tendon;
-  double base[3], first, gravity[2];
-} chain;
+static const int TENDONS[NF] = {<<tendons_of>>}, PLACES[NF] = {<<places_of>>};
 
 typedef struct {
-  double b[N], v[N], a[N], x[NX + 1], rate[NX + 1];
+  const double *inertia, *stiffness, *rest, *damping, *weight, *length;
+  double base[3], first, gravity[2];
+} bars;
+
+/* Of places and tendons ``of_place`` and ``of_tendon`` are the fingers. */
+typedef struct {
+  bars finger[NF];
+  const double *tendon[NT];
+  double along[NP];
+  int bar[NP], of_place[NP], of_tendon[NT];
+} chains;
+
+typedef struct {
+  double b[NB], v[NB], a[NB], x[NX + 1], rate[NX + 1];
   double tension[NT + 1][MOST + 1], slid[NT + 1][MOST];
   int flag[NT + 1][MOST];
 } state;
 
-static chain described(const double *given)
+static void described(const double *given, chains *all)
 {
-  chain c;
-  memcpy(c.base, given, sizeof c.base);
-  c.first = given[3];
-  memcpy(c.gravity, given + 4, sizeof c.gravity);
-  given += 6;
-  c.inertia = given, given += N * N;
-  c.stiffness = given, given += N;
-  c.rest = given, given += N;
-  c.damping = given, given += N;
-  c.weight = given, given += N;
-  c.length = given, given += N;
-  c.bar = given, given += NP;
-  c.along = given, given += NP;
-  c.tendon = given;
-  return c;
+  for (int f = 0, place = 0, cord = 0; f < NF; ++f) {
+    bars *c = all->finger + f;
+    memcpy(c->base, given, sizeof c->base);
+    c->first = given[3];
+    memcpy(c->gravity, given + 4, sizeof c->gravity);
+    given += 6;
+    c->inertia = given, given += N * N;
+    c->stiffness = given, given += N;
+    c->rest = given, given += N;
+    c->damping = given, given += N;
+    c->weight = given, given += N;
+    c->length = given, given += N;
+    for (int k = 0; k < PLACES[f]; ++k, ++place) {
+      all->bar[place] = (int)given[k], all->along[place] = given[PLACES[f] + k], all->of_place[place] = f;
+    }
+    given += 2 * PLACES[f];
+    for (int k = 0; k < TENDONS[f]; ++k, ++cord, given += OWN) all->tendon[cord] = given, all->of_tendon[cord] = f;
+  }
 }
 
 /* ---- tendons -------------------------------------------------------------------------------------------------------
@@ -72,9 +88,9 @@ typedef struct {
   const double *arm, *give;
 } tendon;
 
-static tendon tendon_of(const chain *c, int j)
+static tendon tendon_of(const chains *all, int j)
 {
-  const double *own = c->tendon + j * OWN;
+  const double *own = all->tendon[j];
   tendon t = {(int)own[0], (int)own[1], (int)own[2], own[3], own[4], own[5], own + 7, own + 7 + N};
   return t;
 }
@@ -237,13 +253,13 @@ static int solve(double (*m)[NALL], double *r)
 #define OUT (3 * NP + NX)      /* its results: forces on the places, rates of the other states */
 
 /* One stage: bends and other states such that their rates over ``part`` [s] since ``from`` are what acts. */
-static int stage(const chain *c, double part, const state *from, state *to, const double *u, const double *w,
+static int stage(const chains *all, double part, const state *from, state *to, const double *u, const double *w,
                  const double *p)
 {
-  static double matrix[NALL][NALL], turned[N][N], by_angle[OUT][N], slopes[OUT * IN + 1];
+  static double matrix[NALL][NALL], turned[NB][N], by_angle[OUT][NB], slopes[OUT * IN + 1];
   static double by[NT + 1][MOST + 1][N + 1], motion[NP + 1][6][N];
   double right[NALL], values[OUT + 1], drums[NT + 1], drum_slopes[NT * NX + 1], places[6 * NP + 1];
-  double angle[N + 1], spin[N], turn[N], cs[N + 1], sn[N + 1];
+  double angle[NB], spin[NB], turn[NB], cs[NB], sn[NB];
   const double inverse = 1.0 / part;
   double memory[NT + 1][MOST];
   /* Where a step leads from, its direction, work along it and share: what slides one way before and the other way after
@@ -251,8 +267,9 @@ static int stage(const chain *c, double part, const state *from, state *to, cons
   double before[NALL], way[NALL] = {0.0}, work_along = -1.0, share = 1.0;
   memcpy(memory, from->slid, sizeof memory);
   for (int iteration = 0; iteration < NEWTON; ++iteration) {
-    double theta = c->base[2], omega = 0.0, alpha = 0.0;
-    for (int i = 0; i < N; ++i) {
+    double theta = 0.0, omega = 0.0, alpha = 0.0;
+    for (int i = 0; i < NB; ++i) {
+      if (i % N == 0) theta = all->finger[i / N].base[2], omega = alpha = 0.0;
       to->v[i] = (to->b[i] - from->b[i]) * inverse;
       to->a[i] = (to->v[i] - from->v[i]) * inverse;
       angle[i] = theta += to->b[i], spin[i] = omega += to->v[i], turn[i] = alpha += to->a[i];
@@ -261,19 +278,20 @@ static int stage(const chain *c, double part, const state *from, state *to, cons
     /* Places: a point of a bar, its velocity, angle and spin, with their slopes by the angles of the bars. */
     memset(motion, 0, sizeof motion);
     for (int k = 0; k < NP; ++k) {
-      const int bar = (int)c->bar[k];
-      const double start = bar < 0 ? c->along[k] : c->first;
+      const bars *c = all->finger + all->of_place[k];
+      const int bar = all->bar[k], at = N * all->of_place[k];
+      const double start = bar < 0 ? all->along[k] : c->first;
       double *own = places + 6 * k;
       own[0] = c->base[0] - start * sin(c->base[2]), own[1] = c->base[1] + start * cos(c->base[2]);
       own[2] = own[3] = own[5] = 0.0, own[4] = c->base[2];
       for (int i = 0; i <= bar; ++i) {
-        const double l = i < bar ? c->length[i] : c->along[k], x = -l * sn[i], y = l * cs[i];
+        const double l = i < bar ? c->length[i] : all->along[k], x = -l * sn[at + i], y = l * cs[at + i];
         own[0] += x, own[1] += y;
-        own[2] += -y * spin[i], own[3] += x * spin[i];
+        own[2] += -y * spin[at + i], own[3] += x * spin[at + i];
         motion[k][0][i] = -y, motion[k][1][i] = x;
-        motion[k][2][i] = -x * spin[i] - y * inverse, motion[k][3][i] = -y * spin[i] + x * inverse;
+        motion[k][2][i] = -x * spin[at + i] - y * inverse, motion[k][3][i] = -y * spin[at + i] + x * inverse;
       }
-      if (bar >= 0) own[4] = angle[bar], own[5] = spin[bar], motion[k][4][bar] = 1.0, motion[k][5][bar] = inverse;
+      if (bar >= 0) own[4] = angle[at + bar], own[5] = spin[at + bar], motion[k][4][bar] = 1.0, motion[k][5][bar] = inverse;
     }
     {
       const double *arg[drums_SZ_ARG] = {to->x, u};
@@ -283,8 +301,8 @@ static int stage(const chain *c, double part, const state *from, state *to, cons
     }
     double tensions[NT + 1];
     for (int j = 0; j < NT; ++j) {
-      const tendon t = tendon_of(c, j);
-      pull(&t, to->b, drums[j], memory[j], to->flag[j], to->tension[j], by[j]);
+      const tendon t = tendon_of(all, j);
+      pull(&t, to->b + N * all->of_tendon[j], drums[j], memory[j], to->flag[j], to->tension[j], by[j]);
       tensions[j] = to->tension[j][0];
     }
     {
@@ -294,123 +312,133 @@ static int stage(const chain *c, double part, const state *from, state *to, cons
       around(arg, res, integers, work, 0);
     }
     /* Inertia, weight and forces by the angles of the bars. */
-    double force[N];
-    for (int i = 0; i < N; ++i) {
-      const double *weights = c->inertia + N * i, away = c->gravity[0] * -cs[i] + c->gravity[1] * -sn[i];
-      double sum = -c->weight[i] * away, own = c->weight[i] * (c->gravity[0] * -sn[i] + c->gravity[1] * cs[i]);
-      for (int k = 0; k < N; ++k) {
-        const double even = weights[k] * (cs[i] * cs[k] + sn[i] * sn[k]), odd = weights[k] * (sn[i] * cs[k] - cs[i] * sn[k]);
+    double force[NB];
+    for (int i = 0; i < NB; ++i) {
+      const bars *c = all->finger + i / N;
+      const int at = i - i % N, own_bar = i % N;
+      const double *weights = c->inertia + N * own_bar, away = c->gravity[0] * -cs[i] + c->gravity[1] * -sn[i];
+      double sum = -c->weight[own_bar] * away;
+      double own = c->weight[own_bar] * (c->gravity[0] * -sn[i] + c->gravity[1] * cs[i]);
+      for (int j = 0; j < N; ++j) {
+        const int k = at + j;
+        const double even = weights[j] * (cs[i] * cs[k] + sn[i] * sn[k]), odd = weights[j] * (sn[i] * cs[k] - cs[i] * sn[k]);
         sum += even * turn[k] + odd * spin[k] * spin[k];
         own += even * spin[k] * spin[k] - odd * turn[k];
-        turned[i][k] = odd * turn[k] - even * spin[k] * spin[k] + even * inverse * inverse + 2.0 * odd * spin[k] * inverse;
+        turned[i][j] = odd * turn[k] - even * spin[k] * spin[k] + even * inverse * inverse + 2.0 * odd * spin[k] * inverse;
       }
-      turned[i][i] += own;
+      turned[i][own_bar] += own;
       force[i] = sum;
     }
     for (int k = 0; k < NP; ++k) {
-      const int bar = (int)c->bar[k];
+      const int bar = all->bar[k], at = N * all->of_place[k];
       const double *f = values + 3 * k;
       for (int i = 0; i <= bar; ++i) {
         const double x = motion[k][0][i], y = motion[k][1][i];
-        force[i] -= f[0] * x + f[1] * y;
-        turned[i][i] -= f[0] * -y + f[1] * x;
+        force[at + i] -= f[0] * x + f[1] * y;
+        turned[at + i][i] -= f[0] * -y + f[1] * x;
       }
-      if (bar >= 0) force[bar] -= f[2];
+      if (bar >= 0) force[at + bar] -= f[2];
     }
     /* Slopes of forces and rates by the angles: through the motion of the places. */
     for (int r = 0; r < OUT; ++r) {
-      double *row = by_angle[r];
-      memset(row, 0, sizeof by_angle[r]);
+      memset(by_angle[r], 0, sizeof by_angle[r]);
       for (int k = 0; k < 6 * NP; ++k) {
         const double s = slopes[r + OUT * k];
         if (s == 0.0) continue;
         const double *m = motion[k / 6][k % 6];
+        double *row = by_angle[r] + N * all->of_place[k / 6];
         for (int i = 0; i < N; ++i) row[i] += s * m[i];
       }
     }
     memset(matrix, 0, sizeof matrix);
     for (int k = 0; k < NP; ++k) {
-      const int bar = (int)c->bar[k];
+      const int bar = all->bar[k], at = N * all->of_place[k];
       for (int i = 0; i <= bar; ++i) {
         for (int r = 0; r < 3; ++r) {
           const double part_of = r < 2 ? motion[k][r][i] : i == bar ? 1.0 : 0.0;
           if (part_of == 0.0) continue;
-          const double *row = by_angle[3 * k + r];
-          for (int j = 0; j < N; ++j) turned[i][j] -= part_of * row[j];
-          for (int j = 0; j < NX; ++j) matrix[i][N + j] -= part_of * slopes[3 * k + r + OUT * (6 * NP + NT + j)];
+          /* Forces on a finger are functions of its own places and of the other states. */
+          const double *row = by_angle[3 * k + r] + at;
+          for (int j = 0; j < N; ++j) turned[at + i][j] -= part_of * row[j];
+          for (int j = 0; j < NX; ++j) matrix[at + i][NB + j] -= part_of * slopes[3 * k + r + OUT * (6 * NP + NT + j)];
         }
       }
     }
     /* From angles to bends: a bend turns all bars beyond it. */
-    for (int i = 0; i < N; ++i)
+    for (int i = 0; i < NB; ++i)
       for (int j = N - 2; j >= 0; --j) turned[i][j] += turned[i][j + 1];
-    for (int i = N - 2; i >= 0; --i) {
+    for (int i = NB - 2; i >= 0; --i) {
+      if (i % N == N - 1) continue;  /* the last bar of a finger */
       force[i] += force[i + 1];
       for (int j = 0; j < N; ++j) turned[i][j] += turned[i + 1][j];
-      for (int j = 0; j < NX; ++j) matrix[i][N + j] += matrix[i + 1][N + j];
+      for (int j = 0; j < NX; ++j) matrix[i][NB + j] += matrix[i + 1][NB + j];
     }
-    for (int i = 0; i < N; ++i) {
-      right[i] = -(force[i] + c->stiffness[i] * (to->b[i] - c->rest[i]) + c->damping[i] * to->v[i]);
-      memcpy(matrix[i], turned[i], sizeof turned[i]);
-      matrix[i][i] += c->stiffness[i] + c->damping[i] * inverse;
+    for (int i = 0; i < NB; ++i) {
+      const bars *c = all->finger + i / N;
+      const int k = i % N;
+      right[i] = -(force[i] + c->stiffness[k] * (to->b[i] - c->rest[k]) + c->damping[k] * to->v[i]);
+      memcpy(matrix[i] + (i - k), turned[i], sizeof turned[i]);
+      matrix[i][i] += c->stiffness[k] + c->damping[k] * inverse;
     }
     for (int r = 0; r < NX; ++r) {
-      double *row = matrix[N + r], *own = by_angle[3 * NP + r];
-      for (int j = N - 2; j >= 0; --j) own[j] += own[j + 1];
+      double *row = matrix[NB + r], *own = by_angle[3 * NP + r];
+      for (int j = NB - 2; j >= 0; --j)
+        if (j % N != N - 1) own[j] += own[j + 1];
       to->rate[r] = values[3 * NP + r];
-      right[N + r] = -(to->x[r] - from->x[r] - part * to->rate[r]);
-      for (int j = 0; j < N; ++j) row[j] = -part * own[j];
-      for (int j = 0; j < NX; ++j) row[N + j] = -part * slopes[3 * NP + r + OUT * (6 * NP + NT + j)];
-      row[N + r] += 1.0;
+      right[NB + r] = -(to->x[r] - from->x[r] - part * to->rate[r]);
+      for (int j = 0; j < NB; ++j) row[j] = -part * own[j];
+      for (int j = 0; j < NX; ++j) row[NB + j] = -part * slopes[3 * NP + r + OUT * (6 * NP + NT + j)];
+      row[NB + r] += 1.0;
     }
     for (int j = 0; j < NT; ++j) {
-      const tendon t = tendon_of(c, j);
+      const tendon t = tendon_of(all, j);
+      const int at = N * all->of_tendon[j];
       for (int k = 0; k < N; ++k) {
         const int q = k + t.first;
         if (q >= t.count) continue;
         /* The mean of both sides does exactly the work that the sliding leaves. */
         const double half = 0.5 * t.arm[k];
-        right[k] += half * (to->tension[j][q] + to->tension[j][q + 1]);
-        for (int i = 0; i < N; ++i) matrix[k][i] -= half * (by[j][q][i] + by[j][q + 1][i]);
+        right[at + k] += half * (to->tension[j][q] + to->tension[j][q + 1]);
+        for (int i = 0; i < N; ++i) matrix[at + k][at + i] -= half * (by[j][q][i] + by[j][q + 1][i]);
         const double by_drum = half * (by[j][q][N] + by[j][q + 1][N]);
-        for (int i = 0; i < NX; ++i) matrix[k][N + i] -= by_drum * drum_slopes[j + NT * i];
+        for (int i = 0; i < NX; ++i) matrix[at + k][NB + i] -= by_drum * drum_slopes[j + NT * i];
       }
       for (int r = 0; r < NX; ++r) {
         const double felt = part * slopes[3 * NP + r + OUT * (6 * NP + j)];
         if (felt == 0.0) continue;
-        for (int i = 0; i < N; ++i) matrix[N + r][i] -= felt * by[j][0][i];
-        for (int i = 0; i < NX; ++i) matrix[N + r][N + i] -= felt * by[j][0][N] * drum_slopes[j + NT * i];
+        for (int i = 0; i < N; ++i) matrix[NB + r][at + i] -= felt * by[j][0][i];
+        for (int i = 0; i < NX; ++i) matrix[NB + r][NB + i] -= felt * by[j][0][N] * drum_slopes[j + NT * i];
       }
     }
     double along = 0.0;
-    for (int i = 0; i < N; ++i) along += right[i] * way[i];
+    for (int i = 0; i < NB; ++i) along += right[i] * way[i];
     if (work_along > 0.0 && along < -AGAINST * work_along) {
       share *= fmin(fmax(work_along / (work_along - along), 0.1), 0.8);
-      for (int i = 0; i < N; ++i) to->b[i] = before[i] + share * way[i];
-      for (int r = 0; r < NX; ++r) to->x[r] = before[N + r] + share * way[N + r];
+      for (int i = 0; i < NB; ++i) to->b[i] = before[i] + share * way[i];
+      for (int r = 0; r < NX; ++r) to->x[r] = before[NB + r] + share * way[NB + r];
       continue;
     }
     memcpy(way, right, sizeof way);
     if (!solve(matrix, way)) return 0;
     double bent = 0.0, moved = 0.0;
     work_along = 0.0;
-    for (int i = 0; i < N; ++i) bent = fmax(bent, fabs(way[i])), work_along += right[i] * way[i];
-    for (int r = 0; r < NX; ++r) moved = fmax(moved, fabs(way[N + r]) / (1.0 + fabs(to->x[r])));
+    for (int i = 0; i < NB; ++i) bent = fmax(bent, fabs(way[i])), work_along += right[i] * way[i];
+    for (int r = 0; r < NX; ++r) moved = fmax(moved, fabs(way[NB + r]) / (1.0 + fabs(to->x[r])));
     if (!(bent < 1e6 && moved < 1e12)) return 0;
     share = bent > FARTHEST ? FARTHEST / bent : 1.0;
     memcpy(before, to->b, sizeof to->b);
-    memcpy(before + N, to->x, NX * sizeof(double));
-    for (int i = 0; i < N; ++i) to->b[i] += share * way[i];
-    for (int r = 0; r < NX; ++r) to->x[r] += share * way[N + r];
+    memcpy(before + NB, to->x, NX * sizeof(double));
+    for (int i = 0; i < NB; ++i) to->b[i] += share * way[i];
+    for (int r = 0; r < NX; ++r) to->x[r] += share * way[NB + r];
     if (bent < ACCURACY && moved < ACCURACY) {
-      for (int i = 0; i < N; ++i) {
+      for (int i = 0; i < NB; ++i) {
         to->v[i] = (to->b[i] - from->b[i]) * inverse;
         to->a[i] = (to->v[i] - from->v[i]) * inverse;
       }
       for (int r = 0; r < NX; ++r) to->rate[r] = (to->x[r] - from->x[r]) * inverse;
       for (int j = 0; j < NT; ++j) {
-        const tendon t = tendon_of(c, j);
-        slid_of(&t, to->b, to->tension[j], to->slid[j]);
+        const tendon t = tendon_of(all, j);
+        slid_of(&t, to->b + N * all->of_tendon[j], to->tension[j], to->slid[j]);
       }
       return 1;
     }
@@ -418,19 +446,19 @@ static int stage(const chain *c, double part, const state *from, state *to, cons
   return 0;
 }
 
-static int advance(const chain *c, double h, state *s, const double *u, const double *w0, const double *w1,
+static int advance(const chains *all, double h, state *s, const double *u, const double *w0, const double *w1,
                    const double *p, int depth)
 {
   const double part = GAMMA * h, rest = (1.0 - GAMMA) * h;
   double w[NW + 1];
   state first = *s, from = *s, second;
   for (int k = 0; k < NW; ++k) w[k] = w0[k] + GAMMA * (w1[k] - w0[k]);
-  for (int i = 0; i < N; ++i) first.b[i] += part * s->v[i];
-  int solved = stage(c, part, s, &first, u, w, p);
+  for (int i = 0; i < NB; ++i) first.b[i] += part * s->v[i];
+  int solved = stage(all, part, s, &first, u, w, p);
   if (solved) {
     second = first;
     memcpy(from.slid, first.slid, sizeof from.slid);
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < NB; ++i) {
       from.b[i] = s->b[i] + rest * first.v[i];
       from.v[i] = s->v[i] + rest * first.a[i];
       second.b[i] = first.b[i] + rest * first.v[i];
@@ -439,7 +467,7 @@ static int advance(const chain *c, double h, state *s, const double *u, const do
       from.x[r] = s->x[r] + rest * first.rate[r];
       second.x[r] = first.x[r] + rest * first.rate[r];
     }
-    solved = stage(c, part, &from, &second, u, w1, p);
+    solved = stage(all, part, &from, &second, u, w1, p);
   }
   if (solved) {
     *s = second;
@@ -447,7 +475,7 @@ static int advance(const chain *c, double h, state *s, const double *u, const do
   }
   if (depth == 0) return 0;
   for (int k = 0; k < NW; ++k) w[k] = w0[k] + 0.5 * (w1[k] - w0[k]);
-  return advance(c, 0.5 * h, s, u, w0, w, p, depth - 1) && advance(c, 0.5 * h, s, u, w, w1, p, depth - 1);
+  return advance(all, 0.5 * h, s, u, w0, w, p, depth - 1) && advance(all, 0.5 * h, s, u, w, w1, p, depth - 1);
 }
 
 /* Rows of states after each of some steps, from the first on; w has a row per step and one more, or is always the same.
@@ -455,24 +483,25 @@ static int advance(const chain *c, double h, state *s, const double *u, const do
 whole chain_steps(whole steps, double h, const double *given, const double *u, const double *w, whole stride,
                   const double *p, double *states)
 {
-  const chain c = described(given);
+  chains all;
   state s;
+  described(given, &all);
   memset(&s, 0, sizeof s);
   memcpy(s.b, states, sizeof s.b);
-  memcpy(s.v, states + N, sizeof s.v);
+  memcpy(s.v, states + NB, sizeof s.v);
   for (int j = 0; j < NT; ++j) {
-    const tendon t = tendon_of(&c, j);
-    memcpy(s.tension[j] + 1, states + 2 * N + j * MOST, MOST * sizeof(double));
-    slid_of(&t, s.b, s.tension[j], s.slid[j]);
+    const tendon t = tendon_of(&all, j);
+    memcpy(s.tension[j] + 1, states + 2 * NB + j * MOST, MOST * sizeof(double));
+    slid_of(&t, s.b + N * all.of_tendon[j], s.tension[j], s.slid[j]);
   }
-  memcpy(s.x, states + 2 * N + NT * MOST, NX * sizeof(double));
+  memcpy(s.x, states + 2 * NB + NT * MOST, NX * sizeof(double));
   for (whole k = 0; k < steps; ++k) {
-    if (!advance(&c, h, &s, u, w + k * stride, w + (k + 1) * stride, p, HALVINGS)) return k;
+    if (!advance(&all, h, &s, u, w + k * stride, w + (k + 1) * stride, p, HALVINGS)) return k;
     double *row = states + (k + 1) * STATES;
     memcpy(row, s.b, sizeof s.b);
-    memcpy(row + N, s.v, sizeof s.v);
-    for (int j = 0; j < NT; ++j) memcpy(row + 2 * N + j * MOST, s.tension[j] + 1, MOST * sizeof(double));
-    memcpy(row + 2 * N + NT * MOST, s.x, NX * sizeof(double));
+    memcpy(row + NB, s.v, sizeof s.v);
+    for (int j = 0; j < NT; ++j) memcpy(row + 2 * NB + j * MOST, s.tension[j] + 1, MOST * sizeof(double));
+    memcpy(row + 2 * NB + NT * MOST, s.x, NX * sizeof(double));
   }
   return steps;
 }

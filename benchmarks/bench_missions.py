@@ -1,0 +1,130 @@
+"""Missions of two fingers whose object and fingers are drawn at random: how many hold and release.
+
+Run ``python -m benchmarks.bench_missions`` in the root of the repository (a quarter of an hour on one core, most of it
+to compile controllers and plants). Each mission is ``configs/mission/pinch.yaml`` with another object and other
+fingers, which differ from each other; its grasp is optimized and certified for 10 % more mass and 10 % less friction.
+Missions are drawn until as many as asked for have a verified grasp, and these are carried out; a draw without one is
+in the table with its status. All that is known before a run is in the column "before".
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import Report, Table
+from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission import check_mission
+from continuum_grasp.mission.run import run_mission
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import MissionScene
+
+SCENE = "configs/mission/pinch.yaml"
+SEED = 20274
+ELEMENTS = 4
+"""Clothoids of each finger of the plant [1]: half of those of the shipped mission, which compile for a minute."""
+DRAWS = 3
+"""Missions that are drawn at most, per mission that is asked for."""
+COLUMNS = ["object", "fingers: length [mm], stiffness [N m2]", "grasp", "mission", "sunk [mm]", "moved [mm]"]
+COLUMNS += ["force off [%]", "slip margin", "while pulled", "fallbacks", "before"]
+
+
+def drawn(rng: np.random.Generator) -> tuple[str, str, dict[str, Any]]:
+    """Object and fingers in words, and the changes to the scene."""
+    shape = str(rng.choice(["circle", "ellipse", "box"]))
+    height, mass, friction = rng.uniform(0.040, 0.075), rng.uniform(0.05, 0.20), rng.uniform(0.35, 0.80)
+    gap, place, wide = rng.uniform(0.006, 0.014), rng.uniform(0.90, 1.02), rng.uniform(0.7, 1.2)
+    lengths, stiffness = rng.uniform(0.075, 0.110, 2), rng.uniform(2.5e-2, 6.0e-2, 2)
+    reach = float(lengths.max())
+    size = {"diameter": height} if shape == "circle" else {"width": wide * height, "height": height}
+    body = {"shape": shape, **size, "mass": 1.1 * mass, "position": [place * reach, 0.0]}
+    body |= {"free": {"x": [0.6 * reach, 1.15 * reach]}} | ({"corner_radius": 0.006} if shape == "box" else {})
+    fingers = {}
+    for name, side, length, own in zip(("lower", "upper"), (-1.0, 1.0), lengths, stiffness, strict=True):
+        # The tips of the straight fingers are side by side, each as far from the object; the disc's radius is 6 mm.
+        base = [float(reach - length), float(side * (0.5 * height + 0.006 + gap))]
+        fingers[name] = {
+            "extends": "../fingers/stiff_finger.yaml",
+            "rod": {"length": length, "linear_density": 0.047, "bending_stiffness": own}
+            | {"rotary_inertia": 2.6e-7, "diameter": 0.002},
+            "damping": {"material": 4.9e-3 * own},
+            "masses": [{"at": length, "mass": 0.002}],
+            "base": {"position": base, "angle": -0.5 * np.pi},
+        }
+    changes = {
+        "grasp.fingers": fingers,
+        "grasp.object": body,
+        "object_mass": mass,
+        "contact_law.friction": friction,
+        "grasp.contacts.friction": 0.9 * friction,
+        "plant.fidelity.elements": ELEMENTS,
+        "estimator.measured.bending.at": np.linspace(0.15, 1.0, 6) * lengths.min(),
+    }
+    extent = " x ".join(f"{1e3 * each:.0f}" for each in size.values())
+    words = f"{shape}, {extent} mm, {1e3 * mass:.0f} g, friction {friction:.2f}, {1e3 * gap:.0f} mm off"
+    own_words = "; ".join(f"{1e3 * a:.0f}, {b:.3f}" for a, b in zip(lengths, stiffness, strict=True))
+    return words, own_words, _plain(changes)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers of numpy as those of Python."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | np.ndarray):
+        return [_plain(each) for each in value]
+    return float(value) if isinstance(value, np.floating) else value
+
+
+def carried_out(changes: dict[str, Any]) -> tuple[list[Any], bool | None]:
+    """Columns of the table from the grasp on, and whether it was held and released; None where nothing was run."""
+    try:
+        scene = load(SCENE, changes)
+        assert isinstance(scene, MissionScene)
+        grasp = optimize_grasp(scene.grasp)
+        if not grasp.solved:
+            return [grasp.status.value, *[""] * 7, grasp.advice.partition("\n")[0]], None
+        before = "; ".join(one.text for one in check_mission(scene, grasp=grasp))
+        verdict = run_mission(scene, grasp=grasp).verdict
+    except ContinuumGraspError as error:
+        return ["", type(error).__name__, *[""] * 6, str(error).partition("\n")[0]], None
+    row = ["verified", verdict.word if verdict.drop is None else f"{verdict.word}: {verdict.drop.text}"]
+    row += [1e3 * verdict.sunk, 1e3 * verdict.moved, 1e2 * verdict.force_error, verdict.slip_margin]
+    return [*row, verdict.pulled_margin, verdict.fallbacks, before], verdict.succeeded
+
+
+def main() -> None:
+    """Draw and carry out missions, and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--missions", type=int, default=10, help="how many are carried out")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--only", type=int, action="append", default=[], help="this draw alone, counted from 1")
+    asked = parser.parse_args()
+    warnings.simplefilter("ignore")
+    rng, rows, done = np.random.default_rng(asked.seed), list[list[Any]](), list[bool]()
+    for k in range(1, DRAWS * asked.missions + 1):
+        body, fingers, changes = drawn(rng)
+        if asked.only and k not in asked.only:
+            continue
+        found, succeeded = carried_out(changes)
+        rows.append([body, fingers, *found])
+        print(k, *rows[-1], sep=" | ", flush=True)
+        done += [] if succeeded is None else [succeeded]
+        if len(done) == asked.missions:
+            break
+    print(f"{sum(done)} of {len(done)} held and released")
+    if asked.only:
+        return
+    report = Report("missions", asked.seed)
+    report.tables.append(Table("Missions of two fingers drawn at random", COLUMNS, rows, __doc__.partition("\n")[0]))
+    report.claim("held and released", sum(done), ">=", asked.missions)
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()
