@@ -1,10 +1,11 @@
-"""Plans of a finger on winches with tendon friction that begins bent: released, bent again, or through straight.
+"""Plans of a finger with tendon friction that begins bent, on two winches or on one pulley: released, bent again,
+through straight, and on the pulley from straight.
 
-Run ``OPENBLAS_NUM_THREADS=1 python -m benchmarks.bench_plans`` in the root of the repository (6 min). Cases are random:
-friction 0.1 to 0.3, one or two friction cells, two arcs or two clothoids, 0.3 to 0.6 s, least effort or least
-input rate. Goals are where the finger stands after a slow change of its winches, so that they can be held. Each plan is
+Run ``OPENBLAS_NUM_THREADS=1 python -m benchmarks.bench_plans`` in the root of the repository (10 min). Cases are
+random: friction 0.1 to 0.3, one or two friction cells, two arcs or two clothoids, 0.3 to 0.6 s, least effort or least
+input rate. Goals are where the finger stands after a slow change of its drives, so that they can be held. Each plan is
 played by another integrator (LSODA, 1e-7): how far the tip is from its goal at the end, and how far it moves on in
-0.2 s with winches that stand.
+0.2 s with drives that stand.
 """
 
 from __future__ import annotations
@@ -31,29 +32,32 @@ TAUT = 6e-4
 """Cable by which the other winch is wound further than the bend asks for [m]."""
 
 
-def case(seed: int) -> tuple[str, PlanScene]:
-    """What happens, and a scene of it with its goal."""
+def case(seed: int, drive: str) -> tuple[str, PlanScene]:
+    """What happens, and a scene of it with its goal, under one of ``tests.control_cases.DRIVES``."""
     rng = np.random.default_rng(seed)
     friction, cells = rng.uniform(0.1, 0.3), int(rng.integers(1, 3))
     family = ["arc", "clothoid"][seed % 2]
     side = rng.choice([-1, 1])
-    kind = ["release", "release", "through straight", "bent again"][int(rng.integers(0, 4))]
+    kinds = ["release", "release", "through straight", "bent again"]
+    if drive != "winches":
+        kinds += ["from straight", "from straight"]
+    kind = kinds[int(rng.integers(0, len(kinds)))]
     begin, reached_by = rng.uniform(0.004, 0.008), "pulling"
     if kind == "release":
         end = begin * rng.uniform(0.1, 0.75)
     elif kind == "through straight":
         end = -rng.uniform(0.002, 0.006)
+    elif kind == "from straight":
+        begin, end = 0.0, begin
     else:
         begin, end, reached_by = begin * rng.uniform(0.2, 0.7), begin, "releasing"
     if kind == "release" and rng.uniform() < 0.2:
         reached_by = "releasing"
     duration, objective = rng.uniform(0.3, 0.6), str(rng.choice(["least_effort", "least_input_rate"]))
-    winches, form = DRIVES["winches"]
-    first, last = (wound(bend)[::side] for bend in (begin, end))
+    own, form = DRIVES[drive]
+    first, last = (wound(bend, side, drive) for bend in (begin, end))
     scene = PlanScene(
-        finger=HAND.replaced(
-            tendons=Tendons(**{**CABLE, "drive": winches, "friction": friction, "friction_cells": cells})
-        ),
+        finger=HAND.replaced(tendons=Tendons(**{**CABLE, "drive": own, "friction": friction, "friction_cells": cells})),
         gravity=(0.0, 0.0),
         fidelity={"family": family, "elements": 2},
         initial={"pose": "equilibrium", "reached_by": reached_by},
@@ -70,9 +74,11 @@ def case(seed: int) -> tuple[str, PlanScene]:
     return kind, scene.replaced(goal={"tip": {"value": tuple(goal.tolist()), "weight": 1e6}, "end": "held"})
 
 
-def wound(bend: float) -> tuple[float, float]:
-    """Cable on both winches [m]."""
-    return bend, -bend + float(np.sign(bend)) * TAUT
+def wound(bend: float, side: int, drive: str) -> tuple[float, ...]:
+    """Commands that wind up so much cable [m]: on both winches, on a pulley, or of its motor [rad]."""
+    if drive == "winches":
+        return (bend, -bend + float(np.sign(bend)) * TAUT)[::side]
+    return (side * bend / DRIVES[drive][0].get("winch_radius", 1.0),)
 
 
 def played(scene: PlanScene, t: Array, u: Array, times: list[float]) -> Array:
@@ -90,9 +96,9 @@ def played(scene: PlanScene, t: Array, u: Array, times: list[float]) -> Array:
     return np.array([np.array(model.tip(x, inputs(at), p)).ravel() for at, x in zip(times, found, strict=True)])
 
 
-def row(seed: int) -> list[Any]:
-    """A line of the table."""
-    kind, scene = case(seed)
+def row(seed: int, drive: str) -> list[Any]:
+    """A line of the table of a drive."""
+    kind, scene = case(seed, drive)
     tendons, began = scene.finger.tendons, time.thread_time()
     found = cg.plan(scene, raise_on_failure=False)
     spent = time.thread_time() - began
@@ -107,17 +113,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=20, help="cases")
     asked = parser.parse_args()
-    rows = []
-    for seed in range(asked.count):
-        rows.append(row(seed))
-        print(rows[-1], flush=True)
     report = Report("plans", 0)
     columns = ["seed", "", "friction, cells", "family", "objective", "status"]
     columns += ["off its goal [um]", "moves on by [um]", "processor time [s]"]
-    report.tables.append(Table("Released, bent again, through straight", columns, rows))
-    good = [one for one in rows if one[5] in ("feasible", "optimal")]
-    report.claim("share of plans that were found", len(good) / len(rows), ">=", 0.9)
-    report.claim("their tips move on by [um]", max(one[7] for one in good), "<=", 180.0)
+    for drive, title, share in (("winches", "Two winches", 0.9), ("pulley", "One pulley", 1.0)):
+        rows = []
+        for seed in range(asked.count):
+            rows.append(row(seed, drive))
+            print(rows[-1], flush=True)
+        report.tables.append(Table(title, columns, rows))
+        good = [one for one in rows if one[5] in ("feasible", "optimal")]
+        report.claim(f"share of plans that were found, {title.lower()}", len(good) / len(rows), ">=", share)
+        report.claim(f"their tips move on by [um], {title.lower()}", max(one[7] for one in good), "<=", 180.0)
     for file in report.write():
         print(file)
     print(report.status)

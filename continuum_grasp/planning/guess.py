@@ -26,6 +26,8 @@ _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE, _BALANCE_HELD = 0.1, 10.0
 """Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
+_TAUT = 10.0
+"""Weight of tensions that are missing, per the least one."""
 _NEAR_FIRST = 1e-3
 """Weight of what leaves the posture open: little, so that it decides nothing else."""
 
@@ -113,6 +115,10 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     frequency = 2.0 * np.pi / motion.first_duration
     rate = model.dynamics(x, u, p)[n : 2 * n] / ca.DM(reach * frequency**2)
     held = any(part.name == "held" for part in goal)
+    least = motion.scene.least_tension
+    if least > 0.0:
+        # A tendon that is slack has no slopes, and a motor under a torque runs away from it.
+        errors.append(_TAUT * ca.fmax(1.0 - model.tensions(x, u, p) / least, 0.0))
     away = y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])
     residual = ca.vertcat(*errors, rate * (_BALANCE_HELD if held else _BALANCE), _NEAR_FIRST * away)
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])

@@ -18,6 +18,7 @@ from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.model.tendon_friction import RETURN_TIME, clipped
 from continuum_grasp.planning.shooting import Term, derived
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
 
@@ -199,15 +200,36 @@ class Motion:
         )
 
     @cached_property
-    def friction_states(self) -> list[int]:
+    def tendon_friction(self) -> list[int]:
         """Where the state has the friction of tendons."""
         return [k for k, name in enumerate(self.prediction.x_names) if name.startswith("friction_")]
 
-    def slid(self, q: Array) -> Array:
-        """Sliding of tendons per presliding from the straight finger to coordinates q (n), per friction state."""
+    @cached_property
+    def motor_friction(self) -> dict[int, float]:
+        """Where it has the dry friction of motors that no servo turns to an angle, and their ``presliding_angle``."""
+        names = list(self.prediction.x_names)
+        return {
+            names.index(f"motor_friction_{k + 1} [1]"): drive.presliding_angle
+            for k, drive in enumerate(self.scene.finger.winches)
+            if isinstance(drive, MotorDrive) and drive.position_gain is None and drive.presliding_angle is not None
+        }
+
+    @cached_property
+    def friction_states(self) -> list[int]:
+        """Where the state has a friction whose way decides where the finger rests: of tendons, then of motors."""
+        return [*self.tendon_friction, *self.motor_friction]
+
+    def slid(self, q: Array, u: Array) -> Array:
+        """Sliding per presliding from the straight finger to coordinates q (n) under inputs u (nu), per friction state.
+
+        Of tendons, and of the motors that balance them.
+        """
         finger = self.prediction.system.finger_model
-        found = finger.sliding()(q, np.zeros(finger.nu), finger.p_nominal)
-        return np.array(found).ravel()[: len(self.friction_states)]
+        found = np.array(finger.sliding()(q, np.zeros(finger.nu), finger.p_nominal)).ravel()
+        x = self.prediction.at_rest(q, u)
+        # The angle is two states before its friction.
+        turned = [x[k - 2] / presliding for k, presliding in self.motor_friction.items()]
+        return np.concatenate([found[: len(self.tendon_friction)], turned])
 
     @cached_property
     def sliding(self) -> ca.SX:

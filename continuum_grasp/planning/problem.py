@@ -57,7 +57,7 @@ class PlanProblem:
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False, one_way: OneWay | None = None) -> None:
         self.motion, self.relaxed, self.one_way = motion, relaxed, one_way
         self.assembly = Assembly(semidefinite=not motion.exact)
-        self.goal = goal_parts(motion, settles=one_way is None and motion.scene.finger.has_tendon_friction)
+        self.goal = goal_parts(motion, settles=one_way is None and bool(motion.friction_states))
         first = np.array(x0)
         if one_way is not None and one_way.given:
             first[motion.friction_states] = np.where(one_way.ways, one_way.ways, first[motion.friction_states])

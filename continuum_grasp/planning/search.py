@@ -89,7 +89,7 @@ class Search:
         """
         # A motion that goes on has no rest to come to, and a reference may go to and fro.
         rests = self.scene.goal.end != "moving" and self.scene.objective != "tracking"
-        if self.scene.finger.has_tendon_friction and rests:
+        if self.motion.friction_states and rests:
             self._try_one_way()
         if self.best is None and self.warm is not None and not self.over:
             w, multipliers = self._warm_start(self.warm)
@@ -108,13 +108,15 @@ class Search:
 
         Their friction is then given: the problem is smooth. Its solution is the start where friction has its states.
         """
-        change = self.motion.slid(self.last.q) - self.motion.slid(self.first.q)
+        begin, end = (self.motion.slid(posture.q, posture.u) for posture in (self.first, self.last))
+        change, count = end - begin, len(self.motion.tendon_friction)
         ways = np.where(np.abs(change) > _SLIDES, np.sign(change), 0.0)
         if not ways.any():
             return
-        # Of a straight finger friction is none, whatever its states.
-        bent = np.abs(self.motion.slid(self.first.q)) > _SLIDES
-        if (bent & (ways * self.x0[self.motion.friction_states] < _TURNED) & (ways != 0.0)).any():
+        now = self.x0[self.motion.friction_states]
+        # Of a straight finger friction of tendons is none, whatever its states; motors turn theirs around soon.
+        turns = (np.abs(begin[:count]) > _SLIDES) & (ways * now < _TURNED)[:count]
+        if (turns & (ways != 0.0)[:count]).any() or (ways * now < -_TURNED)[count:].any():
             self._try_turning(change)
             return
         speed = float(np.abs(change).max()) / self.motion.first_duration

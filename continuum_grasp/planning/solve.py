@@ -16,6 +16,7 @@ from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
+from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Constraint, Plan, PlanStatus
 from continuum_grasp.planning.search import Search
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 Array = NDArray[np.float64]
+
+_FAR = 0.01
+"""Distance of the last tip from a goal that has a weight, per finger length, from which on there is a warning [1]."""
 
 
 @interrupt.listening()
@@ -119,15 +123,18 @@ def _result(search: Search) -> Plan:
     elif search.budget.cut:
         status = PlanStatus.FEASIBLE
         message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
-    elif scene.finger.has_tendon_friction:
+    elif motion.friction_states:
         # Slopes do not know how friction would change with the motion.
+        whose = "tendon friction" if motion.tendon_friction else "friction of motors"
         status = PlanStatus.FEASIBLE
-        message = "all constraints are satisfied; inputs are optimal for tendon friction as it acts in this motion"
+        message = f"all constraints are satisfied; inputs are optimal for {whose} as it acts in this motion"
     path, multipliers = problem.path(attempt.x), attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []
     if search.interrupted:
         warnings.append("the search was interrupted")
+    if not violated:
+        warnings += _far(scene, motion, path.x[-1], path.u[-1])
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
     return Plan(
         scene=scene,
@@ -158,6 +165,21 @@ def _result(search: Search) -> Plan:
             "units": motion.units,
         },
     )
+
+
+def _far(scene: PlanScene, motion: Motion, x: Array, u: Array) -> list[str]:
+    """What the user must know of a tip that ends far from a goal that has a weight: the plan is solved all the same."""
+    aim = scene.goal.tip
+    if aim is None or aim.weight is None:
+        return []
+    tip = np.array(motion.prediction.tip(x, u, motion.prediction.p_nominal)).ravel()
+    off = float(np.hypot(*(tip - np.array(aim.value))))
+    if off <= _FAR * motion.length:
+        return []
+    return [
+        f"the tip ends {1e3 * off:.3g} mm from goal.tip, which has a weight: raise it, or a limit that is active "
+        "(constraints with multipliers)"
+    ]
 
 
 def _lead(scene: PlanScene, u: Array, duration: float) -> str:

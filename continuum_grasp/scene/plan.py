@@ -126,8 +126,9 @@ class PlanBounds(Bounds):
     penalty: Penalty | Literal["hard"] = "hard"
     """Of violations of curvature and speed; hard: there is none, or no plan."""
     least_tension: Annotated[NonNegative, Unit("N")] | None = None
-    """Least tension of tendons under winches or motors at the nodes [N]; None: half their pretension. Of two tendons
-    the cheapest plan leaves one just about slack, where its tension is hardly defined."""
+    """Least tension of tendons under winches or motors at the nodes [N]; None: half their pretension, or nothing on
+    one_pulley. Of two tendons with drives of their own the cheapest plan leaves one just about slack, where its tension
+    is hardly defined; on one pulley the bend decides."""
 
 
 class PlanSolver(SolverOptions):
@@ -221,13 +222,6 @@ class PlanScene(FingerScene):
                 f"method: {self.transcription} is not for tendons with friction, winches or motors, whose forces "
                 "change within 0.02 mm; leave it out, or take single_shooting"
             )
-        if any(drive.key in ("torques", "currents") for drive in self.finger.winches):
-            # Measured on two motors, with friction and without: 25 and 31 steps, 50 and 89 mm from a goal; position
-            # servos reach one like it in 7.
-            raise ValueError(
-                "finger.tendons.drive: plans are not for motors under commanded torques or currents, whose plans end "
-                "far from goals within reach; give position_gain, and follow the planned angles"
-            )
         if self.object is not None and self.transcription == "single_shooting":
             raise ValueError(
                 "object: plans with contact are not for method: single_shooting, nor for tendons with friction, "
@@ -309,7 +303,10 @@ class PlanScene(FingerScene):
         """Least tension of tendons that are wound up [N]."""
         drives = self.finger.winches
         given = self.bounds.least_tension
-        return given if given is not None else 0.5 * min((drive.pretension for drive in drives), default=0.0)
+        if given is not None:
+            return given
+        # On a common pulley the bend decides how taut the other tendon is: a bound would be one of the bend.
+        return min((0.5 * drive.pretension for drive in drives if drive.arrangement == "per_tendon"), default=0.0)
 
     @property
     def transcription(self) -> str:

@@ -114,6 +114,51 @@ def test_plan_of_a_bent_finger_turns_friction_around(friction, cells, family, hi
     assert (found.x[0, states] * found.x[-1, states] < -0.8).all()
 
 
+ARCS = {"family": "arc", "elements": 2}
+OTHERS = [
+    # friction, drive, its last command
+    (0.15, "pulley", [0.006]),  # m
+    (0.1, "torques", [0.07, 0.016]),  # N m
+    (0.0, "torques", [0.07, 0.016]),
+    (0.2, "servo", [-0.7]),  # rad
+    (0.15, "currents", [0.8, 3.5]),  # A
+    (0.2, "geared", [0.06]),
+]
+
+
+@pytest.mark.parametrize(("friction", "drive", "last"), few(OTHERS, 2))
+def test_plan_of_one_pulley_and_of_motors_without_servo(friction, drive, last):
+    asked = scene(friction, drive, {"friction_cells": 1}, fidelity=ARCS)
+    times, first = [0.0, 0.4], list(asked.initial_input)
+    (aim,) = tips(asked.finger, times, [first, last], [0.8], "arc")
+    found = cg.plan(asked.replaced(goal={"tip": {"value": tuple(aim), "weight": 1e7}, "end": "held"}))
+    end, later = tips(asked.finger, found.t, found.u, [0.4, 0.6], "arc")
+    assert found.status == "feasible"  # slopes of dry friction are not exact: of tendons or of motors
+    assert np.linalg.norm(end - aim) < 1e-4
+    assert np.linalg.norm(later - end) < 2e-6
+    tensions = [np.array(found.prediction.tensions(x, u, [])).min() for x, u in zip(found.x, found.u, strict=True)]
+    # On one pulley the bend decides how taut the other tendon is.
+    assert min(tensions) == 0.0 if len(last) == 1 else min(tensions) >= 1.0 - 1e-3
+
+
+@pytest.mark.parametrize(("drive", "end"), [("torques", "held"), ("torques", "still"), ("winches", "held")])
+def test_search_begins_at_a_posture_with_taut_tendons(drive, end):
+    """A slack tendon has no slopes, and its motor runs away: plans ended 50 mm from their goals."""
+    search = Search(scene(0.0, drive, fidelity=ARCS, goal={"tip": {"value": AIM, "weight": 1e6}, "end": end}))
+    model, last = search.motion.prediction, search.last
+    tensions = np.array(model.tensions(model.at_rest(last.q, last.u), last.u, model.p_nominal)).ravel()
+    assert tensions.min() >= 1.0 - 2e-2  # half the pretension, by least squares
+
+
+def test_weighted_goal_that_a_limit_keeps_out_of_reach_is_a_warning():
+    limits = {"least_tension": 1.0}  # of the tendon that one pulley pays out: a bound of the bend
+    found = cg.plan(scene(0.0, "pulley", fidelity=ARCS, bounds=limits))
+    assert found.solved
+    off = 1e3 * np.linalg.norm(found.tip[-1] - AIM)
+    assert any(f"the tip ends {off:.3g} mm from goal.tip" in warning for warning in found.warnings)
+    assert off > 50.0
+
+
 @pytest.mark.parametrize("form", ["linear", "hold"])
 @pytest.mark.parametrize("objective", ["least_effort", "least_input_rate"])
 def test_curvature_of_an_objective_of_inputs_needs_no_other_states(objective, form):
@@ -156,7 +201,6 @@ def test_plan_that_a_fine_simulation_does_not_reproduce_is_none():
     [
         (0.0, "winches", {"method": "collocation"}, "not for tendons with friction, winches or motors"),
         (0.15, None, {"method": "multiple_shooting"}, "not for tendons with friction, winches or motors"),
-        (0.0, "torques", {}, "not for motors under commanded torques or currents"),
         (0.15, None, {"solver": {"method": "sqp", "hessian": "gauss_newton"}}, "has its own"),
     ],
 )

@@ -8,7 +8,10 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.simulation import equilibrium_under
+from continuum_grasp.scene import Tendons
+from continuum_grasp.simulation import equilibrium_under, slack_times
+from continuum_grasp.simulation.slack import tension_warnings
+from tests import control_cases
 
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
 ROD = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
@@ -292,3 +295,34 @@ def test_backlash_is_passed_when_the_load_changes_sides():
     assert states[0] - states[2] == pytest.approx(0.0225, rel=1e-9)
     rates = made.forward_dynamics([*found.q, *np.zeros(made.n), *states], [0.05], np.zeros(made.nw), [])
     assert np.abs(np.array(rates)).max() < 1e-5
+
+
+def test_times_without_tension_and_what_is_said_of_them():
+    """Slack from the start on, twice in between, and to the end; the limit is passed at one sample."""
+    t = np.arange(7) * 0.1
+    tensions = np.array([[0.0, 2.0], [3.0, 9e-7], [0.0, 2e-6], [3.0, 0.0], [0.0, 60.2], [0.0, 60.5], [1.0, 0.0]])
+    found = [(each.tendon, each.begins, each.ends) for each in slack_times(t, tensions)]
+    ones = [(1, t[0], t[1]), (1, t[2], t[3]), (1, t[4], t[6])]
+    twos = [(2, t[1], t[2]), (2, t[3], t[4]), (2, t[6], np.inf)]
+    assert found == [*ones, *twos]
+    first, high, second = tension_warnings(finger(SERVO), t, tensions)
+    assert first == "tendon 1 goes slack at t = 0.2 s: nothing pulls there until t = 0.3 s (2 times in all)"
+    assert high == "tendon 2 exceeds max_tension = 60 N at t = 0.4 s (greatest: 60.5 N)"
+    assert second == "tendon 2 goes slack at t = 0.1 s: nothing pulls there until t = 0.2 s (3 times in all)"
+    assert tension_warnings(finger(SERVO), t[5:], tensions[5:, [0, 1]])[-1].endswith("t = 0.6 s: nothing pulls there")
+
+
+@pytest.mark.parametrize("step", [1e-3, 5e-3])
+def test_long_steps_follow_a_drum_through_the_play_of_its_gear(step):
+    """To and fro: implicit steps of 1 ms were millimeters off, longer ones ran away."""
+    tendons = {**control_cases.CABLE, "friction": 0.0, "drive": control_cases.DRIVES["geared"][0]}
+    given = cg.Scene(
+        finger=control_cases.HAND.replaced(tendons=Tendons(**tendons)),
+        actuation={"torques": [{"times": [0.0, 0.3, 0.6], "values": [0.0, 0.06, -0.06]}]},
+        time={"duration": 0.6, "step": step, "method": "rodas"},
+        gravity=[0.0, 0.0],
+        fidelity={"family": "clothoid", "elements": 2},
+    )
+    fine = given.changed({"time.step": 5e-4, "time.method": "rk4"})
+    found, truth = (cg.simulate(each).tip[-1] for each in (given, fine))
+    assert np.linalg.norm(found - truth) < 1e-6
