@@ -220,7 +220,8 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
             one.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
         draw(one, mission)
         one.set_ylabel(text.format(input=taken), color=INK)
-        head(one, None, _ONE_ROW)
+        # Of three fingers the tensions, their setpoints and limits take two rows.
+        head(one, None, _ONE_ROW if len(one.get_legend_handles_labels()[1]) < 8 else 4)
     rest[-1].set_xlabel("time [s]", color=INK)
     rest[-1].set_xlim(0.0, end)
     _draw_phases(strip, mission, end)
