@@ -184,7 +184,6 @@ class Equations:
         weight = np.asarray(self.scene.gravity.vector if isinstance(self.scene.gravity, PlanarGravity) else (0.0, 0.0))
         force, turn, lift, tilt = self.scene.object.mass * weight, 0.0, 0.0, np.zeros(2)
         work = [one.work.copy() for one in bodies]
-        couples = np.zeros(len(bodies))
         for k, (_, owner, joint, _) in enumerate(self.known):
             n, f, up = forces[k]
             if owner is None:
@@ -206,7 +205,6 @@ class Equations:
                     zero.append([tangent @ normal - one.leans[place]])
                 load = n * normal + f * across(normal)
                 work[owner] -= one.motions[place] @ [*load, -radius * f]
-                couples[owner] -= radius * f * (joint == finger.elements)
             load = n * normal + f * across(normal)
             arm = point - body.com
             force = force - load
@@ -218,8 +216,8 @@ class Equations:
             zero.append([(lift - self.scene.object.mass * self.scene.gravity.magnitude) / self.scale])
             if self.scene.gravity.tilt == "balance":
                 zero.append(tilt / (self.scale * grasp.size))
-        for one, finger, own, couple in zip(bodies, self.fingers, work, couples, strict=True):
-            zero += [own / finger.scale, one.rest, *([(one.tip - couple) / finger.scale] if one.tip.size else [])]
+        for one, finger, own in zip(bodies, self.fingers, work, strict=True):
+            zero += [own / finger.scale, one.rest]
             spare += [one.spare, finger.clear(one, body)]
         if self.of.yields:
             off = (pose - grasp.pose) / self.lengths
@@ -358,7 +356,6 @@ class _Bent:
     work: Array  # virtual work without contacts (n,) [N m]
     motions: Array  # (J, n, 3) of the joints that touch
     rest: Array  # what is zero of the drives
-    tip: Array  # imbalance of moments at a tip that is matched (0 or 1,) [N m]
     spare: Array  # what is not negative
     order: dict[int, int]  # index in the following by joint
     centers: Array  # world positions [m]
@@ -372,7 +369,10 @@ class _Bent:
 
 
 class _Finger:
-    """The unknowns of one finger: coordinates, positions of contacts along it, tensions."""
+    """The unknowns of one finger: coordinates, positions of contacts along it, tensions.
+
+    Tips are not matched: that family has no friction.
+    """
 
     def __init__(self, equations: Equations, index: int, reached: RecomputedFinger) -> None:
         self.index, self.name, self.setup, self._whole = index, reached.name, reached.setup, equations
@@ -384,7 +384,6 @@ class _Finger:
         self.held = None if reached.wound is None else reached.wound.held
         self.pulls = law is not None and (law.locks or law.pulley)
         self._tensions = reached.tensions
-        self._matched = reached.matches_tip
         stored = equations.near
         self.lengths = np.asarray(stored[f"{self.name}.lengths"], dtype=float)
         self.shapes = np.asarray(stored[f"{self.name}.curvature_shapes"], dtype=float)
@@ -403,8 +402,7 @@ class _Finger:
         self.q = slice(start, start + self.units.size)
         self.at = slice(self.q.stop, self.q.stop + len(self.touching))
         self.tension = slice(self.at.stop, self.at.stop + 2 * self.pulls)
-        self.tip = slice(self.tension.stop, self.tension.stop + self._matched)
-        self.last = self.tip.stop
+        self.last = self.tension.stop
         return self.last
 
     def begin(self, x: Array, arrays: Arrays) -> None:
@@ -413,7 +411,6 @@ class _Finger:
         x[self.q] = np.asarray(arrays[f"{self.name}.q"]) / self.units
         x[self.at] = [self.marks[joint] / self.length for joint in self.touching]
         x[self.tension] = (np.asarray(arrays[f"{self.name}.tensions"]) / most)[: 2 * self.pulls]
-        x[self.tip] = float(arrays[f"{self.name}.tip_curvature"]) * self.length / self.elements
 
     def bent(self, x: Array, states: Array, like: _Bent | None = None) -> _Bent:
         """The finger at these unknowns and states of all fingers; ``like`` another one, of which is taken what is the
@@ -434,19 +431,15 @@ class _Finger:
             f"{name}.tensions": tensions,
             f"{name}.base": self._whole.of.grasp.fingers[self.index].base,
             f"{name}.backbone": np.zeros((2, 4)),
-            f"{name}.tip_curvature": (x[self.tip] * self.elements / self.length)[0] if self._matched else 0.0,
+            f"{name}.tip_curvature": 0.0,
         }
         if name in self._whole.of.columns:
             arrays[f"{name}.friction_states"] = states[self._whole.of.columns[name]]
         finger = RecomputedFinger(setup, self._whole.scene.gravity, arrays, None if like is None else like.finger)
         shape = finger.shape
-        if not self._matched:
-            arrays[f"{name}.tip_curvature"] = float(shape.elastic(np.array(self.length)))
+        arrays[f"{name}.tip_curvature"] = float(shape.elastic(np.array(self.length)))
         arrays[f"{name}.backbone"] = np.column_stack([finger.rod.edges, finger.points, finger.angles])
         work, motions = finger.work_and_motions(self.joints)
-        tip = np.zeros(0)
-        if self._matched:
-            tip = np.array([float(shape.moment(np.array(self.length))) - finger.tip_moment])
         at = finger.joint_edges[self.joints]
         same = like if like is not None and np.array_equal(lengths, like.finger.lengths) else None
         return _Bent(
@@ -455,7 +448,6 @@ class _Finger:
             work,
             motions,
             self._rest(finger),
-            tip,
             self._spare(finger, x),
             {joint: k for k, joint in enumerate(self.joints)},
             finger.points[at],
@@ -470,8 +462,6 @@ class _Finger:
 
     def pulled(self, x: Array, states: Array, like: _Bent) -> _Bent:
         """The finger in the shape that it has, at other tensions and states of all fingers."""
-        if self._matched:
-            return self.bent(x, states)
         own = self._whole.of.columns.get(self.name)
         tensions = x[self.tension] * self.setup.tendons.max_tension if self.pulls else self._tensions
         finger = like.finger.pulled_by(tensions, None if own is None else states[own])
