@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import time
+
+from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their names
+    pytest_addoption,
+    pytest_collection_modifyitems,
+    pytest_runtest_setup,
+    pytest_runtest_teardown,
+)
 
 # Small dense problems stall where several processes run the threads of one linear algebra library each.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -21,6 +29,10 @@ def pytest_configure(config):
     """Share compiled code between the workers of a run and from run to run; never with the user's cache."""
     folder = config.cache.mkdir("continuum_grasp")
     os.environ["CONTINUUM_GRASP_CACHE"] = str(folder)
+    # Tests and the package are compiled to bytecode once, not by every worker and every process that a test starts.
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if hasattr(config, "workerinput"):
         return
     shutil.rmtree(folder / "choices", ignore_errors=True)  # found by the code under test, not by content

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 pytest.importorskip("hatchling", reason="builds wheels; in the extra 'test'")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.deep
 ROOT = Path(__file__).parents[1]
 
 

@@ -85,7 +85,7 @@ def test_the_reference_knows_its_error(release):
     assert 0.0 < reference.error < 1e-5
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_reference_is_found_for_stiff_drives_too():
     """The hand's finger on winches, with friction, against steps of variable length and order."""
     scene = cg.load("configs/simulate/winch_loop.yaml", ["time.duration=0.1"])
@@ -108,7 +108,7 @@ def test_it_is_saved_whole(report, tmp_path):
     assert all(f"## {table.title}" in text for table in report.tables)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_scene_at_rest_has_no_motion():
     report = cg.accuracy_report(rod_scene(NITINOL, None, None, fidelity={"bending_range": None}), counts=(1, 2))
     assert report.reference is None

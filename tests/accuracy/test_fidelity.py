@@ -84,7 +84,7 @@ def test_nothing_cheaper_would_have_done(seed):
     assert cheaper(choose_fidelity(random_scene(seed), 5e-3)) == ""
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_tighter_tolerance_costs_more():
     costs = [
         choose_fidelity(scene(time={"duration": 1.0, "step": 0.01}), t).best.cost for t in (5e-2, 1e-2, 1e-3, 1e-4)
@@ -137,7 +137,7 @@ def test_the_peak_of_a_short_load_is_a_load_case():
         assert len(names) <= 12
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_many_contacts_get_an_element_each():
     contacts = [0.6 * (k + 1) / 21 for k in range(20)]
     chosen = choose_fidelity(scene(contacts=contacts), 1e-2)
@@ -211,7 +211,7 @@ def test_a_choice_is_reported_where_none_was_made():
             cg.equilibrium(posed)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_statics_and_modes_take_a_tolerance():
     found = cg.equilibrium(scene(1e-3))
     assert found.tip == pytest.approx(solve_elastica(scene()).tip, abs=0.6 * 1e-3)

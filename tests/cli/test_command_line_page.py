@@ -40,7 +40,7 @@ def test_quick_commands_run(tmp_path, monkeypatch):
     check(line for line in LINES if line.split()[0] in QUICK)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_every_command_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     check(LINES)

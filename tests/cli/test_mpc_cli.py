@@ -91,7 +91,7 @@ def test_a_table_is_printed(config, tmp_path):
     assert not list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_other_controllers_are_compared(config, tmp_path):
     result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--compare", "--json")
     assert result.exit_code == 0, result.output

@@ -177,7 +177,7 @@ def test_scenarios_hold_the_tip_with_a_camera_that_is_late():
     assert late_camera().max() < 0.004
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_without_scenarios_the_late_camera_makes_it_swing():
     assert rms(late_camera("controller.scenarios=[]")) > 0.008
 

@@ -337,7 +337,7 @@ def controller(adapts=True) -> Controller:
     return Controller(load(ROOT / "configs/mpc/unknown_payload.yaml", changes), deadline=math.inf)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("changes", CLOSED)
 def test_in_closed_loop_fine_plants_are_found_and_followed(changes):
     """Four clothoids and a chain of 40 guides; the tip's error is at most 60 % of that without adaptation."""

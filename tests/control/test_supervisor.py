@@ -93,7 +93,7 @@ def test_wrong_plants_are_held(change):
     assert not found.tripped
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_wrong_lag_is_held_at_a_hasty_weight_too():
     """The loop that once swung by 95 mm with 279 of 300 commands solved and nothing else said."""
     with pytest.warns(UserWarning, match="input_rate"):
@@ -183,7 +183,7 @@ def test_all_sensors_may_be_gone_for_fifty_periods():
     assert set(found.health) == {"ok"}
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_gate_changes_no_nominal_command():
     closed, opened = run(), run("estimator.outlier=100")
     assert np.ptp(closed.u) > 1.0
@@ -191,14 +191,14 @@ def test_the_gate_changes_no_nominal_command():
     assert set(closed.health) == {"ok"}
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nothing_is_reported_in_a_long_nominal_run():
     found = run("plant.stiffness=0.9", "plant.seed=5", duration=20.0)
     assert set(found.health) == {"ok"}
     assert found.mismatch.max() < 2.5
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_finger_that_rests_without_noise_is_not_frozen():
     found = run("plant.noise=0", duration=6.0)
     assert set(found.health) == {"ok"}
@@ -277,7 +277,7 @@ def test_a_clock_that_means_nothing_is_no_matter(time):
             control.step(None, time=wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_clocks_of_ordinary_systems_are_no_matter():
     control = controller()
     plant, rng = Faulty(control.scene), np.random.default_rng(2)
@@ -309,7 +309,7 @@ def test_verdicts_are_those_of_the_device():
     assert np.array_equal(one, control.step(y + OFF + np.array([0.0, 5e-4, 0.0, 0.0])).estimate.x)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_single_precision_judges_alike():
     scene = load(SCENE, ("duration=3.0",))
     single = Controller(scene, precision="float", deadline=math.inf)

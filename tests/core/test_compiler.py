@@ -84,7 +84,7 @@ def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypa
         assert called(library, name, x) == pytest.approx(reference(x, length), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs_compiler
 def test_units_export_what_the_source_exports(levels, tmp_path):
     """By the system's linker: the same names, and those of single precision and of vector lanes work too."""

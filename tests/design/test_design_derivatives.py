@@ -218,7 +218,7 @@ def test_the_tension_per_offset_is_known_in_closed_form():
             "configs/grasp/mug_motor.yaml",
             {"robust": {"position": 0.001, "friction": 0.1, "draws": 10}},
             1,
-            marks=pytest.mark.slow,
+            marks=pytest.mark.deep,
         ),
     ],
 )

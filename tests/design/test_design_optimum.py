@@ -127,7 +127,7 @@ def test_no_design_holds_the_object():
     assert "scene" in found.message
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_three_variables_are_at_least_as_good_as_a_sweep():
     """With at most 5 % of the grasps of 10 x 10 x 10 scenes; compared with every second of each here."""
     found = cg.optimize_design("configs/design/mug_finger.yaml")

@@ -114,7 +114,7 @@ def test_the_page_of_simulate_has_every_key():
             assert f"`{path}`" in page or (path in NESTED and f"`{path}." in page), f"simulate.md lacks {path}"
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_of_a_page_runs(page, tmp_path):
     for package in ("pandas", "mujoco", "fmpy", "jax", "gymnasium"):
@@ -146,7 +146,7 @@ def test_the_page_names_the_true_values():
         assert file.read_text(encoding="utf-8").startswith("# Simulated, not measured")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_sample_measurements_are_those_of_their_script(tmp_path):
     files = sorted(FOLDER.glob("own_finger*.csv"))
     code = f"import pathlib, docs.own_finger_data as d; d.FOLDER = pathlib.Path({str(tmp_path)!r}); d.main()"

@@ -40,7 +40,7 @@ def test_the_page_has_two_blocks_of_commands():
     assert [len(block) for block in COMMANDS] == [2, 13]
 
 
-@pytest.mark.parametrize("block", [COMMANDS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in COMMANDS[1:])])
+@pytest.mark.parametrize("block", [COMMANDS[0], *(pytest.param(one, marks=pytest.mark.deep) for one in COMMANDS[1:])])
 def test_commands_run(block, checkout):
     for line in block:
         done = run(checkout, "-m", "continuum_grasp", *words(line))
@@ -49,7 +49,7 @@ def test_commands_run(block, checkout):
     assert (checkout / "runs/grasp/mug/grasp.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_python_runs(checkout):
     (checkout / "example.py").write_text("\n".join(PYTHON), encoding="utf-8")
     done = run(checkout, "example.py")

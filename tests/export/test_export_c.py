@@ -87,7 +87,7 @@ def test_the_stack_is_bounded(real, packages, tmp_path):  # noqa: F811
     assert max(int(size) for _, size, _ in rows) <= STACK[real]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("cppcheck")
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_cppcheck_finds_nothing(name, real, packages):  # noqa: F811

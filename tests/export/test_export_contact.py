@@ -177,7 +177,7 @@ def test_a_start_elsewhere_is_no_contact():
     assert Contact.DETECTED in {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("compiler", [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")])
 def test_every_vector_and_any_bits(compiler, made, tmp_path):
     _, path, *_ = made

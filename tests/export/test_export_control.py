@@ -85,7 +85,7 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
     assert all(int(cases) >= 200 for _, cases in found)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
@@ -95,7 +95,7 @@ def test_any_bits_under_sanitizers(compiler, packages, tmp_path):  # noqa: F811
     run(fuzz, 3000)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, packages, tmp_path):  # noqa: F811
     """The vectors are full of NaN and infinity, of which the compiler may assume that there are none."""
@@ -105,7 +105,7 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(compiler, 
     assert len(re.findall(r" 0 of \d+ rows failed", run(fuzz, 8000))) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("gcc")
 def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
     flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
@@ -129,7 +129,7 @@ def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packag
     assert max(int(size) for _, size, _ in rows) <= 6000
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("cppcheck")
 def test_cppcheck_finds_nothing(packages):  # noqa: F811
     package = packages("observed", "float")
@@ -138,7 +138,7 @@ def test_cppcheck_finds_nothing(packages):  # noqa: F811
     assert said == ""
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("c++", "cc")
 def test_the_header_is_one_of_cpp_too_and_says_all(packages, tmp_path):  # noqa: F811
     package = packages("observed", "double")
@@ -155,7 +155,7 @@ def test_the_header_is_one_of_cpp_too_and_says_all(packages, tmp_path):  # noqa:
     assert len(fields) == 4 + 2 + 7 + 2 + 4 + 20
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
     made = json.loads((packages("observed", "float") / "MANIFEST.json").read_text())
     bytes_of = made["functions"]["mpc"]["memory_bytes"]
@@ -427,7 +427,7 @@ def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  #
     run(tmp_path / "main", expect={"observed": 0, "given": int(Code.WARN_SAFE_RAMP)}[name])
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("cc")
 def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa: F811
     """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""

@@ -30,7 +30,7 @@ def after_all_commands(tmp_path_factory):
     return place, said
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 def test_every_command_runs(after_all_commands):
     place, said = after_all_commands
@@ -41,7 +41,7 @@ def test_every_command_runs(after_all_commands):
         assert len(re.findall(r"^\w+( \d+){4}$", board, re.MULTILINE)) >= functions
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 @pytest.mark.parametrize(
     ("k", "name", "main"),

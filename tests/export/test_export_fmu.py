@@ -414,7 +414,7 @@ def test_scenes_and_options_that_do_not_fit(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_constant_moment_is_given_once(tmp_path):
     """Of a model that leaves out how the tip moment changes; the finger swings as in Python."""
     scene = load(ROOT / "configs/simulate/standing.yaml")
@@ -456,7 +456,7 @@ def test_sources_compile_strictly_and_are_of_the_types_of_the_standard(what, fmi
     run("gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", prefixed, tmp_path / f"sources/fmi{fmi}.c")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("gcc", "nm")
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_an_importer_builds_the_sources_to_the_same_bits(fmi, units, tmp_path, monkeypatch):
@@ -482,7 +482,7 @@ def test_an_importer_builds_the_sources_to_the_same_bits(fmi, units, tmp_path, m
     assert {name for name in exported if not name.startswith("fmi")} == set()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("gcc")
 def test_random_calls_under_sanitizers(units, tmp_path):
     """Any order of calls with any numbers: no undefined behavior, no leak."""

@@ -40,7 +40,7 @@ def test_commands_and_anomalies_are_those_of_python(tmp_path):
     assert seen == {True, False}
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("gcc")
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_every_vector_to_the_bit_without_a_warning(real, tmp_path):

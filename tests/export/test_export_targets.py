@@ -13,7 +13,7 @@ from continuum_grasp.export.part import Code
 from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
 from tests.rods import ROOT
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.deep
 
 ELSEWHERE = {
     "ARM": ("arm-linux-gnueabihf-gcc -static", "qemu-arm", ()),

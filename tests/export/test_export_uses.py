@@ -112,7 +112,7 @@ def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
     run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["friction", "observed"])
 def test_a_node_is_built_behind_its_library(name, packages):  # noqa: F811
     """By what package.xml says to colcon, and find_package to CMake."""
@@ -199,7 +199,7 @@ def test_the_command_line(tmp_path):
     assert not (tmp_path / "two").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @needs("sh", "cmake", "make")
 def test_the_example_closes_the_loop_by_the_commands_of_its_readme(tmp_path):
     """In a copy of the folders that they name: the tip is where it is to be, whatever the controller does not know."""

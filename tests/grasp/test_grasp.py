@@ -170,7 +170,7 @@ def test_weak_tendon_is_named_with_the_tension_needed():
     assert reason.needed == pytest.approx(needed, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize(("gravity", "most"), [(PLANAR, 36.5), (UPRIGHT, 60.0)], ids=["planar", "out_of_plane"])
 def test_low_friction_is_named_with_the_coefficient_needed(gravity, most):
     found = numbers(make_scene("arc", gravity, max_tension=most))
@@ -184,7 +184,7 @@ def test_low_friction_is_named_with_the_coefficient_needed(gravity, most):
         assert optimize_grasp(scene, raise_on_failure=False).solved is held
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_heavy_object_is_named_with_the_mass_that_can_be_held():
     scene = make_scene("arc", UPRIGHT, mass=1.2)
     most = Search(numbers(scene)).best("mass").value
@@ -197,7 +197,7 @@ def test_heavy_object_is_named_with_the_mass_that_can_be_held():
         assert optimize_grasp(scene, raise_on_failure=False).solved is held
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_reasons_of_clothoids_against_linear_programming():
     """Too heavy for its tendon: the tension that the independent solution needs is the one that is named."""
     scene = make_scene("matched_clothoid", UPRIGHT, mass=0.7)

@@ -112,7 +112,7 @@ def test_squeeze_between_two_tips(gravity, friction):
     assert min(found.values()) == pytest.approx(WEIGHT / (2 * friction), rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_too_slippery_a_squeeze_names_the_coefficient():
     """With N <= N_max the coefficient must be m g / (2 N_max) at least."""
     most = 100.0
@@ -209,7 +209,7 @@ def test_a_wedge_between_two_tips(degrees, down):
     assert min(found.values()) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_wedge_that_slips_out_names_the_coefficient():
     """Without weight nothing is needed; with it, towards the wide side, at least mu > tan b, and with N <= 100 N
     mu = tan b + m g / (2 * 100 N cos b).

@@ -151,7 +151,7 @@ def reasons_of(config) -> tuple[dict[str, Reason], object]:
     return {reason.name: reason for reason in result.reasons}, result
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_slippery_bottle_names_the_coefficient_twice():
     """Two fingers may press 3 N each: weight / (2 * 3 N)."""
     reasons, result = reasons_of("slippery_bottle.yaml")
@@ -162,7 +162,7 @@ def test_slippery_bottle_names_the_coefficient_twice():
     assert "by linear programming" in result.table()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_heavy_bottle_names_the_mass_twice():
     reasons, _ = reasons_of("heavy_bottle.yaml")
     reported = [reason for reason in reasons.values() if reason.confirmed is not None]

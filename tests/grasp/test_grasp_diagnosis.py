@@ -35,7 +35,7 @@ def test_what_can_be_turned_towards_the_base_is_not_out_of_reach(angle):
     assert reason(reach + 0.115).needed == pytest.approx(reach)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("family", ["matched_clothoid", "arc"])
 @pytest.mark.parametrize("friction", [0.5, 1.5])
 def test_no_mass_at_all_is_no_repair(family, friction):
@@ -65,7 +65,7 @@ def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     assert optimize_grasp(middle_only(1.5, ignoring)).solved
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
     ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
     ignored = optimize_grasp(middle_only(0.5, ignoring), raise_on_failure=False)

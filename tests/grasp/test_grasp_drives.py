@@ -223,9 +223,9 @@ def test_tendons_of_one_pulley_go_together(pretension):
     [
         None,
         LENGTH_DRIVE,
-        pytest.param(MOTOR, marks=pytest.mark.slow),
-        pytest.param(MOTOR.replaced(**PULLEY), marks=pytest.mark.slow),
-        pytest.param(LENGTH_DRIVE.replaced(**PULLEY), marks=pytest.mark.slow),
+        pytest.param(MOTOR, marks=pytest.mark.deep),
+        pytest.param(MOTOR.replaced(**PULLEY), marks=pytest.mark.deep),
+        pytest.param(LENGTH_DRIVE.replaced(**PULLEY), marks=pytest.mark.deep),
         MOTOR.replaced(torque_constant=None, position_gain=2.0),
     ],
 )

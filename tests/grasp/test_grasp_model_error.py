@@ -125,7 +125,7 @@ def test_exact_rod_of_a_grasp_made_by_hand_is_the_elastica(gravity):
     assert_like_elastica(*cases.wrapped_disc(gravity, mass=0.2))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_each_of_several_fingers_is_compared():
     result = optimize_grasp(CONFIGS / "wrap.yaml")
     assert_like_elastica(result.scene, result.arrays)

@@ -148,7 +148,7 @@ def test_friction_states_drawn_at_random_hold(scene, found):
         assert responder.to(np.concatenate([np.zeros(OBJECT), states])).holds
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_less_tension_is_found_for_any_friction_with_stations_than_with_one_middle_contact(scene):
     plain = optimize_grasp("configs/grasp/preshaped.yaml")
     result = optimize_grasp(scene)

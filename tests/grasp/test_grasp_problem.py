@@ -282,7 +282,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     assert fine.least == pytest.approx(factor, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_elements_by_tolerance_are_the_fewest_that_keep_it():
     coarse = optimize_grasp(make_scene(fidelity=Fidelity(tolerance=0.1)))
     fine = optimize_grasp(make_scene(fidelity=Fidelity(tolerance=0.02)))
@@ -323,7 +323,7 @@ def test_modes_are_what_the_switches_leave():
     assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_best_of_the_modes_is_the_answer():
     """What `auto` finds is no worse than each choice made by hand."""
 

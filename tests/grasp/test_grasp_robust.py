@@ -50,7 +50,7 @@ def test_opposed_contacts_press_as_the_worst_friction_and_mass_ask(friction: flo
             assert found.robustness.nominal.alone[name] == pytest.approx(1.0 - factor, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_bounds_that_cannot_be_borne_come_with_the_part_that_can() -> None:
     found = optimize_grasp(opposed(Robust(friction=0.4, draws=3), 1.25 * SQUEEZE), raise_on_failure=False)
     assert found.status is Status.INFEASIBLE

@@ -149,7 +149,7 @@ def test_a_station_opposite_a_palm_presses_as_friction_asks() -> None:
     assert [c.normal_force for c in found.contacts] == pytest.approx([0.3 * 9.81 / (2 * 0.5)] * 2, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_greatest_mass_can_be_held_and_more_cannot() -> None:
     with pytest.raises(SolverError, match="too heavy") as raised:
         optimize_grasp(_mug(mass=1.5, **PLACES))

@@ -68,7 +68,7 @@ def test_the_slope_of_the_least_eigenvalue_leads_to_stability():
     assert after - at.certificate.stability.eigenvalue == pytest.approx(slope @ step, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_fingers_that_would_cross_are_refused_and_named():
     """The two reach the object from the wrong sides, past each other, which no posture that keeps clear can."""
     scene = two_fingers(51)

@@ -151,7 +151,7 @@ def test_one_wrong_reading_is_named_and_does_not_pull_a_robust_fit():
     assert any("y at tip, row 2" in warning for warning in robust.warnings)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_intervals_from_poses_cover_the_truth_at_their_rate():
     """120 noisy copies of exact poses; the bounds are 3.3 binomial standard deviations."""
     scene, repeats = loaded_scene(), 120
@@ -179,7 +179,7 @@ def test_stiffness_and_damping_from_closed_forms():
     assert fit["material_damping"] == pytest.approx(eta, rel=3e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_repeats_that_agree_better_than_their_sets_are_named():
     rng = np.random.default_rng(0)
     sets = [Frequencies([1] * 6, frequency(1) + at + 1e-4 * rng.standard_normal(6)) for at in (-0.01, 0.0, 0.015)]

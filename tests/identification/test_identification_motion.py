@@ -93,7 +93,7 @@ def test_prediction_at_uneven_instants_is_the_simulated_path():
     assert np.abs(predicted - tip).max() < 2e-5
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_finer_truth_is_recovered_from_a_far_start():
     """Truth of four free clothoids; two matched ones are 0.3 % off in stiffness, and said to miss something."""
     start = [Estimate(name="youngs_modulus", start=110e9), Estimate(name="material_damping", start=0.0), "clamp_angle"]
@@ -113,7 +113,7 @@ def test_an_error_of_the_model_below_the_noise_is_said(elements, said):
     assert any("take more elements" in warning for warning in fit.warnings) == said
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_two_arcs_pay_for_their_stiffness_with_a_wrong_modulus():
     arcs = [
         path.__class__(**{**vars(path), "scene": scene_of(g, 2, "arc")})
@@ -123,7 +123,7 @@ def test_two_arcs_pay_for_their_stiffness_with_a_wrong_modulus():
     assert 0.85 < fit["youngs_modulus"] / TRUTH["stiffer"] < 0.95
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_intervals_cover_the_truth_at_their_rate():
     """40 noisy repeats of the four releases; the bounds are 3.3 binomial standard deviations."""
     repeats, unknowns = 40, read_unknowns(scene_of(0), NAMES)
@@ -133,7 +133,7 @@ def test_intervals_cover_the_truth_at_their_rate():
     assert np.abs(hits / repeats - 0.95).max() < 3.3 * math.sqrt(0.95 * 0.05 / repeats)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_mass_that_was_not_fitted_is_predicted_within_the_noise():
     data = paths(2, 2e-3, (2, "matched_clothoid"))
     data[3] = TipPath(**{**vars(data[3]), "fitted": False})

@@ -63,7 +63,7 @@ def fitted(seed: int) -> tuple[Fit, dict[str, float]]:
     return cg.identify(scene, data, parameters=asked), truth
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_frictions_of_a_motor_driven_finger_are_those_that_were_drawn(seed):
     """What the law of two cells misses of the tension, some percent, passes for friction of the motor."""

@@ -161,7 +161,7 @@ def test_intervals_cover_the_truth_whatever_the_color_of_the_noise(color):
     assert (hits["independent"] < 0.6) == (color != "white")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_intervals_of_a_release_cover_the_truth_where_noise_hangs_together():
     """90 % intervals of stiffness and damping, by fits of the whole motion to noise that is correlated by 0.9."""
     scene = rod_scene(ROD, "arc", 1, finger={"damping": {"material": 5e-4}}, initial={"q": [0.6]})

@@ -88,7 +88,7 @@ def shares(fit: Fit) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in found.items()}
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_ring_downs_have_the_frequencies_of_an_independent_fit(ring_downs):
     rows = list(csv.DictReader((FOLDER / "beam_free_vibration/frequencies.csv").open()))
     published = [
@@ -107,7 +107,7 @@ def test_ring_downs_have_the_frequencies_of_an_independent_fit(ring_downs):
     assert len(ring_downs.entries) == 2 * 54
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_handbook_values_give_each_orientation_within_one_percent():
     fit = identified(
         "strip_ring_down", "beam_free_vibration", parameters=[Estimate(name="material_damping", start=1e-3)]
@@ -128,7 +128,7 @@ def test_horizontal_predicts_hanging_and_standing(ring_downs):
     assert 0.004 < ratio < 0.014  # damping ratios of the late window, as published
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_stiffness_and_density_are_not_distinguished_by_a_ring_down():
     scene = cg.load(CONFIGS / "strip_ring_down.yaml")
     fit = cg.identify(scene, FOLDER / "beam_free_vibration", parameters=[scene.estimate[0], "linear_density"])
@@ -217,7 +217,7 @@ def test_loops_of_the_probe_have_their_width():
     assert fit.warnings == ()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_superelastic_wrist_fits_where_a_linear_one_does_not():
     fit = identified("notched_wrist", "niti_notched_wrist/wrist_A.csv")
     assert math.degrees(fit.errors[0].rms) < 1.0

@@ -40,7 +40,7 @@ def test_ridge_weights_are_those_of_a_least_squares_with_rows_for_the_ridge():
     assert problem.weights(ridge) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_shipped_residual_is_what_its_log_gives_and_halves_one_step_errors_on_another_motion(scene):
     from continuum_grasp.closed_loop import run_closed_loop
 
@@ -64,7 +64,7 @@ def test_the_shipped_residual_is_what_its_log_gives_and_halves_one_step_errors_o
     assert fit.distance[: fit.errors[0].steps].max() == pytest.approx(1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_from_a_plant_that_is_the_model_nothing_is_learned(scene):
     from continuum_grasp.closed_loop import run_closed_loop
 

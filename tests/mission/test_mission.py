@@ -230,7 +230,7 @@ def test_an_object_is_shifted_into_no_support(assignment):
     assert away == pytest.approx(asked - (asked @ normal) * normal, abs=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_variation_is_that_of_the_equations(assignment, runner):
     """A mug in the air, which falls with its weight and goes with what pushes it, tells its mass."""
     model = mission_plant_model(assignment)
@@ -397,7 +397,7 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
     assert held.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     loop = held.run
     plant, _ = plant_of_loop(loop.scene, loop.readings.plant)
@@ -418,7 +418,7 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
         replace(held, runs=(loop, loop)).show()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(runner, held):
     """Other plants in between leave no trace, nor do they change what is read off a run."""
     before = held.run.readings.plant.p

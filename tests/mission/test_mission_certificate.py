@@ -247,7 +247,7 @@ def test_what_was_not_dropped_has_no_reason_for_it(grasp):
     assert "in their cones" in odd.text
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_slippery_mug_is_announced_dropped_and_explained(grasp, tmp_path):
     with pytest.warns(BeyondCertificate, match=r"friction is 0\.3 .* certified for 0\.45"):
         run = cg.run_mission(load(MUG, ["contact_law.friction=0.3"]), grasp=grasp)

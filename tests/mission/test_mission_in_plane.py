@@ -191,7 +191,7 @@ def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_
     assert find_drop(fingers, table, Variation(), t, held, 0.006 * (t > table.span("hold").start)).lowered is None
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_cup_is_lifted_in_the_plane_and_put_down(grasp):
     found = MissionRunner(assign(load(CUP), grasp)).run()
     assert found.verdict.succeeded

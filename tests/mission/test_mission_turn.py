@@ -270,7 +270,7 @@ def test_it_is_reported_saved_and_drawn(turned, tmp_path):
     assert "finger.tip did not touch it (turn 2)" in text
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_three_plants_are_turned(grasp):
     found = run_trials(load(BLOCK, ["plant.fidelity.elements=4", "trials.count=3"]), grasp=grasp, jobs=1)
     assert [outcome.text for outcome in found if not outcome.succeeded] == []

@@ -255,7 +255,7 @@ def test_what_makes_no_mission_of_two_fingers_is_named(change, said):
         load(PINCH, [change])
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
     phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
     short = load(PINCH, ["plant.fidelity={family: clothoid, elements: 3}", f"phases={phases}"])
@@ -298,7 +298,7 @@ def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
     assert all(np.array_equal(a.x, b.x) for a, b in zip(again.runs, run.runs, strict=True))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_chains_of_guides_hold_a_tin_between_them(grasp):
     """The exact law of tendons at every guide, of a finger that no controller knows."""
     phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
@@ -314,7 +314,7 @@ def test_chains_of_guides_hold_a_tin_between_them(grasp):
     assert max(one.statistics["plant_error_m"] for one in run.runs) < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_tin_is_pressed_on_a_palm_by_two_fingers_and_dropped_off_it():
     phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
     short = load(PINCH.with_name("pinch_palm.yaml"), [f"phases={phases}", "plant.fidelity.elements=3"])
@@ -336,7 +336,7 @@ def test_a_tin_is_pressed_on_a_palm_by_two_fingers_and_dropped_off_it():
     assert "palm slipped" in dropped.drop.text or "slipped at palm" in dropped.drop.text
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_three_fingers_hold_more_firmly_than_two():
     phases = "{approach: 0.5, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
     changes = [f"phases={phases}", "plant.fidelity.elements=4", "controller.elements=[1, 1]", "pull_share=0.4"]

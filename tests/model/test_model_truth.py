@@ -300,7 +300,7 @@ def element_values(function: ca.Function, q: np.ndarray) -> dict:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("what", ["mass", "gravity", "end", "bias"])
 @pytest.mark.parametrize("reach", [0.6, 2.1, 3.15, 6.3])
 def test_the_table_of_node_counts_is_an_upper_bound(reach, what):

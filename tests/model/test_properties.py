@@ -186,7 +186,7 @@ def spoilt_scenes(draw):
     return data
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @settings(max_examples=300, **STEADY)
 @given(spoilt_scenes())
 def test_spoilt_scenes_load_or_say_why(data):
@@ -199,7 +199,7 @@ def test_spoilt_scenes_load_or_say_why(data):
         assert loaded(yaml.safe_dump(found.model_dump(mode="json"))) == found
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @settings(max_examples=200, **STEADY)
 @given(scenes(), st.data())
 def test_noise_in_a_file_is_explained(data, drawn):
@@ -273,7 +273,7 @@ def test_velocity_products_are_quadratic_in_the_rates(case):
     assert np.abs(values[3] - values[1]).max() <= 1e-12 * size
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @settings(max_examples=60, **STEADY)
 @given(moving())
 def test_energy_changes_by_the_power_of_what_has_no_potential(case):

@@ -7,10 +7,9 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.operators import JaxOperators
+from tests.marks import optional
 
-jax = pytest.importorskip("jax")
-jnp = jax.numpy
-check_grads = pytest.importorskip("jax.test_util").check_grads
+jax, jnp, test_util = optional("jax"), optional("jax.numpy"), optional("jax.test_util")
 
 FINGER = cg.Finger(
     rod=cg.Rod(length=0.18, linear_density=0.02, bending_stiffness=0.01), damping=cg.Damping(material=1e-5)
@@ -41,18 +40,18 @@ def given():
 
 def test_gradients(operators):
     x, u, p = given()
-    check_grads(operators.tip, (x[:, :2], u[0], p), order=2, modes=("fwd", "rev"))
-    check_grads(lambda x, p: 1e-4 * operators.forward_dynamics(x, p=p), (x, p), order=1, eps=1e-6)
-    check_grads(
+    test_util.check_grads(operators.tip, (x[:, :2], u[0], p), order=2, modes=("fwd", "rev"))
+    test_util.check_grads(lambda x, p: 1e-4 * operators.forward_dynamics(x, p=p), (x, p), order=1, eps=1e-6)
+    test_util.check_grads(
         lambda x, u: SCALE * operators.rollout(x, 8, 1e-5, u=u, substeps=2), (x, u), order=1, eps=1e-6, rtol=1e-5
     )
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_second_derivatives_of_rollouts(operators):
     x, u, p = given()
     end = lambda x, u, p: SCALE * operators.rollout(x, 8, 1e-5, u=u, p=p)[:, -1]  # noqa: E731
-    check_grads(end, (x, u, p), order=2, eps=1e-5, atol=1e-3, rtol=1e-3)
+    test_util.check_grads(end, (x, u, p), order=2, eps=1e-5, atol=1e-3, rtol=1e-3)
 
 
 def test_transformations_agree(operators):

@@ -125,7 +125,7 @@ def test_rollouts(method):
     check(pulled, needed, 1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("case", CASES)
 def test_rollouts_of_hard_cases(case):
     build, _, tolerance = CASES[case]

@@ -7,14 +7,15 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.operators import TorchOperators
+from tests.marks import optional
 
-torch = pytest.importorskip("torch")
+torch = optional("torch")
 
 FINGER = cg.Finger(
     rod=cg.Rod(length=0.18, linear_density=0.02, bending_stiffness=0.01), damping=cg.Damping(material=1e-5)
 )
 MODEL = cg.FingerModel(FINGER, family="arc", elements=2, parameters=["bending_stiffness", "material_damping"])
-SCALE = torch.tensor([1.0, 1.0, 1e-3, 1e-3], dtype=torch.float64)
+SCALE = np.array([1.0, 1.0, 1e-3, 1e-3])
 """Rates are a thousand times the angles."""
 
 
@@ -36,14 +37,14 @@ def test_gradients(operators):
     assert torch.autograd.gradgradcheck(operators.tip, (q, u[0], p))
     dynamics = lambda x, p: 1e-4 * operators.forward_dynamics(x, p=p)  # noqa: E731
     assert torch.autograd.gradcheck(dynamics, (x, p), check_forward_ad=True, eps=1e-7, atol=1e-4)
-    motion = lambda x, u, p: SCALE * operators.rollout(x, 8, 1e-5, u=u, p=p, substeps=2)  # noqa: E731
+    motion = lambda x, u, p: torch.tensor(SCALE) * operators.rollout(x, 8, 1e-5, u=u, p=p, substeps=2)  # noqa: E731
     assert torch.autograd.gradcheck(motion, (x, u, p), check_forward_ad=True, eps=1e-7, atol=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_second_derivatives_of_rollouts(operators):
     x, u, p = given()
-    end = lambda x, u, p: SCALE * operators.rollout(x, 8, 1e-5, u=u, p=p)[..., -1, :]  # noqa: E731
+    end = lambda x, u, p: torch.tensor(SCALE) * operators.rollout(x, 8, 1e-5, u=u, p=p)[..., -1, :]  # noqa: E731
     assert torch.autograd.gradgradcheck(end, (x[:1].detach().requires_grad_(), u, p), eps=1e-7, atol=1e-4)
 
 
@@ -51,7 +52,7 @@ def test_transformations_agree(operators):
     x, u, p = (value.detach() for value in given())
 
     def loss(x, u):
-        return ((SCALE * operators.rollout(x, 4, 1e-4, u=u, p=p)) ** 2).sum()
+        return ((torch.tensor(SCALE) * operators.rollout(x, 4, 1e-4, u=u, p=p)) ** 2).sum()
 
     each = torch.stack([torch.func.grad(loss)(row, u) for row in x])
     assert torch.equal(torch.func.vmap(torch.func.grad(loss), in_dims=(0, None))(x, u), each)

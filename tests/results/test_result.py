@@ -289,7 +289,7 @@ def test_a_notebook_shows_values_where_the_picture_fails(monkeypatch: pytest.Mon
     assert page.endswith("<p>no picture: ValueError: &lt;no&gt; canvas</p></div>")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("inline", [True, False])
 def test_a_notebook_shows_a_picture_once(inline: bool) -> None:
     """Also with pyplot and its inline backend, which shows what pyplot knows at the end of a cell."""

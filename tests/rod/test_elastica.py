@@ -415,7 +415,7 @@ def test_sampled_loads_and_inputs_have_their_values_at_time_zero(interpolation, 
     assert dict(problem.couples).get(1.0, 0.0) == pytest.approx(moment, rel=1e-14)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_finger_model_agrees_with_the_elastica(without_compiler):  # noqa: F811
     """Clothoids, the short ones over the jumps of curvature that continuous curvatures cannot follow."""
     jumps, half, errors = (0.15, 0.1875, 0.375), 1e-4, []

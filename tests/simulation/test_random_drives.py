@@ -100,7 +100,7 @@ class Drawn:
             self._follow(drums, push, kind, 4 * parts)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.*encountered in:RuntimeWarning")
 @pytest.mark.parametrize("seed", [0, 1, 3, 5])
 def test_drawn_drives_go_through_loops_as_a_chain_of_guides(seed):

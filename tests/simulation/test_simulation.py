@@ -596,7 +596,7 @@ def test_an_output_step_far_above_the_stability_limit_is_divided(family):
     assert coarse.tip == pytest.approx(fine.tip[::100], abs=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_many_explicit_sub_steps_equal_the_implicit_method(monkeypatch):
     """Material damping makes clothoids stiff."""
     monkeypatch.setenv("CC", "cc")

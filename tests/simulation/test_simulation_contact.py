@@ -133,7 +133,7 @@ def test_supports_bear_the_weight_that_statics_gives_them(support, expected):
     assert sum(forces.values()) == pytest.approx(0.1 * G * sum(expected.values()), rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_box_tips_over_the_end_of_an_edge():
     """Its center of mass is beside the edge: it turns, where over the edge it would rest."""
     shape = {"shape": "box", "width": 0.06, "height": 0.02}
@@ -275,7 +275,7 @@ def test_a_grasp_that_was_found_holds_in_motion():
     assert np.ptp(found.object_pose[found.t > 0.35, 3]) < 2e-5
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_without_tension_the_same_mug_drops():
     found = simulate(
         load(ROOT / "configs/simulate/hold_mug.yaml", {"actuation.tensions": [1.0, 1.0], "time.duration": 0.3})

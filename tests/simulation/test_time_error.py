@@ -118,7 +118,7 @@ def test_a_stiff_scene_is_controlled_too():
     assert exact.time_error < 1e-7
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("interpolation", few(["smooth", "linear"], 1))
 def test_loads_and_inputs_that_vary_are_followed_within_the_tolerance(interpolation):
     """Kinks and jumps within a step too, with no order 4; truth in steps that end at them."""

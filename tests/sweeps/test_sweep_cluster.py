@@ -16,9 +16,10 @@ import pytest
 from continuum_grasp import sweep
 from continuum_grasp.errors import InputError
 from continuum_grasp.sweeps.folder import decode
+from tests.marks import optional
 from tests.sweep_cases import DEADLY, LOG, ROOT, held, masses, slow
 
-distributed = pytest.importorskip("distributed")
+distributed = optional("distributed")
 
 
 @contextmanager
@@ -49,7 +50,7 @@ def cluster(folder, workers):
             process.wait()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_worker_is_killed_half_way(tmp_path, monkeypatch):
     monkeypatch.setenv(LOG, str(tmp_path / "log"))
     killed = []
@@ -74,7 +75,7 @@ def test_a_worker_is_killed_half_way(tmp_path, monkeypatch):
     assert all((table.run_folder(k) / "result.txt").exists() for k in range(300))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_scene_that_ends_its_worker_is_a_row(tmp_path):
     values = [1.0, 2.0, DEADLY, 4.0]
     with cluster(tmp_path, 6) as (address, _):

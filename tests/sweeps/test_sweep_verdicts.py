@@ -49,7 +49,7 @@ def same(one, other):
         np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_same_verdicts_alone_on_processes_and_on_a_busy_machine(tmp_path):
     with ThreadPoolExecutor(1) as executor:
         alone = sweep(SCENES, folder=tmp_path / "alone", executor=executor, keep="none")
@@ -59,7 +59,7 @@ def test_the_same_verdicts_alone_on_processes_and_on_a_busy_machine(tmp_path):
         same(alone, sweep(SCENES, folder=tmp_path / "busy", workers=2, keep="none"))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_same_verdicts_on_a_cluster(tmp_path):
     pytest.importorskip("distributed")
     from tests.sweeps.test_sweep_cluster import cluster

@@ -1,0 +1,46 @@
+"""A quick test that costs too much fails by itself; every deep test is in just one shard."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+TESTS = """
+import subprocess, sys, time
+import pytest
+
+BURN = "import time\\nwhile time.process_time() < 0.4: pass"
+
+def test_cheap(): pass
+def test_sleeps(): time.sleep(0.4)
+def test_own_process(): exec(BURN.replace("0.4", str(time.process_time() + 0.4)))
+def test_child(): subprocess.run([sys.executable, "-c", BURN], check=True)
+@pytest.mark.deep
+def test_deep(): subprocess.run([sys.executable, "-c", BURN], check=True)
+@pytest.mark.deep
+@pytest.mark.parametrize("case", range(5))
+def test_cases(case): pass
+"""
+
+
+def run(folder, *options):
+    (folder / "test_it.py").write_text(TESTS)
+    (folder / "pytest.ini").write_text("[pytest]\nmarkers = deep: costs more\n")
+    command = [sys.executable, "-m", "pytest", "-p", "tests.tiers", "-p", "no:cacheprovider", "-v", str(folder)]
+    return subprocess.run([*command, *options], cwd=ROOT, capture_output=True, text=True, check=False).stdout
+
+
+def test_a_quick_test_beyond_its_cpu_time_fails(tmp_path):
+    said = run(tmp_path, "--cpu-limit", "0.05")  # 0.4 s are beyond it on a machine that is eight times slower, too
+    over = set(re.findall(r"(test_\w+) ERROR", said))
+    assert over == {"test_own_process", "test_child"}, said
+    assert "make it cheaper, or mark it deep" in said
+
+
+def test_each_deep_test_is_in_one_shard(tmp_path):
+    shards = [re.findall(r"::(\S+) PASSED", run(tmp_path, "-m", "deep", "--shard", f"{k}/2")) for k in range(2)]
+    assert sorted(shards[0] + shards[1]) == sorted(["test_deep", *(f"test_cases[{k}]" for k in range(5))])
+    assert all(shards)

@@ -1,0 +1,90 @@
+"""Tiers of tests: what a quick test may cost, and the deep tests in shards.
+
+A test without a mark is quick: ``python3 start.py test`` runs it, and it fails by itself beyond ``--cpu-limit``.
+What costs more is marked ``deep``; ``-m deep --shard K/N`` runs one of N parts of those, a function's cases together.
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Generator
+
+import pytest
+
+CPU_LIMIT = 5.0
+"""CPU time of a quick test, its compilers and other children included [s], on the machine of ``REFERENCE``."""
+REFERENCE = 0.03
+"""CPU time of ``_reference`` [s] on a core of the AMD EPYC on which the budgets were measured."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("tiers")
+    group.addoption(
+        "--cpu-limit",
+        type=float,
+        default=CPU_LIMIT,
+        metavar="SECONDS",
+        help=f"CPU time beyond which a quick test fails, on a machine as fast as the reference ({CPU_LIMIT:g})",
+    )
+    group.addoption("--shard", type=_shard, metavar="K/N", help="run part K (from 0) of N of the tests that -m selects")
+
+
+def _shard(text: str) -> tuple[int, int]:
+    part, count = (int(number) for number in text.split("/"))
+    if not 0 <= part < count:
+        raise ValueError(text)
+    return part, count
+
+
+@pytest.hookimpl(trylast=True)  # what -m deselects is not dealt
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if (shard := config.getoption("shard")) is None:
+        return
+    part, count = shard
+    number = {function: k for k, function in enumerate(dict.fromkeys(map(_function, items)))}
+    config.hook.pytest_deselected(items=[item for item in items if number[_function(item)] % count != part])
+    items[:] = [item for item in items if number[_function(item)] % count == part]
+
+
+def _function(item: pytest.Item) -> str:
+    return item.nodeid.partition("[")[0]
+
+
+STARTED = pytest.StashKey[float]()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> Generator[None, None, None]:
+    item.stash[STARTED] = cpu_time()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, None, None]:
+    result = yield
+    used, limit = cpu_time() - item.stash[STARTED], item.config.getoption("cpu_limit")
+    if item.get_closest_marker("deep") is None and used > limit and used > (limit := limit * slowness()):
+        message = f"{used:.1f} s of CPU time, {limit:.1f} s is the limit here: make it cheaper, or mark it deep"
+        pytest.fail(message, pytrace=False)
+    return result
+
+
+def cpu_time() -> float:
+    """CPU time of this process and of its ended children [s]."""
+    usages = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def slowness() -> float:
+    """Ratio of the CPU times of a fixed computation here and on the reference machine, at least 1."""
+    started = time.process_time()
+    _reference()
+    return max(1.0, (time.process_time() - started) / REFERENCE)
+
+
+def _reference() -> int:
+    table: dict[int, str] = {}
+    for k in range(200_000):
+        table[k * 7919 % 4093] = str(k)
+    return len(table)
