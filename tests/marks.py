@@ -16,6 +16,11 @@ def few(cases: Iterable[Any], count: int) -> list[Any]:
     return [*every[:count], *(_deep(case) for case in every[count:])]
 
 
+def every(stride: int, cases: Iterable[Any]) -> list[Any]:
+    """Each ``stride``-th case as it is, the others marked deep."""
+    return [case if k % stride == 0 else _deep(case) for k, case in enumerate(cases)]
+
+
 def _deep(case: Any) -> Any:
     if hasattr(case, "marks"):  # one of pytest.param
         return pytest.param(*case.values, marks=[*case.marks, pytest.mark.deep])

@@ -26,6 +26,7 @@ from tests.contact_cases import (
     trial,
     wander,
 )
+from tests.marks import few
 from tests.truth.tendon import HingedFinger
 
 
@@ -76,7 +77,7 @@ def test_an_unknown_history_is_the_loop_of_the_tension(friction, half):
 
 
 @pytest.mark.parametrize("pushed", [None, 10])
-@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("back", few([False, True], 1))
 @pytest.mark.parametrize("speed", [1.0, -1.0])
 def test_a_push_is_detected_early(pushed, back, speed):
     """At the tip and in the middle, helping the bend and opposing it, after pulling and after releasing: at most 50 ms

@@ -17,6 +17,7 @@ from continuum_grasp.closed_loop.plant import Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.simulate import Timing
+from tests.marks import few
 
 gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
@@ -219,7 +220,7 @@ def test_sweeps_of_closed_loops_are_for_environments(tmp_path):
 # -- the rules of gymnasium -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", few(TASKS, 2))
 def test_an_id_passes_the_checks(name):
     """Of gymnasium; the one warning left is that commands are in N and not in -1 to 1."""
     task = {**TASKS[name], "sample": {**TASKS[name]["sample"], "count": 4}}

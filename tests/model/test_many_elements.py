@@ -28,6 +28,7 @@ from continuum_grasp.scene import (
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.finger import Stops, TipBody
 from continuum_grasp.scene.tendons import Tendon
+from tests.marks import every
 
 LENGTH, COUNT = 0.6, FEWEST_ELEMENTS
 ROD = Rod(length=LENGTH, linear_density=0.8, bending_stiffness=0.5, rotary_inertia=3e-4)
@@ -152,7 +153,7 @@ def without_lag(model: FingerModel, x, u) -> tuple[FingerModel, np.ndarray]:
     return FingerModel(finger, family=model.family, elements=model.lengths, input_rates=rates), inputs
 
 
-@pytest.mark.parametrize(("family", "name"), ALL)
+@pytest.mark.parametrize(("family", "name"), every(3, ALL))
 def test_accelerations_are_those_of_the_dense_equations(family, name):
     model = model_of(family, name)
     assert model.sweeps

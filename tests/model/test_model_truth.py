@@ -46,8 +46,8 @@ BENDS = (0.0, 1e-300, 1e-9, 1e-4, 0.1, RANGE)
 CURVED = ("clothoid", "matched_clothoid")
 
 
-@pytest.mark.parametrize("bend", few([0.0, 1e-9, RANGE, 1e-300, 1e-4, 0.1, math.pi, 2 * math.pi], 3))
-@pytest.mark.parametrize("elements", LENGTHS)
+@pytest.mark.parametrize("bend", few([0.0, RANGE, 1e-9, 1e-300, 1e-4, 0.1, math.pi, 2 * math.pi], 2))
+@pytest.mark.parametrize("elements", few(sorted(LENGTHS, key=[2, 5, 1, 3].index), 2))
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_full_finger_is_exact(family, elements, bend):
     # Angles of 1e-300 drown in the 50 digits of a turned base.
@@ -90,7 +90,7 @@ POSES = [
 
 
 @pytest.mark.parametrize(("angle", "gravity"), POSES)
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
 def test_any_base_and_any_gravity(family, angle, gravity):
     case = Case(gravity=gravity).with_finger(base=BasePose(position=(-0.4, 0.7), angle=angle))
     model = case.model(family, accuracy=EXACT[family])
@@ -158,7 +158,7 @@ def test_tendons(family):
 
 
 @pytest.mark.parametrize("tendons", [None, TENDONS])
-@pytest.mark.parametrize("elements", [1, 2, 3])
+@pytest.mark.parametrize("elements", few([2, 1, 3], 1))
 def test_rates_of_the_input_move_a_matched_tip(elements, tendons):
     case = Case(loads=LOADS, options={"input_rates": True}).with_finger(tendons=tendons)
     model = case.model("matched_clothoid", elements, accuracy=1e-13)
@@ -231,7 +231,7 @@ def test_tendon_friction_follows_the_capstan_law(family):
 
 
 @pytest.mark.parametrize("bend", few([RANGE, 0.3], 1))
-@pytest.mark.parametrize("elements", LENGTHS)
+@pytest.mark.parametrize("elements", few(sorted(LENGTHS, key=[2, 5, 1, 3].index), 2))
 @pytest.mark.parametrize("family", CURVED)
 def test_default_accuracy_of_clothoids(family, elements, bend):
     case = Case(loads=LOADS)

@@ -133,7 +133,7 @@ def worker():
         yield pool
 
 
-@pytest.mark.parametrize("name", few(MAKERS, 9))
+@pytest.mark.parametrize("name", few(MAKERS, 5))
 def test_a_fresh_process_and_a_copy_show_the_same(worker, name):
     made = MAKERS[name]()
     data, copied = pickle.dumps(made), copy.deepcopy(made)

@@ -12,6 +12,7 @@ from continuum_grasp.accuracy import choose_fidelity
 from continuum_grasp.errors import InputError
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.simulation import equilibrium
+from tests.marks import few
 
 LENGTH, STIFFNESS, OFFSET, AXIAL, SERIES, FRICTION = 0.18, 6.11e-3, 0.005, 1e4, 3e-5, 0.1
 RATE = FRICTION * OFFSET / STIFFNESS
@@ -86,7 +87,7 @@ def test_cable_that_is_wound_up(friction):
     ],
     ids=["two", "pulley", "that end"],
 )
-@pytest.mark.parametrize("reached_by", ["pulling", "releasing"])
+@pytest.mark.parametrize("reached_by", few(["pulling", "releasing"], 1))
 def test_a_finger_of_many_elements_comes_to_the_rod(tendons, actuation, reached_by):
     """Under weight; errors fall with the square of the number of elements, arcs where the curvature jumps."""
     given = scene(tendons, actuation, reached_by=reached_by, gravity=(0.0, -9.81))

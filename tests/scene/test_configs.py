@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -41,10 +42,13 @@ def test_schema_file_is_current(kind):
     assert shipped == json_schema(kind), "run: continuum-grasp schema --out schema"
 
 
+schema_of = lru_cache(json_schema)
+
+
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_schema_allows_every_key_of_the_configuration(path):
     data = read_yaml(path).value
-    schema = json_schema(kind_of(data))
+    schema = schema_of(kind_of(data))
     check(data, schema, schema["$defs"])
 
 

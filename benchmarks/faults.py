@@ -1,0 +1,424 @@
+"""One-line faults drawn at random from all modules: signs, factors, limits, indices, defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault: what stands in a file just once, and what is put in its place."""
+
+    file: str
+    right: str
+    wrong: str
+    tests: tuple[str, ...]
+    reason: str = ""
+    """Why the program is as good with it, where no test can notice it."""
+
+    @property
+    def name(self) -> str:
+        """File and what is put there."""
+        return f"{self.file}: {self.right} -> {self.wrong}"
+
+    def put_into(self, text: str) -> str:
+        """Put the fault into the text of its file; a fault that fits nowhere, or twice, is an error."""
+        if text.count(self.right) != 1:
+            raise ValueError(f"{self.name}: stands {text.count(self.right)} times in the file, expected once")
+        return text.replace(self.right, self.wrong)
+
+
+def _in(file: str, *changes: tuple[str, str] | tuple[str, str, str], tests: str) -> list[Fault]:
+    paths = tuple(f"tests/{path}" for path in tests.split())
+    package = f"continuum_grasp/{file}"
+    return [Fault(package, change[0], change[1], paths, *change[2:]) for change in changes]
+
+
+FAULTS: tuple[Fault, ...] = (
+    *_in(
+        "arguments.py",
+        ("return math.inf if value > 0 else -math.inf", "return math.inf if value < 0 else -math.inf"),
+        ("if not 0.0 < number < math.inf:", "if not 0.0 <= number < math.inf:"),
+        tests="test_arguments.py scene",
+    ),
+    *_in("workers.py", ("len(pending) < self.most", "len(pending) <= self.most"), tests="test_workers.py sweeps"),
+    # scene
+    *_in(
+        "scene/profile.py",
+        ("total += 0.5 * (b - a)", "total += 0.505 * (b - a)"),
+        tests="scene/test_graded_rods.py model/test_graded.py",
+    ),
+    *_in(
+        "scene/grasp.py",
+        ("p.support(wall.normal_angle + math.pi - turn)", "p.support(wall.normal_angle + math.pi + turn)"),
+        tests="scene grasp/test_grasp_starts.py",
+    ),
+    *_in(
+        "scene/parts.py",
+        ("(b[0] - a[0]) * (p[1] - a[1]) - (b[1]", "(b[0] - a[0]) * (p[1] - a[1]) + (b[1]"),
+        tests="scene model/test_contact_surface.py",
+    ),
+    *_in(
+        "scene/supports.py",
+        ("self.axis_angle - half + 0.5 * math.pi", "self.axis_angle + half + 0.5 * math.pi"),
+        tests="scene grasp/test_grasp_stations.py grasp/test_grasp_starts.py",
+    ),
+    *_in(
+        "scene/drives.py",
+        (
+            "if self.rate_gain > 0.0 and self.position_gain is None:",
+            "if self.rate_gain >= 0.0 and self.position_gain is None:",
+        ),
+        tests="scene",
+    ),
+    *_in(
+        "scene/simulate.py",
+        ("if abs(count - round(count)) > 1e-6 * count:", "if abs(count - round(count)) > 1e-2 * count:"),
+        tests="scene simulation/test_simulation.py",
+    ),
+    # rod
+    *_in(
+        "rod/equations.py",
+        ("slope = (8.0 + v * (12.0 - 4.0 * v * v)) / 16.0", "slope = (8.0 + v * (12.0 + 4.0 * v * v)) / 16.0"),
+        tests="rod",
+    ),
+    *_in(
+        "rod/dense_rod.py",
+        ("-np.sin(angle) @ lever, np.cos", "np.sin(angle) @ lever, np.cos"),
+        tests="rod simulation/test_modes.py",
+    ),
+    *_in(
+        "rod/elastica.py",
+        ("np.all((at >= -1e-12) & (at <= 1.0 + 1e-12))", "np.all((at >= -1e-12) & (at <= 1.1 + 1e-12))"),
+        tests="rod",
+    ),
+    *_in(
+        "rod/equilibrium_path.py",
+        ("length > 0.5 * size or", "length > 50.0 * size or"),
+        tests="rod simulation/test_statics.py",
+    ),
+    # model
+    *_in(
+        "model/body.py",
+        ("self.arm.perp().scaled(self.omega)", "self.arm.perp().scaled(-self.omega)"),
+        tests="model/test_system.py model/test_model_structure.py",
+    ),
+    *_in(
+        "model/collocated.py",
+        ("weights = [0.5 * float(np.trace(kernel))", "weights = [0.505 * float(np.trace(kernel))"),
+        tests="model/test_graded.py model/test_model_truth.py",
+    ),
+    *_in(
+        "model/surfaces/surface.py",
+        (
+            "(bend * ca.sumsqr(off) + 2.0 * along) / (1.0 + reach)",
+            "(bend * ca.sumsqr(off) + 2.0 * along) / (1.01 + reach)",
+        ),
+        tests="model/test_contact_surface.py",
+    ),
+    *_in(
+        "model/surfaces/superellipse.py",
+        ("low = self._table[np.maximum(best - 1, 0)]", "low = self._table[np.maximum(best, 0)]"),
+        tests="model/test_contact_surface.py",
+    ),
+    *_in(
+        "model/surfaces/offset_polygon.py",
+        ("inside = (height < 0.0).all(axis=1)", "inside = (height < 0.0).any(axis=1)"),
+        tests="model/test_contact_surface.py",
+    ),
+    *_in(
+        "model/quadrature.py",
+        ("if angle_range <= reach), None)", "if angle_range <= 1.5 * reach), None)"),
+        tests="model/test_ranges.py model/test_model_truth.py",
+    ),
+    *_in(
+        "model/planar.py",
+        ("for k in range(j + 1, i + 1):", "for k in range(j, i + 1):"),
+        tests="model/test_model_truth.py model/test_many_elements.py",
+    ),
+    # core
+    *_in(
+        "core/integrators/ros2.py",
+        ("x + 1.5 * h * first + 0.5 * h * second", "x + 1.5 * h * first - 0.5 * h * second"),
+        tests="core/test_core.py",
+    ),
+    *_in(
+        "core/integrators/rk4.py",
+        ("x + h / 6 * (k1 + 2 * (k2 + k3) + k4)", "x + h / 6 * (k1 + 2.02 * (k2 + k3) + k4)"),
+        tests="core/test_core.py",
+    ),
+    *_in(
+        "core/integrators/implicit_midpoint.py",
+        ("missing = m - x - 0.5 * h * rate", "missing = m - x - 0.505 * h * rate"),
+        tests="core",
+    ),
+    *_in(
+        "core/batches.py",
+        ("result[:, t * result.shape[1] // steps]", "result[:, 0 * result.shape[1] // steps]"),
+        tests="core",
+    ),
+    *_in(
+        "core/rollouts.py", ("states[k + 1 : k + 1 + len(following)]", "states[k : k + len(following)]"), tests="core"
+    ),
+    # nlp
+    *_in(
+        "nlp/optimality.py",
+        (
+            "gradient + np.array(jacobian.T @ forces).ravel() + bounds",
+            "gradient + np.array(jacobian.T @ forces).ravel() - bounds",
+        ),
+        ("np.maximum(low - at, at - high), 0.0)", "np.maximum(low - at, at - high), 1e-3)"),
+        tests="nlp",
+    ),
+    *_in("nlp/solver.py", ("if error <= tolerance and violation <= most:", "if error <= tolerance:"), tests="nlp"),
+    # simulation
+    *_in(
+        "simulation/signals.py",
+        ("-15 * rise + 8 * a + 7 * b", "-15 * rise + 8 * a + 8 * b"),
+        tests="simulation/test_signals.py simulation/test_simulation.py",
+    ),
+    *_in(
+        "simulation/static_shape.py",
+        (
+            "np.clip(states + moved * slid(model, q, u, p), -1.0, 1.0)",
+            "np.clip(states + moved * slid(model, q, u, p), -1.0, 1.01)",
+        ),
+        tests="simulation/test_tendon_friction.py simulation/test_dry_friction.py simulation/test_drives_at_rest.py",
+    ),
+    *_in(
+        "simulation/modes.py",
+        ("found[found <= 1e-9 * found.max(initial=0.0)] = 0.0", "found[found <= 1e-3 * found.max(initial=0.0)] = 0.0"),
+        tests="simulation/test_modes.py",
+    ),
+    *_in(
+        "simulation/contacts.py",
+        ("np.maximum(0.0, (half - found).max(axis=1))", "np.maximum(0.0, (half - found).min(axis=1))"),
+        tests="simulation/test_simulation_contact.py",
+    ),
+    # accuracy
+    *_in("accuracy/motion.py", ("if error <= tolerance:", "if error <= 2.0 * tolerance:"), tests="accuracy"),
+    *_in(
+        "accuracy/choice.py",
+        ("reach = _MARGIN * truth.curvature_reach", "reach = 0.5 * _MARGIN * truth.curvature_reach"),
+        tests="accuracy",
+    ),
+    # grasp
+    *_in(
+        "grasp/certificate/surfaces.py",
+        ("core + radius * normal, normal, np.full", "core - radius * normal, normal, np.full"),
+        tests="grasp/test_grasp_surfaces.py",
+    ),
+    *_in(
+        "grasp/certificate/drives.py",
+        ("command = position + torque / drive.position_gain", "command = position - torque / drive.position_gain"),
+        tests="grasp/test_grasp_drives.py grasp/test_grasp_certificate.py",
+    ),
+    *_in(
+        "grasp/certificate/stability.py",
+        ("section[[start + reach - 1, start + reach]] = 0.5", "section[[start + reach - 1, start + reach]] = 0.505"),
+        tests="grasp/test_grasp_stability.py",
+    ),
+    *_in(
+        "grasp/certificate/check.py",
+        ("c.friction * n", "1.01 * c.friction * n"),
+        tests="grasp/test_grasp_certificate.py grasp/test_grasp_limits.py",
+    ),
+    *_in(
+        "grasp/bound.py", ("(1.0 + mu**2)) / size)", "(1.0 + 1.02 * mu**2)) / size)"), tests="grasp/test_grasp_bound.py"
+    ),
+    *_in(
+        "grasp/quality/mag_like.py",
+        ("center[0] * wrench[1] - center[1] * wrench[0]", "center[0] * wrench[1] + center[1] * wrench[0]"),
+        tests="grasp/test_grasp_quality.py",
+    ),
+    *_in(
+        "grasp/quality/resistance.py",
+        ("high = float(min(2.0 * spare[0][0]", "high = float(min(1.0 * spare[0][0]"),
+        tests="grasp/test_grasp_quality.py",
+    ),
+    *_in(
+        "grasp/closing/verdict.py",
+        ("arms = sight.points[:, here] - center[:, None]", "arms = sight.points[:, here] + center[:, None]"),
+        tests="grasp/test_closing.py",
+    ),
+    *_in(
+        "grasp/robust/response.py",
+        ("return self.reserve >= HOLDS", "return self.reserve >= -1.0"),
+        tests="grasp/test_grasp_robust.py grasp/test_grasp_response.py",
+    ),
+    *_in(
+        "grasp/faces.py",
+        ("share = at[0] if face else", "share = at[1] if face else"),
+        tests="grasp/test_grasp_certificate.py grasp/test_grasp_robust.py grasp/test_grasp_stations.py",
+    ),
+    # design, sweeps
+    *_in(
+        "design/held.py",
+        ("hessian + np.diag(under + over + _REGULAR)", "hessian + np.diag(under - over + _REGULAR)"),
+        tests="design",
+    ),
+    *_in(
+        "design/manufacture.py",
+        ("row.value + float(np.abs(row.slope[n:]).sum())", "row.value - float(np.abs(row.slope[n:]).sum())"),
+        tests="design",
+    ),
+    *_in(
+        "sweeps/plan.py",
+        ("value = low + (high - low) * share", "value = low + (high + low) * share"),
+        ("fast_forward(draw + 1)", "fast_forward(draw)"),
+        tests="sweeps",
+    ),
+    *_in(
+        "sweeps/maps.py",
+        ("place = row[rows[0]], column[rows[0]]", "place = column[rows[0]], row[rows[0]]"),
+        tests="sweeps",
+    ),
+    # control
+    *_in(
+        "control/ocp/setpoints.py",
+        ("given.phase + 2.0 * math.pi", "given.phase + 2.02 * math.pi"),
+        tests="control/test_setpoints.py control/test_periodic.py",
+    ),
+    *_in(
+        "control/ocp/scene_problem.py",
+        ("change = (model.u - held) / horizon.stage", "change = (model.u + held) / horizon.stage"),
+        tests="control/test_control_problem.py",
+    ),
+    *_in(
+        "control/estimation/excitation.py",
+        ("(1.0 - share) * np.eye(nx)", "(1.01 - share) * np.eye(nx)"),
+        tests="control/test_adaptation.py control/test_estimator.py",
+    ),
+    *_in(
+        "control/estimation/free_finger.py",
+        ("reach[0] * normal[1] - reach[1] * normal[0]", "reach[0] * normal[1] + reach[1] * normal[0]"),
+        tests="control/test_contact_detector.py",
+    ),
+    *_in(
+        "control/c/rti_active_set.c",
+        ("multiplier < b->penalty ? RTI_AT_HIGH", "multiplier > b->penalty ? RTI_AT_HIGH"),
+        tests="control/test_rti_qp.py",
+    ),
+    *_in(
+        "control/c/rti_search.c",
+        ("if (o->full && now <= RTI_CONVERGES * last)", "if (o->full && now >= RTI_CONVERGES * last)"),
+        tests="control/test_rti.py",
+    ),
+    *_in(
+        "control/c/ekf.c",
+        ("if (out && *bucket <= (real)EKF_PATIENCE)", "if (out && *bucket <= 10 * (real)EKF_PATIENCE)"),
+        tests="control/test_estimator.py",
+    ),
+    # planning
+    *_in(
+        "planning/guess.py",
+        ("tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)", "tau**3 * (10.0 - 15.0 * tau - 6.0 * tau**2)"),
+        tests="planning",
+    ),
+    *_in(
+        "planning/fine.py",
+        ("if found.final_tip <= _FINER_OFF * plan.length:", "if found.final_tip <= 100.0 * _FINER_OFF * plan.length:"),
+        tests="planning",
+    ),
+    *_in(
+        "planning/goal.py",
+        ("ca.vec(model.sections(goal.shape.at)(x, u, p)[0])", "ca.vec(model.sections(goal.shape.at)(x, u, p)[0].T)"),
+        tests="planning",
+    ),
+    # closed_loop
+    *_in(
+        "closed_loop/readings.py",
+        ("return angles[1:] - angles[:-1]", "return angles[1:] + angles[:-1]"),
+        tests="closed_loop",
+    ),
+    *_in(
+        "closed_loop/plant_model.py",
+        ("compliance = 0.5 * (b - a)", "compliance = 0.505 * (b - a)"),
+        tests="closed_loop",
+    ),
+    *_in(
+        "closed_loop/chain_system.py",
+        ("ca.fmin(ca.fmax(loss / most, -1.0), 1.0)", "ca.fmin(ca.fmax(loss / most, 0.0), 1.0)"),
+        tests="closed_loop",
+    ),
+    # mission
+    *_in(
+        "mission/assignment.py",
+        (
+            "first, last = stations[0], finger.rod.length - stations[-1]",
+            "first, last = stations[0], finger.rod.length - stations[0]",
+        ),
+        tests="mission",
+    ),
+    # identification
+    *_in(
+        "identification/rows.py",
+        ("np.array([first, first + left])", "np.array([first, first - left])"),
+        tests="identification",
+    ),
+    *_in(
+        "identification/observation.py",
+        ("return model.orientation(q, u, s, p) - base", "return model.orientation(q, u, s, p) + base"),
+        tests="identification",
+    ),
+    # export
+    *_in(
+        "export/strict_math.py",
+        ("return np.where(x > 0, root,", "return np.where(x > 1, root,"),
+        tests="export/test_export_kernels.py export/test_export.py",
+    ),
+    *_in(
+        "export/ranges.py",
+        ("return -max(20.0, 2.0 * abs(nominal)), max(", "return max(20.0, 2.0 * abs(nominal)), max("),
+        tests="export/test_export.py export/test_export_uses.py",
+    ),
+    *_in(
+        "export/mjcf/sliders.py",
+        (
+            "start = (bends - links.rest) - states * moment / stiffness",
+            "start = (bends - links.rest) + states * moment / stiffness",
+        ),
+        tests="export/test_export_mjcf.py",
+    ),
+    *_in(
+        "export/control/replay.py",
+        ("noise * self._rng.standard_normal(len(noise))", "0.0 * self._rng.standard_normal(len(noise))"),
+        tests="export/test_export_control.py",
+    ),
+    # environments, operators
+    *_in(
+        "environments/spaces.py",
+        ("np.nextafter(low, np.float32(-np.inf))", "np.nextafter(low, np.float32(np.inf))"),
+        tests="environments",
+    ),
+    *_in(
+        "environments/substeps.py",
+        ("commands = rest + share * (commands - rest)", "commands = rest + share * commands"),
+        tests="environments",
+    ),
+    *_in(
+        "environments/sensing.py", ("cost = 0.5 * plants.period", "cost = 0.505 * plants.period"), tests="environments"
+    ),
+    *_in(
+        "operators/derivatives.py",
+        ("[k + 1 for k in self.like], self.back", "[k + 1 for k in self.like], not self.back"),
+        tests="operators",
+    ),
+    # results, plotting, cli
+    *_in(
+        "results/animation.py",
+        ("instants[0] + speed * np.arange(count) / fps", "instants[0] + np.arange(count) / fps"),
+        tests="results plotting",
+    ),
+    *_in(
+        "results/run_folder.py", ("if version > FORMAT_VERSION:", "if version > FORMAT_VERSION + 1:"), tests="results"
+    ),
+    *_in(
+        "plotting/mission.py",
+        ("np.searchsorted(t, start - 1e-9)", "np.searchsorted(t, start + 1.0)"),
+        tests="plotting mission",
+    ),
+    *_in(
+        "cli/completion.py", ("yield from _entries(path, depth - 1)", "yield from _entries(path, depth)"), tests="cli"
+    ),
+)
