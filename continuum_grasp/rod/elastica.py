@@ -208,8 +208,9 @@ def _first_equations(problem: RodProblem) -> RodEquations:
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
     # Panels that bend by about a radian: forces turn the elastica over a length sqrt(EI / F), moments over EI / M.
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)))
-    edges = panel_edges(problem.breaks, max(longest, _COARSE / _MAX_NODES))
-    equations = RodEquations(problem, Mesh(edges, _COARSE))
+    if longest < _FINE / _MAX_NODES:
+        raise _too_many("the loads bend the rod on too small a scale; check their units")
+    equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, longest), _COARSE))
     while True:
         # Shorter where the rod itself changes steeply.
         long = (equations.panel_turns() > _BEND) | (equations.unresolved(equations.rest) > _RESOLVED)
