@@ -20,7 +20,7 @@ from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
-from tests.marks import few
+from tests.marks import every, few
 from tests.rods import NITINOL, ROOT, UNIT, force, rod_scene, without_compiler  # noqa: F401
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
@@ -177,7 +177,7 @@ def test_a_choice_is_remembered(monkeypatch):
 
 
 @pytest.mark.usefixtures("own_cache")
-@pytest.mark.parametrize("spoilt", ["", "{", "[1]", '{"key": "another"}', '{"fidelity": {"family": "none"}}'])
+@pytest.mark.parametrize("spoilt", every(2, ["", "{", "[1]", '{"key": "another"}', '{"fidelity": {"family": "none"}}']))
 def test_a_spoilt_record_is_measured_again(spoilt):
     wanted = scene(1e-2)
     first = choose.resolve_fidelity(wanted)

@@ -71,7 +71,7 @@ def attempts():
     return {attempt.name: attempt for make in (static_attempts, motion_attempts) for attempt in make()}
 
 
-@pytest.mark.parametrize("name", few(sorted(QUICK, key=lambda name: "1,000 periods" in name), len(QUICK) // 2))
+@pytest.mark.parametrize("name", few(sorted(QUICK, key=lambda name: "1,000 periods" in name), len(QUICK) // 3))
 def test_a_hard_case_ends_as_expected(name, attempts):
     if name.endswith("float") and find_compiler() is None:
         pytest.skip("no C compiler here")

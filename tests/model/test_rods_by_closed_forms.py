@@ -162,7 +162,7 @@ EVEN = {
 }
 
 
-@pytest.mark.parametrize("family", ["matched_clothoid", "clothoid", "arc"])
+@pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid", "arc"], 1))
 @pytest.mark.parametrize("kind", EVEN)
 def test_a_graded_rod_of_equal_values_is_the_uniform_model(kind, family):
     uniform, even = (

@@ -64,7 +64,7 @@ def tendons(**changes) -> PlanScene:
 
 
 @pytest.mark.parametrize("method", ["multiple_shooting", "collocation"])
-@pytest.mark.parametrize("kind", few(KINDS, 4))
+@pytest.mark.parametrize("kind", few(KINDS, 2))
 def test_derivatives_are_those_of_automatic_differentiation(kind, method):
     zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
     bounds = KINDS[kind].get("bounds", {}) | zone
