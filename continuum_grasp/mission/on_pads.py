@@ -14,7 +14,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.errors import SolverError
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.lift import Shortfall, shortfalls
 from continuum_grasp.mission.plant import mission_plant_model
 from continuum_grasp.scene.controller import Plant
 
@@ -22,57 +22,12 @@ Array = NDArray[np.float64]
 
 _TIP = "finger.tip"
 _STEP = 0.004
-"""Step of the linearly implicit Euler method [s]. Forces at rest do not depend on it, since it has the equilibria of the
-equations; on the way those of configs/mission/mug.yaml differ by 2 % from those with a quarter of it."""
+"""Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that
+configs/mission/mug.yaml ends with differ by 2 % from those with a quarter of the step."""
+_MOVES = 0.75
+"""Share of a phase in which inputs grow; in the rest the fingers come to rest under them."""
 _STIFFER = 10.0
-"""Stiffness of the pads, per that of the mission, with which a refusal is compared [1]: contacts give way by a tenth."""
-
-
-@dataclass(frozen=True)
-class Shortfall:
-    """A contact that bears too little of its normal force in the certificate to lift the object.
-
-    Attributes
-    ----------
-    contact : str
-        Name on the plant: ``finger.1``, ``finger.tip``, of several fingers with each one's name in place of ``finger``.
-    normal_force : float
-        What it bears [N].
-    std : float
-        Standard deviation of an estimated force [N]; zero where it is computed.
-    certified : float
-        Normal force of the certified grasp [N].
-    needed : float
-        What it has to bear at least: ``phases.lift_share`` of that [N].
-    """
-
-    contact: str
-    normal_force: float
-    std: float
-    certified: float
-    needed: float
-
-    @property
-    def text(self) -> str:
-        """Both forces, and what is needed."""
-        spread = f" +- {self.std:.2f}" if self.std else ""
-        return (
-            f"{self.contact} bears {self.normal_force:.2f}{spread} N of {self.certified:.2f} N certified, "
-            f"{self.needed:.2f} N needed"
-        )
-
-
-def shortfalls(
-    assignments: Sequence[Assignment], names: Sequence[str], forces: Array, stds: Array | None = None
-) -> tuple[Shortfall, ...]:
-    """Contacts of fingers by their names on the plant whose normal forces (C,) [N] are too small to lift."""
-    share, found = assignments[0].mission.phases.lift_share, []
-    for k, name in enumerate(names):
-        own = certified_contact(assignments, name)
-        if own is not None and forces[k] < share * own.normal_force:
-            std = 0.0 if stds is None else float(stds[k])
-            found.append(Shortfall(name, float(forces[k]), std, own.normal_force, share * own.normal_force))
-    return tuple(found)
+"""Stiffness of the pads, per that of the mission, with which a refusal is compared [1]: they give way by a tenth."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +58,8 @@ class Closed:
 def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[Closed]:
     """Close the fingers as the squeeze does, and on to their greatest tensions, on an object that stands in the grasp.
 
-    Equations are those of the plant, with fingers as their controllers know them: rods, pads, ``stiffer`` times those of
-    the mission, friction of contacts and table, a free object. The first is with the tensions of the grasp.
+    Equations are those of the plant, with fingers as their controllers know them: rods, pads, ``stiffer`` times those
+    of the mission, friction of contacts and table, a free object. The first has the tensions of the grasp.
     """
     known = [_as_known(one, stiffer) for one in assignments]
     phases, models = known[0].mission.phases, [mission_plant_model(one) for one in known]
@@ -114,7 +69,7 @@ def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[
         start[model.system.object_states][:3] = one.object_pose
     given = [ca.SX.sym(name, whole.forward_dynamics.size1_in(k)) for k, name in enumerate("xuwp")]
     rate = whole.forward_dynamics(*given)
-    slope = ca.Function("slope", given, ca.cse([rate, ca.densify(ca.jacobian(rate, given[0]))]))
+    slope = ca.Function("slope", given, [rate, ca.densify(ca.jacobian(rate, given[0]))])
     views = [_view(one, model) for one, model in zip(known, models, strict=True)]
     x, w = whole.joined(starts), whole.forces(0.0)[0]
     unit = np.eye(len(x)) / _STEP
@@ -123,7 +78,8 @@ def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[
         low, high = (np.concatenate([getattr(one, name) for one in known]) for name in (begin, end))
         count = math.ceil(duration / _STEP)
         for k in range(1, count + 1):
-            f, a = slope(x, low + k / count * (high - low), w, whole.p)
+            share = min(k / (_MOVES * count), 1.0)
+            f, a = slope(x, low + share * (high - low), w, whole.p)
             x = x + np.linalg.solve(unit - np.array(a), np.array(f).ravel())
             if end == "tight" or (end == "held" and k == count):
                 yield _seen(known, [view(own) for view, own in zip(views, whole.parts(x), strict=True)])
@@ -183,8 +139,9 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
         k = best.names.index(one.contact)
         touch = f"{1e3 * best.gap[k]:.2g} mm short of the object, " if best.gap[k] > 0.0 else ""
         where.append(
-            f"{one.text}, with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.2g} mm from its "
-            f"place in the grasp; on pads of {_STIFFER * law.stiffness:.3g} N/m it bears {firm.normal_force[k]:.2f} N"
+            f"{one.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.2g} mm "
+            f"from its place in the grasp; on pads of {_STIFFER * law.stiffness:.3g} N/m it bears "
+            f"{firm.normal_force[k]:.2f} N"
         )
     raise SolverError(
         f"the grasp is not reached on pads of {law.stiffness:.3g} N/m, on which the object gives way by "
@@ -192,8 +149,8 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
         f"{', '.join(one.contact for one in lacking)} would not be loaded at the lift",
         status="not_loaded",
         violated=where,
-        advice="Take stiffer pads (contact_law.stiffness), a grasp with less force on the contacts that press the object "
-        "away or with another place of object, base or contacts (grasp), or more tension (drive_tension); "
+        advice="Take stiffer pads (contact_law.stiffness), more tension (drive_tension), or a grasp with less force on "
+        "the contacts that press the object away, or with its object, base or contacts elsewhere (grasp); "
         "phases.lift_share is the share of the certificate's forces that is needed.",
     )
 

@@ -242,7 +242,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
     at = system.object_states
 
     def falling(variation):
-        plant = mission_plant(assignment, runner.timetables[0], control, variation, model)
+        plant = mission_plant(assignment, Timetable(assignment), control, variation, model)
         x = plant.x[: system.nx].copy()
         x[at.start] += 0.01  # clear of the palm
         found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
