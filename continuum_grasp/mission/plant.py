@@ -193,11 +193,13 @@ class Timetable:
 
     def resume(self, t: float, name: str) -> None:
         """Go on at an instant [s] with a phase, after what came before the lift; those between are left out."""
-        self._decided, self._resumed = t, self._plan(name).start
+        # Times are sums of rounded periods.
+        at_once = name == "lift" and t - self._waits < 1e-9
+        self._decided, self._resumed = self._waits if at_once else t, self._plan(name).start
 
     def planned(self, t: Array) -> Array:
         """Instants (T,) of the plan, in which nothing is waited for or left out, at instants of the mission [s]."""
-        late = self._resumed + t - self._decided
+        late = t + (self._resumed - self._decided)
         return np.where(t <= self._waits, t, np.where(t <= self._decided, self._waits, late))
 
     @property
