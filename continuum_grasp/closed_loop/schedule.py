@@ -80,17 +80,20 @@ class Schedule:
             self.phase.begin(controller, plant)
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
-        """Begin the next phase where the present one is over; False after the last."""
+        """Begin the next phase where the present one is over, and the one after it where that is over at once; False
+        after the last.
+        """
+        while self._over(t, plant, command):
+            if self.current + 1 == len(self.phases):
+                return False
+            self.enter(t, controller, plant, self.current + 1)
+        return True
+
+    def _over(self, t: float, plant: Any, command: Any) -> bool:
         phase, since = self.phase, t - self.start
         # Times are sums of rounded periods.
         over = since > phase.duration * (1 - 1e-9) - 1e-9
-        if not over and phase.until is not None:
-            over = phase.until(Moment(since, plant, command))
-        if over and self.current + 1 == len(self.phases):
-            return False
-        if over:
-            self.enter(t, controller, plant, self.current + 1)
-        return True
+        return over or (phase.until is not None and phase.until(Moment(since, plant, command)))
 
     def rows(self, t: Array) -> Array:
         """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
+    from continuum_grasp.mission.lift import NotLifted as NotLifted
+    from continuum_grasp.mission.lift import Shortfall as Shortfall
     from continuum_grasp.mission.outcomes import Outcome as Outcome
     from continuum_grasp.mission.outcomes import TrialsResult as TrialsResult
     from continuum_grasp.mission.precheck import Exceeded as Exceeded

@@ -78,6 +78,8 @@ class Assignment:
     """Of the grasp, of each tendon [N]."""
     held: Array
     """Inputs (nu) under which the finger holds the object with them."""
+    tight: Array
+    """Inputs (nu) further on the way from ``before`` to ``held``, where a drive is at its limit."""
     before: Array
     """Inputs (nu) with which the finger is about to touch."""
     rest: Array
@@ -169,7 +171,9 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
     firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
     loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
-    closing = commands.closing(pulls)
+    closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
+    reserve = float(np.min((most - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
+    tight = tensions + max(0.0, reserve) * rise if math.isfinite(reserve) else tensions
     factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     return Assignment(
         mission=mission,
@@ -179,6 +183,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         object_pose=(pose[0], pose[1], pose[2]),
         tensions=tensions,
         held=commands.of(tensions, ends),
+        tight=commands.of(tight, ends),
         before=commands.of(before, angles),
         rest=np.array(control.rest_input),
         holding=(

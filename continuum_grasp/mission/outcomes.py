@@ -44,6 +44,8 @@ class Outcome:
         found = self.error.partition("\n")[0]
         if self.verdict is not None:
             found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
+            if self.verdict.refused is not None:
+                found += f": {self.verdict.refused.text}"
             if self.verdict.drop is not None:
                 found += f": {self.verdict.drop.text}"
             if self.verdict.turned is not None:

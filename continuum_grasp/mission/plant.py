@@ -157,6 +157,9 @@ class Span:
 class Timetable:
     """Phases of a mission: of each stroke of a turn ``touch 1``, ``turn 1``, ``leave 1`` and so on, then approach,
     squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower, release, end.
+
+    Before the lift there is a ``confirm`` of up to the time of the squeeze where contacts bear too little; ``resume``
+    says when it ended and with what the mission goes on.
     """
 
     def __init__(self, assignment: Assignment) -> None:
@@ -174,13 +177,44 @@ class Timetable:
         # "end": nothing is asked any more, so that what still moves comes to rest.
         lengths += [("lower", asked.lower), ("release", asked.release), ("end", 0.25 * asked.release)]
         ends = np.cumsum([length for _, length in lengths])
-        self.spans = tuple(
+        self._planned = tuple(
             Span(name, float(end - length), float(end)) for (name, length), end in zip(lengths, ends, strict=True)
         )
+        self._waits = self._plan("lift").start
+        self._resumed = self._decided = self._waits
+
+    def _plan(self, name: str) -> Span:
+        return next(span for span in self._planned if span.name == name)
+
+    @property
+    def latest(self) -> float:
+        """When the mission goes on at the latest [s]."""
+        return self._waits + self._of.mission.phases.squeeze
+
+    def resume(self, t: float, name: str) -> None:
+        """Go on at an instant [s] with a phase, after what came before the lift; those between are left out."""
+        # Times are sums of rounded periods.
+        at_once = name == "lift" and t - self._waits < 1e-9
+        self._decided, self._resumed = self._waits if at_once else t, self._plan(name).start
+
+    def planned(self, t: Array) -> Array:
+        """Instants (T,) of the plan, in which nothing is waited for or left out, at instants of the mission [s]."""
+        late = t + (self._resumed - self._decided)
+        return np.where(t <= self._waits, t, np.where(t <= self._decided, self._waits, late))
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The phases with their times."""
+        before = [span for span in self._planned if span.start < self._waits]
+        if self._decided > self._waits:
+            before.append(Span("confirm", self._waits, self._decided))
+        late = self._decided - self._resumed
+        after = [span for span in self._planned if span.start >= self._resumed]
+        return (*before, *(Span(span.name, span.start + late, span.end + late) for span in after))
 
     def span(self, name: str) -> Span:
-        """The first phase of a name."""
-        return next(span for span in self.spans if span.name == name)
+        """The first phase of a name; of one that was left out, after all times."""
+        return next((span for span in self.spans if span.name == name), Span(name, math.inf, math.inf))
 
     @property
     def duration(self) -> float:
@@ -188,14 +222,19 @@ class Timetable:
         return self.spans[-1].end
 
     def _risen(self, t: Array, name: str, share: float = 1.0) -> Array:
-        """From 0 before a phase to 1 after it, or after a share of it, with continuous rate and acceleration."""
-        span = self.span(name)
+        """From 0 before a phase to 1 after it, or after a share of it, with continuous rate and acceleration, at
+        instants of the plan.
+        """
+        span = self._plan(name)
         return _smooth((t - span.start) / (share * (span.end - span.start)))
 
     # -- the controller's -------------------------------------------------------------------------------------------
 
     def rows(self, t: Array, names: tuple[str, ...]) -> Array:
         """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
+        return self._rows(self.planned(t), names)
+
+    def _rows(self, t: Array, names: tuple[str, ...]) -> Array:
         of = self._of
         # The posture goes from straight to touching, and from there to the grasp, the last share of it while the force
         # is followed; release undoes all at once. After a turn the object stands as in the grasp, and the finger leaves
@@ -222,22 +261,31 @@ class Timetable:
             columns["object_angle [rad]"] = of.object_pose[2] - turn.angle * (1.0 - turned)
         return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
 
-    def phases(self, stages: Stages) -> list[Phase]:
-        """The phases for a closed loop; contact forces are followed once there are any, the posture until then."""
+    def phases(self, stages: Stages, until: Callable[[Any], bool] | None = None) -> list[Phase]:
+        """The phases for a closed loop; contact forces are followed once there are any, the posture until then.
+
+        ``until``, if given, is asked before the lift, as that of a ``Phase``, and may change the timetable.
+        """
         begin = {name: self._weighing(stages) for name in ("approach", "release")}
-        begin |= {name: self._weighing(stages, "force", held=name == "lift") for name in ("settle", "lift")}
+        force = ("settle", "confirm", "lift")
+        begin |= {name: self._weighing(stages, "force", held=name == "lift") for name in force}
         if self.strokes:
             begin |= {f"{name} {k}": self._weighing(stages, "gap") for k in self.strokes for name in ("touch", "leave")}
             begin |= {f"turn {k}": self._weighing(stages, "angle") for k in self.strokes}
             begin[f"leave {self.strokes[-1]}"] = self._weighing(stages)
         found = []
         for span in self.spans:
-            rows = partial(self._rows_since, span.start, stages.r_names)
+            if until is not None and span.name == "lift":
+                # ``until`` is asked once more at the latest instant.
+                longest = self.latest - self._waits + self._of.control.controller.step
+                rows = partial(self._rows_since, self._waits, 0.0, stages.r_names)
+                found.append(Phase("confirm", rows, longest, until, begin=begin["confirm"]))
+            rows = partial(self._rows_since, float(self.planned(np.array(span.start))), 1.0, stages.r_names)
             found.append(Phase(span.name, rows, span.end - span.start, begin=begin.get(span.name)))
         return found
 
-    def _rows_since(self, start: float, names: tuple[str, ...], since: Array) -> Array:
-        return self.rows(start + since, names)
+    def _rows_since(self, start: float, goes: float, names: tuple[str, ...], since: Array) -> Array:
+        return self._rows(start + goes * since, names)
 
     def _weighing(self, stages: Stages, followed: str = "posture", *, held: bool = False) -> Callable[[Any, Any], None]:
         """Gives the controller the weights and limits of a phase, in which the posture is ``followed``, a force, the
@@ -266,12 +314,13 @@ class Timetable:
         return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(_WRENCH)}}
 
     def _table(self, t: Array) -> Array:
+        t = self.planned(t)
         return -_SUNK * (self._risen(t, "lift") - self._risen(t, "lower"))
 
     def _pull(self, axis: int, t: Array) -> Array:
-        total = np.zeros_like(t)
+        t, total = self.planned(t), np.zeros_like(t)
         for k, wrench in enumerate(self._of.pulls):
-            span = self.span(f"pull {k + 1}")
+            span = self._plan(f"pull {k + 1}")
             quarter = 0.25 * (span.end - span.start)  # to grow, and to fade; half of it stays
             total += wrench[axis] * _smooth((t - span.start) / quarter)
             total -= wrench[axis] * _smooth((t - span.end + quarter) / quarter)

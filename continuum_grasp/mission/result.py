@@ -133,9 +133,9 @@ class MissionRun(MotionResult):
 
     @property
     def status(self) -> str:
-        """How the closed loops ended: tripped, if one of them did."""
+        """How the closed loops ended: tripped, if one of them did; not_lifted, if they let go before the lift."""
         ends = [run.ended for run in self.runs]
-        return "tripped" if "tripped" in ends else ends[0]
+        return "tripped" if "tripped" in ends else ends[0] if self.verdict.refused is None else "not_lifted"
 
     @property
     def statistics(self) -> Mapping[str, Any]:
@@ -324,6 +324,8 @@ class MissionRun(MotionResult):
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
+    if verdict.refused is not None:
+        found["refused"] |= {"text": verdict.refused.text}
     if verdict.drop is not None:
         found["drop"] |= {"text": verdict.drop.text}
     if verdict.turned is not None:

@@ -10,12 +10,13 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import FingerLoop, run_fingers, with_result
-from continuum_grasp.closed_loop.schedule import Schedule
 from continuum_grasp.closed_loop.shared_object import SharedModel, SharedPlant
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.lift import LiftCheck, NotLifted
+from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded, say
 from continuum_grasp.mission.result import MissionRun
@@ -56,7 +57,7 @@ def run_mission(
     Raises
     ------
     SolverError
-        If there is no verified grasp.
+        If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
         If the mission does not make sense.
     NumericalError
@@ -75,6 +76,7 @@ def run_mission(
     """
     assignments = assign(scene_of(scene, MissionScene), grasp)
     say(assignments[0].mission, [one.text for one in exceeded(assignments, variation or Variation())])
+    check_pads(assignments)
     return MissionRunner(assignments).run(variation, progress)
 
 
@@ -83,7 +85,6 @@ class MissionRunner:
 
     def __init__(self, assignments: Sequence[Assignment]) -> None:
         self.assignments, mission = tuple(assignments), assignments[0].mission
-        self.timetables = [Timetable(one) for one in assignments]
         # Without a deadline of its own a mission never drops a command for being late.
         deadline = mission.controller.deadline or math.inf
         self._controllers = [Controller(one.control, deadline=deadline) for one in assignments]
@@ -92,27 +93,28 @@ class MissionRunner:
 
     def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
-        asked, loops = variation or Variation(), []
-        for one, table, control, model in zip(
-            self.assignments, self.timetables, self._controllers, self._models, strict=True
-        ):
-            plant = mission_plant(one, table, control.prediction, asked, model)
-            loops.append(FingerLoop(one.control, control, plant, Schedule(table.phases(control.stages))))
+        asked, loops, tables = variation or Variation(), [], [Timetable(one) for one in self.assignments]
+        check = LiftCheck(self.assignments, tables)
+        for k, (one, control, model) in enumerate(zip(self.assignments, self._controllers, self._models, strict=True)):
+            plant = mission_plant(one, tables[k], control.prediction, asked, model)
+            loops.append(FingerLoop(one.control, control, plant, check.schedule(k, control.stages)))
         shared = SharedPlant([loop.plant for loop in loops], self._shared)
         runs, error = run_fingers(loops, shared, loops[0].plan.duration, progress)
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupt.held(quietly=True) as pressed:
-            judged = self._judged(asked, runs)
+            judged = self._judged(asked, runs, tables[0], check.refused)
         if pressed() and error is None:
             error = Interrupted("interrupted after the end of the mission")
         if error is not None:
             raise with_result(error, judged) from error
         return judged
 
-    def _judged(self, variation: Variation, runs: Sequence[ControlRun]) -> MissionRun:
+    def _judged(
+        self, variation: Variation, runs: Sequence[ControlRun], table: Timetable, refused: NotLifted | None
+    ) -> MissionRun:
         of, scenes = self.assignments, tuple(model.scene for model in self._models)
         found = {one.name: present(run.contacts) for one, run in zip(of, runs, strict=True)}
         contacts = ContactForces.joined(found)
-        verdict = judge(of, self.timetables[0], variation, runs, contacts)
+        verdict = judge(of, table, variation, runs, contacts, refused)
         beyond = exceeded(of, variation)
-        return MissionRun(of, self.timetables[0], variation, tuple(runs), scenes, contacts, verdict, beyond)
+        return MissionRun(of, table, variation, tuple(runs), scenes, contacts, verdict, beyond)

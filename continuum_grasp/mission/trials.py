@@ -12,6 +12,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.precheck import exceeded_by_trials, say
@@ -73,7 +74,7 @@ def run_trials(
     Raises
     ------
     SolverError
-        If there is no verified grasp.
+        If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
         If the mission does not make sense.
     Interrupted
@@ -96,6 +97,7 @@ def run_trials(
     assignments = assign(mission, grasp)
     known = exceeded_by_trials(assignments, drawn)
     say(mission, known)
+    check_pads(assignments)
     report = progress or (lambda share: None)
     done: dict[int, Outcome] = {}
     try:

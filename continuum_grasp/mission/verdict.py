@@ -13,6 +13,7 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import is_table, object_height, plant_friction
 from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
+from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.simulation.contacts import ContactForces
@@ -58,6 +59,8 @@ class Verdict:
     """Commands that were not of a new plan."""
     drop: Drop | None = None
     """Why the object was dropped; None where it was not."""
+    refused: NotLifted | None = None
+    """Why it was let go without a lift; None where it was lifted."""
     turned: Turned | None = None
     """How far it was turned before it was grasped; None where that was not asked for."""
 
@@ -69,15 +72,23 @@ class Verdict:
     @property
     def word(self) -> str:
         """What became of the object."""
-        found = "dropped" if not self.held else "held and released" if self.released else "held, not released"
+        if self.refused is not None:
+            found = "not lifted, released" if self.released else "not lifted, not released"
+        else:
+            found = self._lifted
         if self.turned is None:
             return found
         return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
+
+    @property
+    def _lifted(self) -> str:
+        return "dropped" if not self.held else "held and released" if self.released else "held, not released"
 
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""
         return {
             "object": self.word,
+            **({} if self.refused is None else {"not lifted": self.refused.text}),
             **({} if self.drop is None else {"dropped": self.drop.text}),
             **({} if self.turned is None else {"turned": self.turned.text}),
             **({} if self.turned is None or not self.turned.reason else {"not turned": self.turned.reason}),
@@ -102,10 +113,12 @@ def judge(
     variation: Variation,
     runs: Sequence[ControlRun],
     contacts: ContactForces,
+    refused: NotLifted | None = None,
 ) -> Verdict:
     """The verdict on a closed loop, which may have been stopped early, read off the plant.
 
-    ``runs`` are those of the fingers, ``contacts`` those of all fingers and supports.
+    ``runs`` are those of the fingers, ``contacts`` those of all fingers and supports, ``refused`` is why nothing was
+    lifted.
     """
     first, mission = runs[0], assignments[0].mission
     pose, t = present(first.object_pose), first.t
@@ -149,9 +162,10 @@ def judge(
         force_estimate_std=stds[worst],
         slip_margin=_over(np.min, margins[calm]),
         pulled_margin=_over(np.min, margins[pulled]),
-        released=whole and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
+        released=(whole or refused is not None) and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
         fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
         drop=find_drop(assignments, timetable, variation, t, contacts, lost),
+        refused=refused,
         turned=find_turned(assignments, timetable, variation, runs, pose, contacts),
     )
 

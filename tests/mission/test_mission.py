@@ -22,8 +22,10 @@ from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
 from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.result import verdict_data
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.verdict import Verdict, judge
 from continuum_grasp.results import read_run
@@ -242,7 +244,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
     at = system.object_states
 
     def falling(variation):
-        plant = mission_plant(assignment, runner.timetables[0], control, variation, model)
+        plant = mission_plant(assignment, Timetable(assignment), control, variation, model)
         x = plant.x[: system.nx].copy()
         x[at.start] += 0.01  # clear of the palm
         found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
@@ -314,8 +316,8 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
         ({}, {"held": True, "released": True, "force_error": 0.0, "sunk": 0.0, "force_estimate_error": 0.1}),
         ({"normal": 4.0}, {"force_error": 0.2, "force_mean_error": -0.2, "force_estimate_std": 0.04}),
         ({"shear": 1.0}, {"slip_margin": 1.0 - 1.0 / (0.8 * 0.5 * 5.0)}),
-        ({"height": lambda t: -0.004 * (t > 3.0)}, {"held": True, "sunk": 0.004}),
-        ({"height": lambda t: -0.02 * (t > 3.0)}, {"held": False, "sunk": 0.02}),
+        ({"height": lambda t: -0.999 * 0.005 * (t > 3.0)}, {"held": True, "sunk": 0.999 * 0.005}),
+        ({"height": lambda t: -1.001 * 0.005 * (t > 3.0)}, {"held": False, "sunk": 1.001 * 0.005}),
         ({"height": lambda t: -0.02 * (t > 6.5)}, {"held": True, "sunk": 0.0}),
         ({"status": "safe_ramp"}, {"fallbacks": 80}),
     ],
@@ -331,6 +333,13 @@ def test_a_mission_that_was_stopped_is_not_held():
     assert np.isnan(found.force_error)
     assert np.isnan(found.slip_margin)
     assert not judged(INSTANTS[:65]).released
+
+
+def test_what_was_not_lifted_says_so():
+    found = replace(judged(INSTANTS), held=False, refused=NotLifted(2.4, (), "the drive is at its limit"))
+    assert (found.word, found.succeeded) == ("not lifted, released", False)
+    assert found.pairs()["not lifted"] == verdict_data(found)["refused"]["text"] == found.refused.text
+    assert found.refused.text in Outcome(Variation(), found).text
 
 
 def test_outcomes_are_counted_and_written(tmp_path):

@@ -1,0 +1,173 @@
+"""Whether the contacts of a grasp bear enough of what its certificate has, so that the object may be lifted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.schedule import Moment, Schedule
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.plant import Timetable
+
+Array = NDArray[np.float64]
+
+_AT_LIMIT = 0.999
+"""Share of the greatest tension from which on a drive is at its limit [1]: commands reach it to solver accuracy."""
+
+
+@dataclass(frozen=True)
+class Shortfall:
+    """A contact that bears too little of its normal force in the certificate to lift the object.
+
+    Attributes
+    ----------
+    contact : str
+        Name on the plant: ``finger.1``, ``finger.tip``, of several fingers with each one's name in place of ``finger``.
+    normal_force : float
+        What it bears [N].
+    std : float
+        Standard deviation of an estimated force [N]; zero where it is computed.
+    certified : float
+        Normal force of the certified grasp [N].
+    needed : float
+        What it has to bear at least: ``phases.lift_share`` of that [N].
+    """
+
+    contact: str
+    normal_force: float
+    std: float
+    certified: float
+    needed: float
+
+    @property
+    def text(self) -> str:
+        """Both forces, and what is needed."""
+        spread = f" +- {self.std:.2f}" if self.std else ""
+        return (
+            f"{self.contact} bears {self.normal_force:.2f}{spread} N of {self.certified:.2f} N certified "
+            f"({self.needed:.2f} N needed)"
+        )
+
+
+def shortfalls(
+    assignments: Sequence[Assignment], names: Sequence[str], forces: Array, stds: Array | None = None
+) -> tuple[Shortfall, ...]:
+    """Contacts of fingers, by their names on the plant, whose normal forces (C,) [N] are too small to lift."""
+    share, found = assignments[0].mission.phases.lift_share, []
+    for k, name in enumerate(names):
+        own = certified_contact(assignments, name)
+        if own is not None and forces[k] < share * own.normal_force:
+            std = 0.0 if stds is None else float(stds[k])
+            found.append(Shortfall(name, float(forces[k]), std, own.normal_force, share * own.normal_force))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class NotLifted:
+    """Why an object was let go without a lift.
+
+    Attributes
+    ----------
+    time : float
+        When that was decided [s].
+    shortfalls : tuple of Shortfall
+        Contacts that bear too little, by their estimated forces.
+    cause : str
+        What keeps the fingers from squeezing harder.
+    """
+
+    time: float
+    shortfalls: tuple[Shortfall, ...]
+    cause: str
+
+    @property
+    def text(self) -> str:
+        """When, which contacts with both forces, the cause, and what to try."""
+        return (
+            f"not lifted at {self.time:.2f} s: {'; '.join(one.text for one in self.shortfalls)}; {self.cause}. Try "
+            "stiffer pads (contact_law.stiffness), more tension (drive_tension), more time (phases.settle), or a grasp "
+            "with its object, base or contacts elsewhere"
+        )
+
+
+class LiftCheck:
+    """Decides before the lift, for all fingers at once, whether the object is lifted or let go.
+
+    Where a contact bears too little by the estimate, the fingers squeeze on, following their held forces, for as long
+    as the squeeze took at most; then they let go.
+
+    Parameters
+    ----------
+    assignments : sequence of Assignment
+    timetables : sequence of Timetable
+        Of each finger; what follows the decision is moved there.
+
+    Attributes
+    ----------
+    refused : NotLifted or None
+        Why the object was not lifted.
+    """
+
+    def __init__(self, assignments: Sequence[Assignment], timetables: Sequence[Timetable]) -> None:
+        self._of, self._tables = tuple(assignments), tuple(timetables)
+        self._plans: list[Schedule] = []
+        self._seen: dict[int, Moment] = {}
+        self._over = False
+        self.refused: NotLifted | None = None
+
+    def schedule(self, finger: int, stages: Stages) -> Schedule:
+        """The phases of a finger, by number, which ask before the lift."""
+        self._plans.append(Schedule(self._tables[finger].phases(stages, partial(self._asked, finger))))
+        return self._plans[-1]
+
+    def _asked(self, finger: int, moment: Moment) -> bool:
+        """Whether the finger need not wait any longer."""
+        self._seen[finger] = moment
+        # The first finger decides for all, of several with what the others estimated a period before.
+        if finger == 0:
+            self._over = len(self._seen) == len(self._of) and self._decided(moment)
+            if not self._over:
+                for table in self._tables:
+                    table.resume(table.latest, "lift")
+        return self._over
+
+    def _decided(self, moment: Moment) -> bool:
+        lacking, t = self._lacking(), float(moment.plant.t)
+        if lacking and moment.t < self._of[0].mission.phases.squeeze * (1.0 - 1e-9):
+            return False
+        for table, plan in zip(self._tables, self._plans, strict=True):
+            table.resume(t, "release" if lacking else "lift")
+            if lacking:
+                names = [phase.name for phase in plan.phases]
+                plan.phases = [*plan.phases[: plan.current + 1], *plan.phases[names.index("release") :]]
+        self.refused = NotLifted(t, lacking, self._cause()) if lacking else None
+        return True
+
+    def _lacking(self) -> tuple[Shortfall, ...]:
+        found = list[Shortfall]()
+        for k, one in enumerate(self._of):
+            forces, names = self._seen[k].command.contact_forces, one.control.contact_names
+            found += shortfalls(self._of, [one.own_name(name) for name in names], forces.force, forces.std)
+        return tuple(found)
+
+    def _cause(self) -> str:
+        """What keeps the fingers from squeezing harder."""
+        reached = []
+        for k, one in enumerate(self._of):
+            command, names = self._seen[k].command, one.control.contact_names
+            if one.control.finger.input_key == "tensions":
+                most = np.array(one.control.finger.tension_limits[1])
+                if (command.u >= _AT_LIMIT * most).any():
+                    return f"the drive of {one.name} is at its limit of {most.max():.3g} N"
+            borne = command.contact_forces.force[names.index(one.contact)]
+            reached.append(f"{borne:.2f} N of {one.force:.2f} N at {one.own_name(one.contact)}")
+        return (
+            f"the forces that are followed are {', '.join(reached)}: the object gave way on its contacts, or a finger "
+            "lies elsewhere than in the grasp"
+        )

@@ -1,0 +1,167 @@
+"""What the contacts of a grasp bear on the compliant pads of its mission: fingers close on an object that gives way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.errors import SolverError
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.lift import Shortfall, shortfalls
+from continuum_grasp.mission.plant import mission_plant_model
+from continuum_grasp.scene.controller import Plant
+
+Array = NDArray[np.float64]
+
+_TIP = "finger.tip"
+_STEP = 0.004
+"""Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that
+configs/mission/mug.yaml ends with differ by 2 % from those with a quarter of the step."""
+_MOVES = 0.75
+"""Share of a phase in which inputs grow; in the rest the fingers come to rest under them."""
+_STIFFER = 10.0
+"""Stiffness of the pads, per that of the mission, with which a refusal is compared [1]: they give way by a tenth."""
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Fingers that are closed on an object that gives way, with the tensions of the grasp or more.
+
+    Attributes
+    ----------
+    tension : float
+        Greatest one [N].
+    names : tuple of str
+        Contacts of the fingers.
+    normal_force, gap, away : (C,) ndarray
+        Normal forces [N], distance from the surface, negative where pressed [m], and distance from where the grasp has
+        the finger's section [m].
+    moved : (3,) ndarray
+        Motion of the object from its pose in the grasp: x, y [m] and angle [rad].
+    """
+
+    tension: float
+    names: tuple[str, ...]
+    normal_force: Array
+    gap: Array
+    away: Array
+    moved: Array
+
+
+def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[Closed]:
+    """Close the fingers as the squeeze does, and on to their greatest tensions, on an object that stands in the grasp.
+
+    Equations are those of the plant, with fingers as their controllers know them: rods, pads, ``stiffer`` times those
+    of the mission, friction of contacts and table, a free object. The first has the tensions of the grasp.
+    """
+    known = [_as_known(one, stiffer) for one in assignments]
+    phases, models = known[0].mission.phases, [mission_plant_model(one) for one in known]
+    whole = SharedModel(models)
+    starts = [model.start.copy() for model in models]
+    for start, model, one in zip(starts, models, known, strict=True):
+        start[model.system.object_states][:3] = one.object_pose
+    given = [ca.SX.sym(name, whole.forward_dynamics.size1_in(k)) for k, name in enumerate("xuwp")]
+    rate = whole.forward_dynamics(*given)
+    slope = ca.Function("slope", given, [rate, ca.densify(ca.jacobian(rate, given[0]))])
+    views = [_view(one, model) for one, model in zip(known, models, strict=True)]
+    x, w = whole.joined(starts), whole.forces(0.0)[0]
+    unit = np.eye(len(x)) / _STEP
+    ways = ((phases.approach, "rest", "before"), (phases.squeeze, "before", "held"), (phases.squeeze, "held", "tight"))
+    for duration, begin, end in ways:
+        low, high = (np.concatenate([getattr(one, name) for one in known]) for name in (begin, end))
+        count = math.ceil(duration / _STEP)
+        for k in range(1, count + 1):
+            share = min(k / (_MOVES * count), 1.0)
+            f, a = slope(x, low + share * (high - low), w, whole.p)
+            x = x + np.linalg.solve(unit - np.array(a), np.array(f).ravel())
+            if end == "tight" or (end == "held" and k == count):
+                yield _seen(known, [view(own) for view, own in zip(views, whole.parts(x), strict=True)])
+
+
+def _as_known(one: Assignment, stiffer: float) -> Assignment:
+    """The same task, of a finger that is as its controller knows it, on pads that are stiffer."""
+    law = one.mission.contact_law
+    mission = one.mission.replaced(
+        more_contacts=(), plant=Plant(), contact_law=law.replaced(stiffness=stiffer * law.stiffness)
+    )
+    return replace(one, mission=mission, control=one.control.replaced(plant=Plant()))
+
+
+def _view(one: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:
+    """What is looked at of a finger's plant in a state (nx): tensions, normal forces, gaps, places, pose."""
+    names = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
+    at = (*model.scene.contacts, model.scene.finger.rod.length)
+    values = {"force": model.touch["normal_force"][names], "gap": model.touch["gap"][names]}
+    values |= {"tension": model.tensions, "place": model.sections(at)[0], "pose": model.object_pose[:3]}
+    view = model.function("view", **values)
+    line = one.grasp.fingers[one.name].backbone
+    wanted = np.array([np.interp(at, line[:, 0], line[:, k]) for k in (1, 2)])
+
+    def seen(x: Array) -> list[Array]:
+        force, gap, tension, place, pose = (np.array(v) for v in view(x, model.rest_input, model.forces(0.0)[0]))
+        return [tension.ravel(), force.ravel(), gap.ravel(), np.hypot(*(place - wanted)), pose.ravel()]
+
+    return seen
+
+
+def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
+    """The fingers together."""
+    tension, force, gap, away = (np.concatenate([view[k] for view in views]) for k in range(4))
+    names = [
+        one.own_name(name) for one in known for name in (*(f"finger.{k + 1}" for k in range(len(one.middles))), _TIP)
+    ]
+    return Closed(float(tension.max()), tuple(names), force, gap, away, views[0][4] - np.array(known[0].object_pose))
+
+
+def check_pads(assignments: Sequence[Assignment]) -> None:
+    """Refuse a mission whose contacts, closed on its compliant pads, bear too little to lift at any tension.
+
+    Raises
+    ------
+    SolverError
+        With status ``not_loaded``, the contacts with both forces, where object and finger go, and what to try.
+    """
+    best, lacking = _best(assignments)
+    if not lacking:
+        return
+    law = assignments[0].mission.contact_law
+    firm, _ = _best(assignments, _STIFFER)
+    x, y, angle = best.moved
+    where = []
+    for one in lacking:
+        k = best.names.index(one.contact)
+        touch = f"{1e3 * best.gap[k]:.2g} mm short of the object, " if best.gap[k] > 0.0 else ""
+        where.append(
+            f"{one.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.2g} mm "
+            f"from its place in the grasp; on pads of {_STIFFER * law.stiffness:.3g} N/m it bears "
+            f"{firm.normal_force[k]:.2f} N"
+        )
+    raise SolverError(
+        f"the grasp is not reached on pads of {law.stiffness:.3g} N/m, on which the object gives way by "
+        f"({1e3 * x:+.2g}, {1e3 * y:+.2g}) mm and turns by {math.degrees(angle):+.2g} deg: "
+        f"{', '.join(one.contact for one in lacking)} would not be loaded at the lift",
+        status="not_loaded",
+        violated=where,
+        advice="Take stiffer pads (contact_law.stiffness), more tension (drive_tension), or a grasp with less force on "
+        "the contacts that press the object away, or with its object, base or contacts elsewhere (grasp); "
+        "phases.lift_share is the share of the certificate's forces that is needed.",
+    )
+
+
+def _best(assignments: Sequence[Assignment], stiffer: float = 1.0) -> tuple[Closed, tuple[Shortfall, ...]]:
+    """The first tensions with which no contact lacks force, or those with which the worst one lacks least."""
+    found = list[tuple[float, Closed, tuple[Shortfall, ...]]]()
+    for one in closed(assignments, stiffer):
+        lacking = shortfalls(assignments, one.names, one.normal_force)
+        if not lacking:
+            return one, ()
+        found.append((min(short.normal_force / short.needed for short in lacking), one, lacking))
+    _, best, lacking = max(found, key=lambda each: each[0])
+    return best, lacking

@@ -1,0 +1,166 @@
+"""Before the lift: what contacts bear is compared with the certificate, on pads before the run and by the estimate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from continuum_grasp.errors import SolverError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission import on_pads
+from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.lift import LiftCheck, shortfalls
+from continuum_grasp.mission.plant import Timetable
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import Phases
+
+MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
+STAGES = SimpleNamespace(r_names=(), weights=np.zeros(0), u_min=np.zeros(2), u_max=np.full(2, 75.0))
+CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
+
+
+def fingers(*names):
+    """Fingers by hand that touch with their tips, certified for 4 N each, of which half is needed."""
+    contacts = [
+        SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
+    ]
+    grasp = SimpleNamespace(contacts=contacts, scene=SimpleNamespace(friction=lambda name: 0.5))
+    finger = SimpleNamespace(input_key="tensions", tension_limits=((1.0, 1.0), (75.0, 75.0)), winches=())
+    control = SimpleNamespace(
+        contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
+    )
+    mission = SimpleNamespace(phases=Phases(lift_share=0.5), turn=None, more_contacts=())
+    return [
+        SimpleNamespace(
+            name=name,
+            grasp=grasp,
+            control=control,
+            mission=mission,
+            middles=(),
+            pulls=np.ones((2, 3)),
+            holding=(-math.inf, math.inf),
+            contact="finger.tip",
+            force=CERTIFIED,
+            own_name=lambda own, name=name: own.replace("finger", name),
+        )
+        for name in names
+    ]
+
+
+def carried_out(forces, *, tension=60.0, names=("lower", "upper")):
+    """Schedules that are run with estimates ``forces(t)`` of all tips: timetable, phases by instant, the check."""
+    of = fingers(*names)
+    tables = [Timetable(one) for one in of]
+    check = LiftCheck(of, tables)
+    plans = [check.schedule(k, STAGES) for k in range(len(of))]
+    controller = SimpleNamespace(change=lambda **changed: None)
+    for plan in plans:
+        plan.enter(0.0, controller, None)
+    passed = []
+    for k in range(1, 1000):
+        t, going = k * STEP, []
+        for plan, force in zip(plans, forces(k * STEP), strict=True):
+            estimated = SimpleNamespace(force=np.array([force]), std=np.array([0.02]))
+            command = SimpleNamespace(contact_forces=estimated, u=np.array([tension, 1.0]))
+            going.append(plan.advance(t, controller, SimpleNamespace(t=t), command))
+        assert len(set(going)) == 1
+        if not going[0]:
+            break
+        assert len({plan.phase.name for plan in plans}) == 1
+        passed.append((t, plans[0].phase.name))
+    return tables[0], passed, check.refused
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_half_of_a_certified_force_is_needed(share):
+    of, needed = fingers("lower"), 0.5 * CERTIFIED
+    found = shortfalls(of, ["lower.tip", "palm", "table"], np.array([share * needed, 0.0, 0.0]))
+    assert [one.contact for one in found] == (["lower.tip"] if share < 1.0 else [])
+    assert all((one.certified, one.needed) == (CERTIFIED, needed) for one in found)
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper"), ("a", "b", "c")])
+def test_fingers_that_bear_enough_lift_at_once(names):
+    table, passed, refused = carried_out(lambda t: [2.002] * len(names), names=names)
+    # Of several fingers the first decides with what the others estimated a period before.
+    late = STEP * (len(names) > 1)
+    assert refused is None
+    assert table.span("lift").start == pytest.approx(1.6 + late)
+    assert next(t for t, name in passed if name == "lift") == pytest.approx(1.6 + late)
+    assert table.duration == pytest.approx(Timetable(fingers("a")[0]).duration + late)
+
+
+@pytest.mark.parametrize("low", [0, 1])
+def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
+    table, passed, refused = carried_out(lambda t: [1.998 if k == low else 4.0 for k in range(2)])
+    assert [span.name for span in table.spans] == ["approach", "squeeze", "confirm", "release", "end"]
+    assert (table.span("confirm").end, table.span("lift").start) == (pytest.approx(2.4), math.inf)
+    assert [name for _, name in passed][-1] == "end"
+    assert passed[-1][0] == pytest.approx(table.duration, abs=1.5 * STEP)
+    contact = ("lower.tip", "upper.tip")[low]
+    assert [(one.contact, one.std) for one in refused.shortfalls] == [(contact, 0.02)]
+    for said in (f"{contact} bears 2.00 +- 0.02 N of 4.00 N certified", "2.40 s", "contact_law.stiffness", "4.00 N at"):
+        assert said in refused.text
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_drive_at_its_limit_is_the_cause(share):
+    """Commands count as at the limit from 99.9 % of it on."""
+    _, _, refused = carried_out(lambda t: [0.0], names=("finger",), tension=share * 0.999 * 75.0)
+    assert ("at its limit of 75 N" in refused.cause) == (share > 1.0)
+
+
+def test_what_follows_a_lift_that_is_late_is_late():
+    """Table, pulls and setpoints are those of the plan, moved by the wait."""
+    table, _, refused = carried_out(lambda t: [4.0 * (t > 1.995)], names=("finger",))
+    plan, t = Timetable(fingers("finger")[0]), np.linspace(0.0, 9.0, 901)
+    assert refused is None
+    assert table.span("confirm").end == pytest.approx(2.0)
+    for name, function in table.outside().items():
+        wanted = np.where(t < 1.6, plan.outside()[name](t), plan.outside()[name](np.maximum(t - 0.4, 1.6)))
+        assert function(t) == pytest.approx(wanted, abs=1e-12)
+    assert table.span("pull 2").start == pytest.approx(plan.span("pull 2").start + 0.4)
+
+
+# -- on pads ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def assignments():
+    mission = load(MUG, ["grasp.solver.effort=quick"])
+    return assign(mission, optimize_grasp(mission.grasp))
+
+
+@pytest.fixture(scope="module")
+def states(assignments):
+    return list(on_pads.closed(assignments))
+
+
+def test_pads_at_rest_press_as_their_springs_do(assignments, states):
+    """N = k depth, and the object is where forces of finger and palm balance: the palm bears what x has of the pads."""
+    last, law = states[-1], assignments[0].mission.contact_law
+    assert last.tension == pytest.approx(assignments[0].mission.drive_tension, rel=1e-3)
+    assert last.normal_force == pytest.approx(-law.stiffness * last.gap, rel=0.02)
+    assert states[0].tension == pytest.approx(assignments[0].tensions.max(), rel=1e-3)
+
+
+def test_more_is_needed_than_is_borne_at_any_tension(assignments, states, monkeypatch):
+    """The mission is refused from the share of the certificate on that the worst contact bears at best."""
+    monkeypatch.setattr(on_pads, "closed", lambda of, stiffer=1.0: iter(states[:1]))
+    forces = {c.name: c.normal_force for c in assignments[0].grasp.contacts}
+    borne = states[0].normal_force / [forces["finger.middle"], forces["finger.tip"]]
+    contact, least = ("finger.1", "finger.tip")[int(np.argmin(borne))], float(borne.min())
+
+    def check(share):
+        phases = assignments[0].mission.phases.replaced(lift_share=share)
+        on_pads.check_pads([replace(assignments[0], mission=assignments[0].mission.replaced(phases=phases))])
+
+    check(0.999 * least)
+    with pytest.raises(SolverError, match=r"not reached on pads of 2e\+03 N/m") as error:
+        check(1.001 * least)
+    assert (error.value.status, [text.split()[0] for text in error.value.violated]) == ("not_loaded", [contact])
