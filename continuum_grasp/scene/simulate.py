@@ -155,6 +155,9 @@ class Timing(Value):
     variable step with error control at 1e-11."""
     tolerance: Annotated[float, Field(ge=1e-10, le=0.1, examples=[1e-4, "0.01 %"]), Unit("1")] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger [1]."""
+    space_error: bool = False
+    """Whether the error that the elements leave is measured, by a second motion with every element halved, which takes
+    longer than the motion; with ``fidelity.tolerance`` it always is."""
 
     def _check(self) -> None:
         if self.step > self.duration:
