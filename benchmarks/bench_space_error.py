@@ -91,7 +91,7 @@ def rest_errors(given: Scene) -> tuple[tuple[float, float], tuple[float, float]]
 def main() -> None:
     """Run every scene, and write the report."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--count", type=int, default=80)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     random, report = np.random.default_rng(given.seed), Report("space_error", given.seed)

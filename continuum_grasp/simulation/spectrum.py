@@ -110,7 +110,8 @@ _POSES = 12
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Array | None = None) -> float:
     """Largest absolute eigenvalue of the linearized motion over shapes (count, n), and of the tendons' lag [1/s].
 
-    Infinite where the model's numbers are not finite, or its mass matrix is singular to rounding. Velocities (count, n) matter to quadratic damping alone.
+    Infinite where the model's numbers are not finite, or its mass matrix is singular to rounding. Velocities (count, n)
+    matter to quadratic damping alone.
     """
     model = core.model
     moving = np.zeros_like(np.atleast_2d(q)) if qd is None else np.atleast_2d(qd)
