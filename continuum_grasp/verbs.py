@@ -35,8 +35,8 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
         T instants ``t`` (T,) [s], states ``x`` (T, nx), inputs ``u`` (T, nu), forces ``w`` (T, nw), tip positions
         ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
         ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates what the steps in time leave,
-        ``space_error`` what the elements leave (``time.space_error``, ``fidelity.tolerance``), ``warnings`` names elements beyond their bending range or strain limit, and overlaps with the object between
-        stations.
+        ``space_error`` what the elements leave (``time.space_error``, ``fidelity.tolerance``), ``warnings`` names
+        elements beyond their bending range or strain limit, and overlaps with the object between stations.
 
     Raises
     ------
@@ -100,8 +100,8 @@ def equilibrium(
     Returns
     -------
     Equilibrium
-        Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``, and
-        ``space_error`` [1], which estimates what the elements leave, per length.
+        Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``,
+        and ``space_error`` [1], which estimates what the elements leave, per length.
 
     Raises
     ------

@@ -93,9 +93,7 @@ def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Ar
     return np.asarray(family.coordinates(np.diff(angles[: len(ends)]), curvatures)[: finer.n])
 
 
-def motion_within(
-    scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None = None
-) -> Trajectory:
+def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None = None) -> Trajectory:
     """The motion of a scene, with its ``space_error`` where that is asked for, in as many elements as keep a tolerance.
 
     A finer motion that was compared with is the next one that is checked. Where no number of elements keeps the
@@ -183,7 +181,9 @@ def error_of_equilibrium(found: Equilibrium) -> float:
     if finer is None:
         return np.nan
     shapes = [_shapes(each.model, each.q[None], each.u[None]) for each in (found, finer)]
-    return float(_whole(found.model) * np.linalg.norm(shapes[0] - shapes[1], axis=-1).max() / found.model.finger.rod.length)
+    return float(
+        _whole(found.model) * np.linalg.norm(shapes[0] - shapes[1], axis=-1).max() / found.model.finger.rod.length
+    )
 
 
 def error_of_modes(found: Modes) -> Array:

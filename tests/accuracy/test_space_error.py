@@ -92,8 +92,7 @@ def test_a_refined_scene_starts_with_the_same_shape_and_damps_alike(make, family
     shapes = [c.batch("position", np.array(q), u, s, None) for c, q in ((coarse, start["q"]), (fine, same.q))]
     assert shapes[0] == pytest.approx(shapes[1], abs=1e-3 * 0.2 if make is cone else 1e-6 * 0.2)
     dissipated = [
-        qd @ c.damping(np.array(q), qd, u)
-        for c, q, qd in ((coarse, start["q"], rates[0]), (fine, same.q, rates[1]))
+        qd @ c.damping(np.array(q), qd, u) for c, q, qd in ((coarse, start["q"], rates[0]), (fine, same.q, rates[1]))
     ]
     # Halves have one bend each, whose squares add up to no less than that of their sum.
     assert dissipated[0] <= dissipated[1] * (1 + 1e-9)
