@@ -25,7 +25,7 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     ----------
     scene : Scene or path-like
         The scene, with ``time``, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is
-        found first.
+        found first; where the motion needs more elements than its equilibria and frequencies, it gets them.
     progress : callable, optional
         Called with the completed share of the motion, 0 to 1.
 
@@ -35,8 +35,8 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
         T instants ``t`` (T,) [s], states ``x`` (T, nx), inputs ``u`` (T, nu), forces ``w`` (T, nw), tip positions
         ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
         ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates what the steps in time leave,
-        ``warnings`` names elements beyond their bending range or strain limit, and overlaps with the object between
-        stations.
+        ``space_error`` what the elements leave (``time.space_error``, ``fidelity.tolerance``), ``warnings`` names
+        elements beyond their bending range or strain limit, and overlaps with the object between stations.
 
     Raises
     ------
@@ -57,8 +57,11 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     >>> motion.t.shape, motion.tip.shape, motion.x_names[0]
     ((51,), (51, 2), 'kappa_0 [1/m]')
     """
-    chosen, note = resolved(scene)
-    trajectory = simulation.simulate(chosen, progress=progress)
+    from continuum_grasp.accuracy.space import motion_within
+
+    asked = scene_of(scene)
+    chosen, note = resolved(asked)
+    trajectory = motion_within(chosen, asked.fidelity.tolerance, progress=progress)
     return replace(trajectory, statistics={**trajectory.statistics, "fidelity": note}) if note else trajectory
 
 
@@ -97,7 +100,8 @@ def equilibrium(
     Returns
     -------
     Equilibrium
-        Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``.
+        Bending coordinates ``q`` (n,), ``tip`` (2,) [m] in the world, ``stable``, ``margin`` [rad2/s2], ``residual``,
+        and ``space_error`` [1], which estimates what the elements leave, per length.
 
     Raises
     ------
@@ -134,7 +138,8 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     -------
     Modes
         ``frequencies_hz`` (m,) [Hz], ``damping_ratios`` (m,) [1], ``shapes`` (m, points, 2) [1] and the equilibrium's
-        ``backbone`` (points, 2) [m]; as many as there are bending coordinates. Under following loads or tendon friction
+        ``backbone`` (points, 2) [m]; ``space_error`` (m,) estimates what the elements leave in the frequencies,
+        relative [1]; as many as there are bending coordinates. Under following loads or tendon friction
         the stiffness is not symmetric; modes that flutter then come as two of one frequency, and ``stable`` is false.
 
     Raises

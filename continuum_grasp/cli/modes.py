@@ -38,6 +38,7 @@ def modes(
     files = output.save(found, folder, pictures=True) if folder is not None else []
     columns = {
         "frequency [Hz]": [f"{one:.5g}" for one in found.frequencies_hz],
+        "space error": [f"{one:.2g}" for one in found.space_error],
         "damping ratio": ["-" if math.isnan(one) else f"{one:.3g}" for one in found.damping_ratios],
     }
     others = {"all stuck [Hz]": found.stuck_frequencies_hz, "motors free [Hz]": found.free_frequencies_hz}
@@ -51,6 +52,7 @@ def modes(
         fidelity=note or None,
         warnings=found.warnings,
         frequencies_hz=found.frequencies_hz,
+        space_error=found.space_error,
         damping_ratios=found.damping_ratios,
         stuck_frequencies_hz=found.stuck_frequencies_hz,
         free_frequencies_hz=found.free_frequencies_hz,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, simulation_scene
+from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose
 from continuum_grasp.cli.output import Output, run_folder, saved_in
 from continuum_grasp.errors import InputError
 
@@ -20,23 +18,27 @@ def simulate(
     verbose: Verbose = False,
 ) -> None:
     """Move a finger in time: saves the motion, draws pictures."""
+    from continuum_grasp.scene.load import scene_of
+    from continuum_grasp.scene.simulate import Scene
+
     output = Output(as_json, quiet, verbose)
-    scene, note = simulation_scene(config, changes, output)
+    scene = scene_of(config, Scene, changes or ())
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
     folder = run_folder(out, config, "simulate")
 
-    from continuum_grasp.simulation import simulate as run
+    from continuum_grasp.verbs import simulate as run
 
     with output.computing("simulating", folder) as report:
         trajectory = run(scene, progress=report)
-    if note:
-        trajectory = replace(trajectory, statistics={**trajectory.statistics, "fidelity": note})
+    if note := trajectory.statistics.get("fidelity"):
+        output.say(f"fidelity: {note}")
     files = output.save(trajectory, folder, pictures, animation)
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
     x, y = trajectory.tip[-1]
-    error, steps = trajectory.time_error, len(trajectory.t) - 1
+    steps = len(trajectory.t) - 1
     output.warn(trajectory.warnings)
     output.pairs({"status": trajectory.status, **trajectory.pairs(), **saved_in(folder, files)})
-    values = {"duration": trajectory.t[-1], "steps": steps, "tip": (x, y), "time_error": error, "energy": energy}
+    values = {"duration": trajectory.t[-1], "steps": steps, "tip": (x, y), "energy": energy}
+    values |= {"time_error": trajectory.time_error, "space_error": trajectory.space_error}
     output.conclude(trajectory, folder, files, **values)

@@ -45,7 +45,8 @@ class FingerModel(Functions):
         where that is more.
     bending_range : float, optional
         Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
-        where there are more than four elements, which share 8 pi / 3, or the finger's strain limit allows less.
+        where there are more than four elements, which share 8 pi / 3, or the finger's strain limit allows less; with
+        stops 1.5 times the bend at which links touch where that is more, up to 6.3 rad.
     accuracy : float, optional
         Relative accuracy of the evaluation over the bending range; sets Horner terms and quadrature nodes.
     parameters : sequence of str, optional

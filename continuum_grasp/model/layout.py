@@ -10,6 +10,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
+from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 from continuum_grasp.scene.profile import Profile
@@ -34,6 +35,9 @@ MOST_ELEMENTS = 128
 """Most elements [1]: four times as many as a tolerance ever chooses, and the expressions grow with the square."""
 _FINE = 400
 """Parts of each smooth part of a rod over which its waves are counted [1]: boundaries are then off by 1e-5 of it."""
+_BEYOND_STOPS = 1.5
+"""Bend per that at which links touch [1] for which a finger with stops is evaluated: 4 to 16 elements of a SpiRob that
+8 N curl up within 0.2 s reach 1.4 at the tip of the last one."""
 _WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
@@ -155,7 +159,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
 
     By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
-    more than thick ones, and each by its share where there are stops.
+    more than thick ones, and each by its share where there are stops, or as far as these let it, up to one turn.
     """
     if bending_range is not None:
         if not 0.0 < bending_range <= _WIDEST:
@@ -176,8 +180,10 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     parts = sharpness * lengths
     # A long element among short ones has more than its share of the number.
     shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
-    allowed = np.minimum(np.minimum(limits * lengths, WHOLE_RANGE * shares), DEFAULT_RANGE)
-    return tuple(allowed.tolist())
+    allowed = np.minimum(WHOLE_RANGE * shares, DEFAULT_RANGE)
+    if stop is not None:
+        allowed = np.maximum(allowed, np.minimum(_BEYOND_STOPS * stop(at).max(axis=1) * lengths, ONE_TURN))
+    return tuple(np.minimum(allowed, limits * lengths).tolist())
 
 
 def place_at(at: float, lengths: Sequence[float]) -> Place:

@@ -52,7 +52,8 @@ class Fidelity(Value):
     jumps of the rest curvature."""
     bending_range: Annotated[float, Field(ge=1e-3, le=20.0, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
-    less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less."""
+    less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
+    with stops 1.5 times the bend at which links touch where that is more, up to 6.3 rad."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
@@ -155,6 +156,9 @@ class Timing(Value):
     variable step with error control at 1e-11."""
     tolerance: Annotated[float, Field(ge=1e-10, le=0.1, examples=[1e-4, "0.01 %"]), Unit("1")] = 1e-4
     """Greatest error of position that the steps in time may leave, per length of the finger [1]."""
+    space_error: bool = False
+    """Whether the error that the elements leave is measured, by a second motion with every element halved, which takes
+    longer than the motion; with ``fidelity.tolerance`` it always is."""
 
     def _check(self) -> None:
         if self.step > self.duration:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.core import Core
-from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
+from continuum_grasp.results.declared import XY, Dimension, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.driven_modes import small_motions
@@ -44,6 +45,7 @@ class Modes(Result):
     kind: ClassVar[str] = "modes"
     stored: ClassVar[tuple[Stored, ...]] = (
         Stored("frequencies_hz", "(mode,)", "Hz", "undamped natural frequencies, increasing; 0: unstable that way"),
+        Stored("space_error", "(mode,)", "1", "estimated errors of the frequencies that the elements leave, relative"),
         Stored("damping_ratios", "(mode,)", "1", "modal damping ratios; NaN where the frequency is zero"),
         Stored("stuck_frequencies_hz", "(mode,)", "Hz", "the frequencies while nothing slides"),
         Stored("free_frequencies_hz", "(free_mode,)", "Hz", "the frequencies with motors that turn"),
@@ -68,6 +70,14 @@ class Modes(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     stuck_frequencies_hz: Array | None = None
     free_frequencies_hz: Array | None = None
+
+    @cached_property
+    def space_error(self) -> Array:
+        """Estimates of the errors of the frequencies (m,) that the elements leave, relative [1].
+
+        As `Equilibrium.space_error`; of frequencies that are zero with halved elements, per the highest.
+        """
+        return np.asarray(maker_of("accuracy.space:error_of_modes")(self))
 
     @property
     def status(self) -> str:
@@ -104,6 +114,7 @@ class Modes(Result):
         return {
             "frequencies": f"{row(self.frequencies_hz)} Hz",
             **{name: f"{row(values)} Hz" for name, values in others.items() if values is not None},
+            "space error": row(self.space_error),
             "damping ratios": row(self.damping_ratios),
             "about a tip at": "({:.4f}, {:.4f}) m".format(*self.backbone[-1]),
         }

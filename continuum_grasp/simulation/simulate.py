@@ -124,7 +124,7 @@ class _Run:
             beyond = NumericalError(
                 f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
                 f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), where the "
-                "model means nothing: raise fidelity.bending_range, or lower the loads",
+                "model means nothing: take more elements, raise fidelity.bending_range, or lower the loads",
                 time=float(result.t[-1]),
                 state=last,
             )
@@ -174,7 +174,10 @@ class _Run:
     @property
     def _stiff(self) -> str:
         """The method for stiff motions."""
-        return _STIFF_SWEPT if self._core.model.sweeps else _STIFF
+        # A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages
+        # square what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
+        linear = not self._model.structure.has_quadratic_damping
+        return _STIFF if linear and not self._core.model.sweeps else _STIFF_SWEPT
 
     def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:
         """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
@@ -184,9 +187,8 @@ class _Run:
         if error is None and motion.time_error > plan.tolerance:
             return self._finer(plan, motion), None
         if plan.stable is None:
-            # At rest an implicit step does not see how springs of contacts and quadratic damping will act.
-            unseen = self._system is not None or self._model.structure.has_quadratic_damping
-            if plan.method == "reference" or not unseen or not isinstance(error, NumericalError):
+            # A linearly implicit step does not see what it meets: contacts, stops, friction and quadratic damping.
+            if plan.method == "reference" or not isinstance(error, NumericalError):
                 return None, error
             self._implicit_substeps = _FINER * plan.substeps
             finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None

@@ -110,7 +110,8 @@ _POSES = 12
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Array | None = None) -> float:
     """Largest absolute eigenvalue of the linearized motion over shapes (count, n), and of the tendons' lag [1/s].
 
-    Infinite where the model's numbers are not finite. Velocities (count, n) matter to quadratic damping alone.
+    Infinite where the model's numbers are not finite, or its mass matrix is singular to rounding. Velocities (count, n)
+    matter to quadratic damping alone.
     """
     model = core.model
     moving = np.zeros_like(np.atleast_2d(q)) if qd is None else np.atleast_2d(qd)
@@ -124,7 +125,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
         mass = core.mass_matrix(shape, u, p)
         stiffness = core.statics(shape, u, w, p)[1]
         damping = damping_matrix(core, shape, u, p, rates)
-        if not all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping)):
+        usable = all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping))
+        if not usable or np.linalg.cond(mass) * np.finfo(float).eps > 1.0:
             return math.inf
         largest = max(largest, float(np.abs(poles(mass, stiffness, damping)).max()))
     return largest

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results.declared import XY, Dimension, Picture, Stored
+from continuum_grasp.results.declared import XY, Dimension, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
-from continuum_grasp.simulation.trajectory import acting_forces
+from continuum_grasp.simulation.trajectory import acting_forces, error_text
 
 Array = NDArray[np.float64]
 
@@ -134,6 +134,20 @@ class Equilibrium(Result):
             at += winch.states
         return np.array(found)
 
+    @cached_property
+    def space_error(self) -> float:
+        """Estimate of the greatest error of position that the elements leave, per length of the finger [1].
+
+        Taken from the equilibrium with every element halved, found when this is first read; infinite where there is
+        none, nan where a model or states of friction are those of these elements alone.
+        """
+        found: float = maker_of("accuracy.space:error_of_equilibrium")(self)
+        return found
+
+    def details(self) -> dict[str, Any]:
+        """Error of the elements."""
+        return {"space_error": self.space_error}
+
     @property
     def status(self) -> str:
         """``stable`` or ``unstable``."""
@@ -151,6 +165,7 @@ class Equilibrium(Result):
             "tip": f"({x:.4f}, {y:.4f}) m",
             "margin": f"{self.margin:.4g} rad2/s2",
             "residual": f"{self.residual:.1e} of the forces that balance",
+            "space error": error_text(self.space_error, self.model.finger.rod.length),
             "model": f"{len(self.model.lengths)} x {self.model.family}",
         }
 

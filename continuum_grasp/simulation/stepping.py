@@ -221,8 +221,8 @@ class Stepper:
             else (
                 f"{INTEGRATORS[plan.method].failure} after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
                 f"{plan.substeps} sub-steps of {self._time.step / plan.substeps:g} s): take a smaller time.step or "
-                "time.method: rodas; if the finger bends beyond its range, raise fidelity.bending_range or lower "
-                "the loads"
+                f"time.method: {'reference' if plan.stable is None else 'auto'}; if the finger bends beyond its range, "
+                "raise fidelity.bending_range or lower the loads"
             )
         )
         error = NumericalError(reason, time=time, state=state)

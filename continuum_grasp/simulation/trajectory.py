@@ -15,6 +15,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
+from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
@@ -47,6 +48,10 @@ class Trajectory(MotionResult):
         ends of the elements, and of the points of an object that moves. It is taken from steps of twice or four times
         the length (``reference``: from looser tolerances); infinite where these are unstable, nan where nothing was
         compared.
+    space_error : float
+        Estimate of the greatest error of position that the elements leave, per length of the finger [1]: of places
+        along it, and of the points of an object that moves. It is taken from the same motion with every element halved
+        (``time.space_error``, ``fidelity.tolerance``); infinite where that one fails, nan where nothing was compared.
     """
 
     kind: ClassVar[str] = "simulate"
@@ -101,6 +106,7 @@ class Trajectory(MotionResult):
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
     time_error: float = math.nan
+    space_error: float = math.nan
 
     @property
     def moving(self) -> FingerModel | System:
@@ -255,21 +261,22 @@ class Trajectory(MotionResult):
         return own + [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
 
     def pairs(self) -> dict[str, str]:
-        """Time, where the tip ends, error of the steps in time, energy."""
+        """Time, where the tip ends, errors of the steps in time and of the elements, energy."""
         energy = (self.kinetic + self.potential)[[0, -1]]
-        (x, y), error = self.tip[-1], self.time_error
-        known = f"about {error:.2g} of the length, {1e3 * error * self.length:.2g} mm"
+        x, y = self.tip[-1]
         return {
             "time": f"{self.t[-1]:g} s in {len(self.t) - 1} steps",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
-            "time error": known if math.isfinite(error) else "not known",
+            "time error": error_text(self.time_error, self.length),
+            "space error": error_text(self.space_error, self.length),
             "energy": f"{energy[0]:.6g} J at the start, {energy[1]:.6g} J at the end",
         }
 
     def details(self) -> dict[str, Any]:
-        """Error of the steps in time, and what the columns are."""
+        """Errors of the steps in time and of the elements, and what the columns are."""
         return {
             "time_error": self.time_error,
+            "space_error": self.space_error,
             "slack": [
                 {"tendon": each.tendon, "begins": each.begins, "ends": each.ends if each.ends < math.inf else None}
                 for each in self.slack
@@ -283,6 +290,14 @@ class Trajectory(MotionResult):
                 "contact_names": [] if self.contacts is None else list(self.contacts.names),
             },
         }
+
+
+def error_text(error: float, length: float) -> str:
+    """An estimated error of position per length as users read it."""
+    if math.isnan(error):
+        return "not measured"
+    size = f"about {error:.2g} of the length, {1e3 * error * length:.2g} mm"
+    return size if math.isfinite(error) else "cannot be estimated"
 
 
 def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = None) -> list[tuple[Array, Array, str]]:
@@ -350,8 +365,8 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
         if beyond.size and reach < limit * length * (1 - 1e-9):
             found.append(
                 f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
-                f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: raise "
-                "fidelity.bending_range"
+                f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
+                f"{'take more elements' if reach >= ONE_TURN else 'raise fidelity.bending_range'}"
             )
     return tuple(found)
 

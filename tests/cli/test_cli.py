@@ -206,7 +206,7 @@ class FakeTrajectory(SimpleNamespace):
         zero = np.zeros(3)
         super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
-        self.time_error, self.length = 2e-5, 0.5
+        self.time_error, self.space_error, self.length = 2e-5, 3e-3, 0.5
 
     pairs = Trajectory.pairs
 
@@ -230,7 +230,7 @@ def pretend(monkeypatch, tmp_path):
 
 def test_simulate_saves_and_reports(pretend):
     seen = []
-    pretend("continuum_grasp.simulation", simulate=lambda scene, progress=None: seen.append(scene) or FakeTrajectory())
+    pretend("continuum_grasp.verbs", simulate=lambda scene, progress=None: seen.append(scene) or FakeTrajectory())
     result = run("simulate", RELEASE, "--no-pictures", "--set", "time.duration=0.5", "-v")
     assert result.exit_code == 0, result.output
     assert seen[0].time.duration == 0.5
@@ -238,11 +238,12 @@ def test_simulate_saves_and_reports(pretend):
     assert "warning: too bent" in result.stderr
     assert "substeps" in result.stdout
     assert "time error      about 2e-05 of the length, 0.01 mm" in result.stdout
+    assert "space error     about 0.003 of the length, 1.5 mm" in result.stdout
 
     found = json.loads(run("simulate", RELEASE, "--no-pictures", "--out", "here", "--json").stdout)
     assert found["folder"] == "here"
     assert found["energy"] == [1.5, 1.5]
-    assert found["time_error"] == 2e-5
+    assert (found["time_error"], found["space_error"]) == (2e-5, 3e-3)
     assert run("simulate", RELEASE, "--no-pictures", "--out", "quiet", "-q").stdout == ""
 
 
@@ -250,7 +251,7 @@ def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
     def simulate(scene, progress=None):
         raise NumericalError("not finite at 0.1 s", time=0.1, result=FakeTrajectory())
 
-    pretend("continuum_grasp.simulation", simulate=simulate)
+    pretend("continuum_grasp.verbs", simulate=simulate)
     result = run("simulate", RELEASE)
     assert result.exit_code == 1
     assert "error: not finite at 0.1 s" in result.stderr
@@ -270,6 +271,7 @@ def test_solver_failure_exits_with_1(pretend):
 def test_modes_prints_a_table(pretend):
     found = SimpleNamespace(
         frequencies_hz=np.array([2.5, 15.7]),
+        space_error=np.array([0.002, 0.17]),
         damping_ratios=np.array([0.01, np.nan]),
         stable=True,
         warnings=(),
@@ -278,8 +280,8 @@ def test_modes_prints_a_table(pretend):
     )
     pretend("continuum_grasp.simulation", modes=lambda scene: found)
     lines = run("modes", RELEASE).stdout.splitlines()
-    assert lines[0].split() == ["mode", "frequency", "[Hz]", "damping", "ratio"]
-    assert lines[2].split() == ["2", "15.7", "-"]
+    assert lines[0].split() == ["mode", "frequency", "[Hz]", "space", "error", "damping", "ratio"]
+    assert lines[2].split() == ["2", "15.7", "0.17", "-"]
     assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
 
 

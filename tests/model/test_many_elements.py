@@ -228,3 +228,15 @@ def test_energy_of_thirty_two_elements_is_conserved():
     kinetic, potential = core.batch("energy", states, None)
     assert kinetic.max() >= 0.01 * np.ptp(potential) > 0.0
     assert np.ptp(kinetic + potential) <= 1e-9 * np.ptp(potential)
+
+
+@pytest.mark.parametrize("count", [2, 4, 16, 40])
+def test_elements_are_evaluated_beyond_where_their_links_touch(count):
+    """1.5 times curvature times length where that is more than the share of the whole finger, up to one turn."""
+    finger = Finger(
+        rod=Rod(length=0.2, linear_density=0.02, bending_stiffness=0.01),
+        stops=Stops(curvature=40.0, stiffness_ratio=9.0),
+    )
+    usual = min(2 * np.pi / 3, 8 * np.pi / 3 / count)
+    wanted = max(usual, min(1.5 * 40.0 * 0.2 / count, 6.3))
+    assert FingerModel(finger, family="arc", elements=count).ranges == pytest.approx((wanted,) * count)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Timing
@@ -178,3 +178,24 @@ def test_a_tolerance_may_be_in_per_cent_and_must_be_within_reach():
     for wrong in (0.0, 1e-12, 0.5, "much"):
         with pytest.raises(InputError, match="tolerance"):
             Timing(duration=1.0, step=0.1, tolerance=wrong)
+
+
+@pytest.mark.parametrize("quadratic", [1e-6, 2e-3])
+def test_quadratic_damping_at_rest_is_met(quadratic):
+    """Let go by a moment that accelerates the tip at once, against the variable-step method."""
+    finger = {"damping": {"quadratic": quadratic}}
+    held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": 0.2}]}
+    scene = released("arc", 2, 5e-3, duration=0.1, initial=held, finger=finger)
+    found = simulate(scene)
+    exact = simulate(released("arc", 2, 5e-3, 0.1, "reference", initial=held, finger=finger))
+    assert found.warnings == ()
+    assert true_error(found, exact.x) <= found.time_error <= 1e-4
+    assert found.statistics["substeps"] <= 500
+
+
+@pytest.mark.parametrize(("method", "other"), [("rodas", "reference"), ("rk4", "auto")])
+def test_a_motion_that_is_not_finite_is_advised_another_method(method, other):
+    held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": 0.2}]}
+    scene = released("arc", 2, 0.05, 0.05, method, initial=held, finger={"damping": {"quadratic": 1.0}})
+    with pytest.raises(NumericalError, match=f"time.method: {other};"):
+        simulate(scene)

@@ -1,0 +1,200 @@
+"""The error that the elements leave: the same scene once more with every element halved, and what that changes.
+
+One mechanism for motions, equilibria and modes of every finger: lengths, bending coordinates and damping per element
+are translated, everything else of the scene stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import accumulate
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.core import Core
+from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
+from continuum_grasp.simulation.modes import Modes, modes
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.simulate import simulate
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_BELIEVED = 0.5
+"""Share of a family's order of convergence that is believed [1]: few elements, tapers and friction reach no more. Of
+random scenes (``benchmarks.bench_space_error``) the whole order covers the true error of 55 to 86 % only."""
+_SHORT = 0.25
+"""Length of an element per the mean up to which it is not halved [1]. Short ones enclose couples, 2 % of the length
+among two to eight others, and their half would be the stiffest by far; those of a taper of 1:16 differ less."""
+_MOST = 16
+"""Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen (``COUNTS``)."""
+_MOST_GIVEN = 64
+"""Elements that a scene can have [1]."""
+_PLACES, _INSTANTS = 21, 100
+"""Places along the finger and instants of a motion that are compared [1]."""
+_TIME_SHARE = 0.1
+"""Error in time per tolerance of the whole [1]: what two motions compared have of it is then small against that."""
+_LEAST_TIME = 1e-10
+"""Least error in time that can be asked for, per length [1]."""
+
+
+def refined(scene: Scene, model: FingerModel) -> Scene:
+    """The scene with every element of its model halved; InputError where the scene is one of that model alone."""
+    count, length = len(model.lengths), model.finger.rod.length
+    if scene.fidelity.residual is not None:
+        raise InputError("fidelity.residual belongs to these elements", key="fidelity.residual")
+    if scene.initial.friction_states is not None:
+        raise InputError("initial.friction_states are those of these elements", key="initial.friction_states")
+    long = [h > _SHORT * length / count for h in model.lengths]
+    lengths = tuple(
+        part for h, halved in zip(model.lengths, long, strict=True) for part in ([0.5 * h, 0.5 * h] if halved else [h])
+    )
+    if len(lengths) > _MOST_GIVEN:
+        raise InputError(f"a scene has at most {_MOST_GIVEN} elements", key="fidelity.elements")
+    # A moment per rate of an element's bend is one per rate of curvature times its length.
+    damping = scene.finger.damping
+    finger = scene.finger.replaced(damping=damping.replaced(per_arc=2.0 * damping.per_arc))
+    fidelity = Fidelity(family=model.family, elements=lengths, bending_range=scene.fidelity.bending_range)
+    same = scene.replaced(finger=finger, fidelity=fidelity)
+    initial = scene.initial
+    if initial.coordinates is None:
+        return same
+    finer = FingerModel(same.replaced(initial=Initial(pose="straight")))  # coordinates are those of the scene's model
+    key = "q_above_rest" if initial.q is None else "q"
+    u = Signals(scene, model).u(0.0)[0]
+    q = np.array(initial.coordinates)
+    at = translated(model, q, u, finer)
+    given = {key: tuple(at.tolist())}
+    if initial.qd is not None:
+        given["qd"] = tuple((translated(model, q + initial.qd, u, finer) - at).tolist())
+    return same.replaced(initial=initial.replaced(**given))
+
+
+def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
+    """Coordinates (n,) of a finer model near the shape q of a model under an input u."""
+    core, family = Core(model, compiled=False), finer.structure.family
+    ends = np.array([0.0, *accumulate(finer.lengths)])
+    # The curvature by differences inside the elements, where the angle is smooth.
+    step = 1e-5 * np.diff(ends)[:, None]
+    inside = ends[:-1, None] + np.diff(ends)[:, None] * family.places
+    inside = np.clip(inside, ends[:-1, None] + step, ends[1:, None] - step)
+    places = np.concatenate([ends, (inside - step).ravel(), (inside + step).ravel()])
+    angles = np.asarray(core.batch("orientation", q, u, np.minimum(places, model.finger.rod.length)[:, None], None))
+    angles = angles.ravel()
+    before, after = np.split(angles[len(ends) :], 2)
+    curvatures = (after - before).reshape(inside.shape) / (2.0 * step)
+    return np.asarray(family.coordinates(np.diff(angles[: len(ends)]), curvatures)[: finer.n])
+
+
+def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None = None) -> Trajectory:
+    """The motion of a scene, with its ``space_error`` where that is asked for, in as many elements as keep a tolerance.
+
+    A finer motion that was compared with is the next one that is checked. Where no number of elements keeps the
+    tolerance, or the finer motion is not found, a warning says so. Ctrl-C raises Interrupted with the motion.
+    """
+    if scene.time is not None and tolerance is not None:
+        steps = min(scene.time.tolerance, max(_TIME_SHARE * tolerance, _LEAST_TIME))
+        scene = scene.replaced(time=scene.time.replaced(tolerance=steps))
+    motion = simulate(scene, progress=progress)
+    if tolerance is None and not (scene.time and scene.time.space_error):
+        return motion
+    began = perf_counter()
+    while True:
+        finer: Trajectory | None = None
+        error, trouble = np.inf, ""
+        try:
+            finer = simulate(refined(motion.scene, motion.model), progress=progress)
+            error = _whole(motion.model) * _apart(motion, finer)
+        except Interrupted as stop:
+            raise Interrupted("interrupted after the end of the motion", result=motion) from stop
+        except InputError as reason:
+            error, trouble = np.nan, f"the error that the elements leave is not known: {reason}"
+        except (NumericalError, SolverError) as reason:
+            trouble = f"the error that the elements leave cannot be estimated; with twice as many: {reason}"
+        motion = replace(motion, space_error=error)
+        if finer is None or tolerance is None or error <= tolerance:
+            break
+        if len(finer.model.lengths) > _MOST:
+            trouble = (
+                f"{len(motion.model.lengths)} elements leave about {error:.2g} of the length (fidelity.tolerance is "
+                f"{tolerance:g}): the motion is too sensitive for more; take a shorter duration, or a greater tolerance"
+            )
+            break
+        motion = finer
+    statistics = {**motion.statistics, "space_error_s": perf_counter() - began}
+    return replace(motion, statistics=statistics, warnings=(*motion.warnings, *([trouble] if trouble else [])))
+
+
+def _whole(model: FingerModel) -> float:
+    """Error of a model per its difference to elements of half the length [1]."""
+    return float(1.0 / (1.0 - 2.0 ** (-_BELIEVED * model.structure.family.order)))
+
+
+def _apart(one: Trajectory, other: Trajectory) -> float:
+    """Greatest distance of the finger's places, and of the object's points, of two motions, per length [1]."""
+    last = len(one.t) - 1
+    some = np.unique(np.linspace(0, last, min(_INSTANTS, last + 1)).round().astype(int))
+    shapes = [_shapes(each.model, each.q[some], each.acting[some]) for each in (one, other)]
+    found = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
+    if one.object_pose is not None and other.object_pose is not None and one.scene.object is not None:
+        moved = np.abs(one.object_pose - other.object_pose)
+        # No point of the object is off by more than its origin, and its angle times its size.
+        shifted = np.linalg.norm(np.delete(moved, 2, axis=1), axis=1) + moved[:, 2] * one.scene.object.size
+        found = max(found, float(shifted.max()))
+    return found / one.length
+
+
+def _shapes(model: FingerModel, q: Array, u: Array) -> Array:
+    """World positions (T, places, 2) [m] of shapes q (T, n); evaluated without compiling, which would take longer."""
+    s = np.linspace(0.0, model.finger.rod.length, _PLACES)
+    rows = (np.repeat(each, _PLACES, axis=0) for each in (q, u))
+    found = Core(model, compiled=False).batch("position", *rows, np.tile(s, len(q))[:, None])
+    return np.asarray(found).reshape(len(q), _PLACES, 2)
+
+
+def finer_equilibrium(found: Equilibrium) -> Equilibrium | None:
+    """The same equilibrium in elements of half the length; None where it cannot be had, SolverError if not found."""
+    if found.scene is None:
+        return None
+    try:
+        scene = refined(found.scene, found.model)
+        finer = FingerModel(scene, loads=found.model.loads, input_rates=False)
+    except InputError:
+        return None
+    guess = translated(found.model, found.q, found.u, finer)
+    return equilibrium(scene, guess=guess, stable=found.stable, model=finer)
+
+
+def error_of_equilibrium(found: Equilibrium) -> float:
+    """`Equilibrium.space_error`."""
+    try:
+        finer = finer_equilibrium(found)
+    except SolverError:
+        return np.inf
+    if finer is None:
+        return np.nan
+    shapes = [_shapes(each.model, each.q[None], each.u[None]) for each in (found, finer)]
+    return float(
+        _whole(found.model) * np.linalg.norm(shapes[0] - shapes[1], axis=-1).max() / found.model.finger.rod.length
+    )
+
+
+def error_of_modes(found: Modes) -> Array:
+    """`Modes.space_error`."""
+    own = found.frequencies_hz
+    try:
+        finer = finer_equilibrium(found.equilibrium)
+    except SolverError:
+        return np.full(len(own), np.inf)
+    if finer is None or finer.scene is None:
+        return np.full(len(own), np.nan)
+    true = modes(finer.scene, about=finer).frequencies_hz[: len(own)]
+    size = np.where(true > 0.0, true, max(float(true.max()), 1e-300))
+    return np.asarray(_whole(found.equilibrium.model) * np.abs(own - true) / size)
