@@ -58,6 +58,8 @@ class Trip(IntEnum):
     CONTRADICTED = 2
     AWAY = 3
     UNSEEN = 4
+    UNANSWERED = 5
+    IMPLAUSIBLE = 6
 
 
 class Anomaly(IntFlag):
@@ -136,7 +138,9 @@ _TRIPS = {
     Trip.SWINGING: "contradicts the model and the command swings though `input_rate` is raised 16-fold",
     Trip.CONTRADICTED: "contradicts the model by many standard deviations",
     Trip.AWAY: "contradicts the model and the tip stays far from its setpoint",
-    Trip.UNSEEN: "does not move, and nothing else shows the shape",
+    Trip.UNSEEN: "is missing, beyond its limits or does not move, and nothing else shows the shape",
+    Trip.UNANSWERED: "shows nothing of what the drives move",
+    Trip.IMPLAUSIBLE: "leads to an estimated disturbance beyond what is plausible",
 }
 
 
