@@ -154,7 +154,12 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
     if suspect == CALL_RATE:
         cause = "call the controller once per period, or change controller.period"
     elif health == Health.FROZEN or reason == Trip.UNSEEN:
-        cause = "a sensor or its driver is stuck; quantized readings need estimator.frozen: false"
+        cause = (
+            "a sensor or its driver is off or stuck, or reads in other units than its name says; quantized readings "
+            "need estimator.frozen: false"
+        )
+    elif reason == Trip.UNANSWERED:
+        cause = "an old image, a camera that sees something else, or an unknown contact that holds the finger"
     else:
         cause = "longer delay or lag than the model's, swapped or rotated axes, wrong scale, or an unknown contact"
     what = {

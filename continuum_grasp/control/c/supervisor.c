@@ -39,7 +39,6 @@ static void supervisor_mean(const supervisor_settings *o, real *mean, real value
   *mean += (value - *mean) / (real)o->window;
 }
 
-
 void supervisor_screen(supervisor_state *state, const supervisor_settings *o, real *y, supervisor_report *report)
 {
   memset(report, 0, sizeof *report);
@@ -68,15 +67,16 @@ static int supervisor_shows(const supervisor_settings *o, const int *verdict, in
 
 /* Whether the shape has not been seen for too long: 1.5 windows where a reading is frozen, which took a window to find;
  * five where readings are missing or absurd, through which estimator and plan lead a loop for 2.5. */
-static int supervisor_blind(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
-                            const supervisor_report *report)
+static int supervisor_blind(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen)
 {
-  int any = 0, shown = 0;
+  int any = 0, shown = 0, frozen = 0;
   for (int sensor = 0; sensor < SUPERVISOR_SIZE(CONTROLLER_NS); ++sensor) any |= o->shape[sensor];
   for (int sensor = 0; sensor < SUPERVISOR_SIZE(CONTROLLER_NS); ++sensor)
     shown |= (o->shape[sensor] || !any) && supervisor_shows(o, seen->verdict, sensor);
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    frozen |= (o->shape[o->sensor[j]] || !any) && seen->verdict[j] == CG_FROZEN;
   const int lost = supervisor_lasted(&state->unseen, !shown, 5 * o->window);
-  return lost || (report->entry >= 0 && state->unseen >= o->window + o->window / 2);
+  return lost || (frozen && state->unseen >= o->window + o->window / 2);
 }
 
 /* Compare the motion of a device's readings with that which drives cause, both about slow means; whether it is nothing but
@@ -163,9 +163,12 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
                       supervisor_report *report)
 {
   if (!o->window) return;
-  int silent = -1, sensor = 0;
-  for (int k = CONTROLLER_NS - 1; k >= 0; --k)
-    if (o->shape[k] && supervisor_silent(state, o, seen, k)) silent = k;
+  int silent = -1, eye = CONTROLLER_NS > 0 ? 0 : -1;
+  for (int sensor = CONTROLLER_NS - 1; sensor >= 0; --sensor) {
+    if (!o->shape[sensor]) continue;
+    eye = sensor;
+    if (supervisor_silent(state, o, seen, sensor)) silent = sensor;
+  }
   supervisor_average(state, o, seen, report);
   const real mismatch = report->mismatch, activity = state->activity;
   const int doubt = mismatch > (real)SUPERVISOR_DOUBT, half = o->window / 2, window = o->window;
@@ -180,12 +183,11 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
   if (supervisor_lasted(&state->away, doubt && seen->distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
   if (supervisor_lasted(&state->implausible, seen->implausible, 2 * window + half)) reason = SUPERVISOR_IMPLAUSIBLE;
   if (supervisor_lasted(&state->unanswered, silent >= 0, window + half)) reason = SUPERVISOR_UNANSWERED;
-  if (supervisor_blind(state, o, seen, report)) reason = SUPERVISOR_UNSEEN;
+  if (supervisor_blind(state, o, seen)) reason = SUPERVISOR_UNSEEN;
   if (!state->tripped && state->since_rearmed < 150 * window) ++state->since_rearmed;
   if (reason && !state->tripped) {
-    while (!o->shape[sensor] && sensor < CONTROLLER_NS - 1) ++sensor;
     state->tripped = reason;
-    state->suspect = reason == SUPERVISOR_UNSEEN ? sensor : reason == SUPERVISOR_UNANSWERED ? silent : report->sensor;
+    state->suspect = reason == SUPERVISOR_UNSEEN ? eye : reason == SUPERVISOR_UNANSWERED ? silent : report->sensor;
     ++state->trips;
   }
   if (state->tripped) report->sensor = state->suspect;
