@@ -26,8 +26,8 @@ FAR = 0.018
 """Distance beyond which a tip is away [m]."""
 NOISE = (0.3, 0.1)
 """Standard deviation of each reading."""
-STILL = 0.01
-"""Greatest change of a reading at rest."""
+STILL = 2.0**-7
+"""Greatest change of a reading at rest; a sum of such changes is exact."""
 CHANGE = (6.0, 3.0)
 """Change of a command per call at activity 1."""
 
@@ -98,7 +98,19 @@ class Watch:
 
     def __init__(self, **state) -> None:
         self.settings = Settings(
-            W, DELAY, 2, INTS(0, 1), INTS(1, 0), INTS(0, 1), INTS(-1, 0), TWO(STILL, -1.0), TWO(*NOISE), TWO(*CHANGE), 0, 0, FAR
+            W,
+            DELAY,
+            2,
+            INTS(0, 1),
+            INTS(1, 0),
+            INTS(0, 1),
+            INTS(-1, 0),
+            TWO(STILL, -1.0),
+            TWO(*NOISE),
+            TWO(*CHANGE),
+            0,
+            0,
+            FAR,
         )
         self.state = State(calls=DELAY, since=5 * W)
         self.put(**state)
@@ -107,9 +119,7 @@ class Watch:
         for name, value in state.items():
             setattr(self.state, name, type(getattr(self.state, name))(*value) if isinstance(value, tuple) else value)
 
-    def judge(
-        self, nis=(-1.0, -1.0), echo=(0.0, 0.0), verdict=(0, 0), y=None, expected=(0.0, 0.0), **others
-    ) -> Report:
+    def judge(self, nis=(-1.0, -1.0), echo=(0.0, 0.0), verdict=(0, 0), y=None, expected=(0.0, 0.0), **others) -> Report:
         """A call; without a reading the camera's is an outlier, so that what is known of it stays."""
         readings, report = TWO(*(y or (0.0, 0.0))), Report()
         verdicts = INTS(*verdict) if y is not None or verdict[0] else INTS(Verdict.OUTLIER, verdict[1])
@@ -194,12 +204,13 @@ LIMITS = {
 def test_a_limit_of_a_mean_is_held_below_and_broken_above(case):
     calls, name, limit, below, above = LIMITS[case]
     assert (calls(name, 0.999 * limit), calls(name, 1.001 * limit)) == (below, above)
-    assert calls(name, limit) in (below, above)
+    assert calls(name, limit) == (below if name == "echo" else max(below, above))  # at the limit nothing happens
 
 
 def test_a_tip_is_away_beyond_the_distance_only_with_a_mismatch():
     for distance, mismatch, expected in (
         (1.001, 3.003, 5 * W),
+        (1.0, 3.003, 401),
         (0.999, 3.003, 401),
         (1.001, 2.997, 401),
     ):
@@ -244,7 +255,10 @@ def test_a_disturbance_at_its_limit_trips():
         (-0.999 * STILL, 0.0201, W),
         (1.001 * STILL, 0.0201, 401),
         (-1.001 * STILL, 0.0201, 401),
+        (STILL, 0.0201, W),
+        (-STILL, 0.0201, W),
         (0.0, 0.01998, 401),
+        (0.0, 0.02, 401),
         (0.0, 0.02002, W),
     ],
 )
@@ -254,11 +268,28 @@ def test_a_reading_at_rest_is_frozen_once_the_command_has_moved(moved, path, exp
     for call in range(1, 401):
         watch.put(path=(path, 0.0))
         y += moved
-        if watch.judge(y=(y, 0.0)).entry == 0:
+        report = watch.judge(y=(y, 0.0))
+        assert report.health == (Health.FROZEN if report.entry == 0 else Health.OK)
+        if report.entry == 0:
             break
     else:
         call = 401
     assert call == expected
+
+
+def test_which_readings_are_compared():
+    """None before the first one; one whose change may be zero at most; the first of two that are frozen is reported."""
+    watch = Watch(calls=0)
+    watch.judge(y=(0.0, 0.0))
+    assert watch.state.still[0] == 0
+    for still, entry in ((0.0, 0), (-1.0, -1)):
+        watch = Watch(path=(1.0, 1.0))
+        watch.settings.still = TWO(still, still)
+        reports = []
+        for _ in range(W + 1):
+            watch.put(path=(1.0, 1.0))
+            reports.append(watch.judge(y=(1.0, 1.0)))
+        assert reports[-1].entry == entry
 
 
 def test_the_path_of_a_command_counts_for_what_it_moves():
@@ -268,7 +299,7 @@ def test_the_path_of_a_command_counts_for_what_it_moves():
     watch.note(0.005 * CHANGE[0], 0.0)
     assert list(watch.state.path) == pytest.approx([0.015, 0.005])
     assert watch.state.activity == pytest.approx((0.01**2 / 2 * (1 - 1 / W) + 0.005**2 / 2) / W)
-    for path, expected in ((0.02 * 0.999, 1.02 - 0.00002), (0.02 * 1.001, 0.02002)):
+    for path, expected in ((0.02 * 0.999, 1.02 - 0.00002), (0.02, 1.02), (0.02 * 1.001, 0.02002)):
         watch.put(path=(path, 0.0))
         watch.note(CHANGE[0], 0.0)
         assert watch.state.path[0] == pytest.approx(expected)
@@ -286,6 +317,9 @@ def test_means_are_over_windows():
     assert (state.caused[0], state.moved[0], state.common[0]) == pytest.approx(
         (caused**2 / W, motion**2 / W, caused * motion / W)
     )
+    watch = Watch(mismatch=(1.0, 1.0, 0.0))
+    assert watch.judge(nis=(0.0, 0.0)).sensor == 0  # of two alike the first
+    assert list(watch.state.mismatch[:2]) == pytest.approx([1.0 - 1.0 / W] * 2)
     for calls, expected in ((DELAY - 1, 0.0), (DELAY, 2.0 / W)):
         watch = Watch(calls=calls)
         watch.judge(nis=(2.0, -1.0))
@@ -295,7 +329,9 @@ def test_means_are_over_windows():
     assert (watch.state.usual[0], watch.state.moved[0]) == (3.0, 0.0)
 
 
-@pytest.mark.parametrize(("off", "expected"), [(0.2, 1.0), (-0.2, 1.0), (0.999 * 0.2 * 30**0.5, 30 * 0.999**2), (2.0, 30.0)])
+@pytest.mark.parametrize(
+    ("off", "expected"), [(0.2, 1.0), (-0.2, 1.0), (0.999 * 0.2 * 30**0.5, 30 * 0.999**2), (2.0, 30.0), (-1.0, 25.0)]
+)
 def test_the_time_between_calls_is_a_sensor(off, expected):
     watch = Watch()
     report = watch.judge(elapsed=1.0 + off)
@@ -335,6 +371,7 @@ def test_calm_takes_twice_as_long_after_each_raise(raises, windows):
     assert watch.when(lambda r: r.rung == 1, most=641 * W) == windows * W
     assert watch.state.raises == raises
     assert (watch.state.calm, watch.state.since) == (0, 0)
+    assert Watch(raises=raises).when(lambda r: r.rung, most=windows * W) == windows * W + 1
 
 
 def test_raises_are_counted_up_to_nine():
@@ -359,6 +396,7 @@ TRIPPED = {"tripped": Trip.AWAY, "trips": 1}
         ({"tripped": 0}, False),
         ({}, True),
         ({"activity": 0.999 * 0.002}, True),
+        ({"activity": 0.002}, False),
         ({"activity": 1.001 * 0.002}, False),
         *[({"mismatch": tuple(0.999 * 1.5 * (k == at) for k in range(3))}, True) for at in range(3)],
         *[({"mismatch": tuple(1.001 * 1.5 * (k == at) for k in range(3))}, False) for at in range(3)],
@@ -368,7 +406,9 @@ TRIPPED = {"tripped": Trip.AWAY, "trips": 1}
     ],
 )
 def test_a_trip_is_left_where_all_is_well(state, left):
-    watch = Watch(**{**TRIPPED, **dict.fromkeys(("swinging", "away", "unanswered", "implausible", "since"), 9), **state})
+    watch = Watch(
+        **{**TRIPPED, **dict.fromkeys(("swinging", "away", "unanswered", "implausible", "since"), 9), **state}
+    )
     assert watch.rearm() is left
     if left:
         after = watch.state
