@@ -64,6 +64,8 @@ def estimator_fields(
     process, initial, measured = noise_of(scene, model, estimation)
     states = np.vstack([ranges.x, ranges.disturbances])
     period = scene.controller.step
+    # At a limit for long, others are beyond what is plausible: there is no friction below none and none beyond its
+    # limit, and an adapted parameter may be as far off as the range that it is adapted in.
     adapted = {one.state for one in estimation.adapted}
     natural = [
         int(k in adapted or name.startswith(("tendon_friction", "unknown_contact_friction")))
@@ -106,7 +108,9 @@ def controller_fields(
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
     calls = calls_of(scene)
     rate = np.full(stages.nu, asked.input.rate_max or ABSENT)
-    supervisor = _supervisor_fields(scene, stages, estimation)
+    unknown = estimation.z_names if estimation is not None else ()
+    touches = model.system.surroundings is not None or contact is not None or any("contact" in name for name in unknown)
+    supervisor = _supervisor_fields(scene, stages, estimation, touches)
     fields = _fields(stages, calls, precision, ranges, rate, supervisor)
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
@@ -211,13 +215,16 @@ def _nested(name: str, fields: list[Field]) -> list[Field]:
     return [Field(f"{name}.{f.member}", f.values, f.whole) for f in fields]
 
 
-def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimation | None) -> list[Field]:
+def _supervisor_fields(
+    scene: ControlScene, stages: Stages, estimation: Estimation | None, touches: bool
+) -> list[Field]:
     """List the members of ``supervisor_settings``."""
     asked, period = scene.controller, scene.controller.step
     window = window_of(scene) if asked.supervisor else 0
     names = estimation.measurement_names if estimation is not None else tuple("x" * stages.nd)
     devices = estimation.sensor_names if estimation is not None else ()
     sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
+    free = estimation is not None and not touches
     checks_frozen = scene.estimator is not None and scene.estimator.frozen
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
     return [
@@ -233,7 +240,8 @@ def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimati
         Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
         # Below zero: not tested.
         Field("still", [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names]),
-        Field("noise", [measurement_std(scene, name) for name in names]),
+        # A finger that touches something is held by it, whatever its drives do: then below zero.
+        Field("noise", [measurement_std(scene, name) if free else -1.0 for name in names]),
         # Divisors in the C: not zero where an input cannot move.
         Field("change", np.maximum(rate * period, 1e-12)),
         Field("tip", _first("tip_x [m]", names), whole=True),

@@ -239,6 +239,14 @@ def test_nothing_is_reported_in_a_long_nominal_run():
 
 
 @pytest.mark.slow
+def test_a_finger_that_topples_alone_is_not_taken_for_an_old_image():
+    """Under eight times gravity, what drives cause grows of itself where no sensor corrects it."""
+    scene = load(SCENE, ("gravity=[0.0, -80.0]", "duration=3.0"))
+    found = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
+    assert set(found.health) == {"ok"}
+
+
+@pytest.mark.slow
 def test_a_finger_that_rests_without_noise_is_not_frozen():
     found = run("plant.noise=0", duration=6.0)
     assert set(found.health) == {"ok"}

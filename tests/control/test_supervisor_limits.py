@@ -318,6 +318,11 @@ def test_means_are_over_windows():
     watch = Watch(mismatch=(1.0, 1.0, 0.0))
     assert watch.judge(nis=(0.0, 0.0)).sensor == 0  # of two alike the first
     assert list(watch.state.mismatch[:2]) == pytest.approx([1.0 - 1.0 / W] * 2)
+    watch = Watch()
+    for noise, moved in ((-1.0, 0.0), (0.3, 1.0 / W)):  # below zero: not compared
+        watch.settings.noise = TWO(noise, 0.1)
+        watch.judge(y=(0.0, 0.0), expected=(0.3, 0.0))
+        assert watch.state.caused[0] == pytest.approx(moved)
     for calls, expected in ((DELAY - 1, 0.0), (DELAY, 2.0 / W)):
         watch = Watch(calls=calls)
         watch.judge(nis=(2.0, -1.0))

@@ -278,7 +278,8 @@ static int controller_supervise(controller_state *state, const controller_settin
                                 const real *y, controller_output *out)
 {
 #if CONTROLLER_ESTIMATES
-  supervisor_evidence seen = {out->ekf.nis, out->ekf.echo, y, out->ekf.expected, out->verdict, out->ekf.implausible, -1, -1};
+  const ekf_report *ekf = &out->ekf;
+  supervisor_evidence seen = {ekf->nis, ekf->echo, y, ekf->expected, out->verdict, ekf->implausible, -1, -1};
 #else
   supervisor_evidence seen = {0, 0, 0, 0, out->verdict, 0, -1, -1};
 #endif

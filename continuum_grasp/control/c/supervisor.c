@@ -79,14 +79,15 @@ static int supervisor_blind(supervisor_state *state, const supervisor_settings *
   return lost || (frozen && state->unseen >= o->window + o->window / 2);
 }
 
-/* Compare the motion of a device's readings with that which drives cause, both about slow means; whether it is nothing but
- * noise although they cause some. */
-static int supervisor_silent(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen, int sensor)
+/* Compare the motion of a device's readings with that which drives cause, both about slow means; whether it is nothing
+ * but noise although they cause some. */
+static int supervisor_silent(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
+                             int sensor)
 {
   real caused = 0, moved = 0, common = 0;
   int rows = 0;
   for (int j = 0; j < CONTROLLER_NM; ++j) {
-    if (o->sensor[j] != sensor || (seen->verdict[j] != CG_USED && seen->verdict[j] != CG_REOPENED)) continue;
+    if (o->sensor[j] != sensor || o->noise[j] < 0 || (seen->verdict[j] != CG_USED && seen->verdict[j] != CG_REOPENED)) continue;
     if (!state->calls) state->usual[j] = seen->y[j];
     /* over half a window, as in ekf_settings.fade */
     state->usual[j] += 2 * (seen->y[j] - state->usual[j]) / (real)o->window;

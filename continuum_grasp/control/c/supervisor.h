@@ -1,7 +1,7 @@
 /* A supervisor: whether sensors, model and call rate agree, which the solver's status does not show.
  *
  * A loop can swing at its rate limit while every QP is solved (86 mm, status "solved", with a lag of half the model's).
- * Two exponentially weighted means over `window` calls show it: the mean squared normalized innovation of each sensor
+ * Exponentially weighted means over `window` calls show it: the mean squared normalized innovation of each sensor
  * ("mismatch", about 1 where the filter's covariances are right), and the mean squared change of the command relative
  * to its rate limit ("activity", 1: the command runs at the limit). The supervisor reports a mismatch, then raises the
  * weight of the command's rate (which gives delay margin), then sends the command to the safe input, latched.
@@ -10,8 +10,8 @@
  * ---------------------------- -----------------------------------------------------------------------------------
  *  0 SUPERVISOR_OK
  *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5
- *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a lasting mismatch with an active command, or
- *                              for a drive that follows its command late
+ *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a lasting mismatch with an active command
+ *                              or for a drive that follows its command late
  *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: missing until it moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
  *
@@ -56,7 +56,7 @@ typedef struct {
   int drive[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* whether it shows what drives do */
   int cause[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* entry of the command that moves a measurement; -1: all */
   real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more is at rest; below 0: not tested */
-  real noise[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* standard deviation of each measurement */
+  real noise[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* standard deviation of a reading; below 0: not compared with drives */
   real change[RTI_NU];        /* of the command per call at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
   real far;                   /* distance from the setpoint beyond which a tip is away [m] */
@@ -69,11 +69,13 @@ typedef struct {
   real mismatch[CONTROLLER_NS + 1], activity;
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
   real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
-  /* of devices that show the shape: mean squares of the motion that drives cause and of the reading's, their mean product */
-  real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], moved[SUPERVISOR_SIZE(CONTROLLER_NS)], common[SUPERVISOR_SIZE(CONTROLLER_NS)];
+  /* of devices that show the shape: mean squared motion that drives cause, and that of readings; their mean product */
+  real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], moved[SUPERVISOR_SIZE(CONTROLLER_NS)];
+  real common[SUPERVISOR_SIZE(CONTROLLER_NS)];
   int calls;                  /* since the start, up to `delay` */
   int rung, raises;           /* fourfold raises of the weight now, and ever */
-  int since, calm, doubted, late;     /* calls since the last change of the rung; calm ones, ones with a mismatch, and with an echo, in a row */
+  int since;                  /* calls since the last change of the rung */
+  int calm, doubted, late;    /* calls in a row that are calm, with a mismatch, with an echo */
   int swinging, contradicted, away, unseen, unanswered, implausible;    /* calls in a row */
   int tripped, trips, since_rearmed;    /* reason of the latched trip, or 0 */
   int suspect;                /* device of the trip */
