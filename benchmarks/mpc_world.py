@@ -78,7 +78,7 @@ class World:
         self.first = np.zeros(nz)
         self.first[: model.nx] = controller.first
         self.z, self._y = self.first.copy(), np.zeros(measured.numel())
-        self._ring = [self._still(controller)] * (delay + 1)
+        self._ring = [self._still(controller)] * delay
 
     def _still(self, controller: Controller) -> Array:
         """What is measured before anything has moved."""

@@ -52,6 +52,11 @@ def delay_periods(scene: ControlScene) -> int:
     return 0 if scene.estimator is None else round(scene.estimator.delay / scene.controller.step)
 
 
+def window_of(scene: ControlScene) -> int:
+    """Return the number of calls over which a controller's supervisor averages."""
+    return max(_LEAST_WINDOW, math.ceil(_WINDOW / scene.controller.step - 1e-9))
+
+
 def estimator_fields(
     scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation, ranges: Ranges
 ) -> list[Field]:
@@ -59,6 +64,14 @@ def estimator_fields(
     process, initial, measured = noise_of(scene, model, estimation)
     states = np.vstack([ranges.x, ranges.disturbances])
     period = scene.controller.step
+    # At a limit for long, others are beyond what is plausible: there is no friction below none and none beyond its
+    # limit, and an adapted parameter may be as far off as the range that it is adapted in.
+    adapted = {one.state for one in estimation.adapted}
+    natural = [
+        int(k in adapted or name.startswith(("tendon_friction", "unknown_contact_friction")))
+        for k, name in enumerate(estimation.z_names)
+    ]
+    drives = {drive.state for drive in model.driven}
     # Steps as long as those of the stages, which the stiffness allows; rounding must not add one.
     substeps = max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9))
     return [
@@ -66,6 +79,7 @@ def estimator_fields(
         Field("initial", initial),
         Field("z_min", states[:, 0]),
         Field("z_max", states[:, 1]),
+        Field("natural", natural, whole=True),
         Field("mixing", estimation.mixing),
         Field("variance", measured),
         Field("y_min", ranges.measurement[:, 0]),
@@ -74,6 +88,8 @@ def estimator_fields(
         Field("substeps", substeps, whole=True),
         Field("gate", scene.estimator.outlier if scene.estimator is not None else math.inf),
         Field("sensor", [estimation.sensor_names.index(name) for name in estimation.sensors], whole=True),
+        Field("drive", [int(k in drives) for k in range(estimation.nx)], whole=True),
+        Field("fade", 2.0 / window_of(scene)),
         *([Field("friction", estimation.friction, whole=True)] if estimation.friction else []),
         *([Field("adapted", [one.state for one in estimation.adapted], whole=True)] if estimation.adapted else []),
         *([Field("quiet", quiet_sensitivities(scene, model, estimation, substeps))] if estimation.adapted else []),
@@ -92,7 +108,9 @@ def controller_fields(
     ranges, asked = ranges_of(scene, model, stages, estimation), scene.controller
     calls = calls_of(scene)
     rate = np.full(stages.nu, asked.input.rate_max or ABSENT)
-    supervisor = _supervisor_fields(scene, stages, estimation)
+    unknown = estimation.z_names if estimation is not None else ()
+    touches = model.system.surroundings is not None or contact is not None or any("contact" in name for name in unknown)
+    supervisor = _supervisor_fields(scene, stages, estimation, touches)
     fields = _fields(stages, calls, precision, ranges, rate, supervisor)
     if estimation is not None:
         fields += _nested("ekf", estimator_fields(scene, model, stages, estimation, ranges))
@@ -110,9 +128,10 @@ def solver_fields(stages: Stages, calls: Calls, precision: str) -> list[Field]:
     supervisor = [
         *[Field(name, 0, whole=True) for name in ("window", "delay", "rungs")],
         Field("sensor", 0 * none, whole=True),
-        Field("shape", [0], whole=True),
+        *[Field(name, [0], whole=True) for name in ("shape", "drive")],
         Field("cause", none, whole=True),
         Field("still", none),
+        Field("noise", none),
         Field("change", np.ones(stages.nu)),
         *[Field(name, -1, whole=True) for name in ("tip", "setpoint")],
         Field("far", 1.0),
@@ -196,13 +215,16 @@ def _nested(name: str, fields: list[Field]) -> list[Field]:
     return [Field(f"{name}.{f.member}", f.values, f.whole) for f in fields]
 
 
-def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimation | None) -> list[Field]:
+def _supervisor_fields(
+    scene: ControlScene, stages: Stages, estimation: Estimation | None, touches: bool
+) -> list[Field]:
     """List the members of ``supervisor_settings``."""
     asked, period = scene.controller, scene.controller.step
-    window = max(_LEAST_WINDOW, math.ceil(_WINDOW / period - 1e-9)) if asked.supervisor else 0
+    window = window_of(scene) if asked.supervisor else 0
     names = estimation.measurement_names if estimation is not None else tuple("x" * stages.nd)
     devices = estimation.sensor_names if estimation is not None else ()
     sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
+    free = estimation is not None and not touches
     checks_frozen = scene.estimator is not None and scene.estimator.frozen
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
     return [
@@ -211,12 +233,15 @@ def _supervisor_fields(scene: ControlScene, stages: Stages, estimation: Estimati
         # Without a weight of the command's rate there is nothing to raise.
         Field("rungs", _RUNGS if asked.cost.input_rate else 0, whole=True),
         Field("sensor", sensor, whole=True),
-        # Tip and angles show the shape; drives do not.
+        # Tip and angles show the shape, the pose of an object neither that nor a drive.
         Field("shape", [int(name in ("tip", "bending")) for name in devices] or [0], whole=True),
+        Field("drive", [int(name not in ("tip", "bending", "object")) for name in devices] or [0], whole=True),
         # A tension moves with its own command, everything else with all of them.
         Field("cause", [_first(name, stages.u_names) for name in names], whole=True),
         # Below zero: not tested.
         Field("still", [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names]),
+        # A finger that touches something is held by it, whatever its drives do: then below zero.
+        Field("noise", [measurement_std(scene, name) if free else -1.0 for name in names]),
         # Divisors in the C: not zero where an input cannot move.
         Field("change", np.maximum(rate * period, 1e-12)),
         Field("tip", _first("tip_x [m]", names), whole=True),

@@ -58,6 +58,8 @@ class Trip(IntEnum):
     CONTRADICTED = 2
     AWAY = 3
     UNSEEN = 4
+    UNANSWERED = 5
+    IMPLAUSIBLE = 6
 
 
 class Anomaly(IntFlag):
@@ -136,7 +138,9 @@ _TRIPS = {
     Trip.SWINGING: "contradicts the model and the command swings though `input_rate` is raised 16-fold",
     Trip.CONTRADICTED: "contradicts the model by many standard deviations",
     Trip.AWAY: "contradicts the model and the tip stays far from its setpoint",
-    Trip.UNSEEN: "does not move, and nothing else shows the shape",
+    Trip.UNSEEN: "is missing, beyond its limits or does not move, and nothing else shows the shape",
+    Trip.UNANSWERED: "shows nothing of what the drives move",
+    Trip.IMPLAUSIBLE: "leads to an estimated disturbance beyond what is plausible",
 }
 
 
@@ -150,7 +154,12 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
     if suspect == CALL_RATE:
         cause = "call the controller once per period, or change controller.period"
     elif health == Health.FROZEN or reason == Trip.UNSEEN:
-        cause = "a sensor or its driver is stuck; quantized readings need estimator.frozen: false"
+        cause = (
+            "a sensor or its driver is off or stuck, or reads in other units than its name says; quantized readings "
+            "need estimator.frozen: false"
+        )
+    elif reason == Trip.UNANSWERED:
+        cause = "an old image, a camera that sees something else, or an unknown contact that holds the finger"
     else:
         cause = "longer delay or lag than the model's, swapped or rotated axes, wrong scale, or an unknown contact"
     what = {

@@ -179,7 +179,7 @@ def test_scenarios_hold_the_tip_with_a_camera_that_is_late():
 
 @pytest.mark.deep
 def test_without_scenarios_the_late_camera_makes_it_swing():
-    assert rms(late_camera("controller.scenarios=[]")) > 0.008
+    assert rms(late_camera("controller.scenarios=[]", "controller.supervisor=false")) > 0.008
 
 
 def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():

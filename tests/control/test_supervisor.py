@@ -14,7 +14,7 @@ import pytest
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import Anomaly, Health, Trip, Verdict
+from continuum_grasp.control.status import _TRIPS, Anomaly, Health, Trip, Verdict
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
@@ -120,6 +120,15 @@ def scaled(plant, y):
     return y * [1.05, 1.05, 1.0, 1.0]
 
 
+def held(share):
+    """A camera that shows an old image, with noise in shares of what is declared."""
+    return lambda plant, y: np.r_[plant.last[:2] + 0.3e-3 * share * plant.rng.normal(size=2), y[2:]]
+
+
+def camera(factor):
+    return lambda plant, y: y * [factor, factor, 1.0, 1.0]
+
+
 # Reported within and tripped within, after the fault [s].
 FAULTS = {
     "tip axes swapped": ({"sensors": swapped((0, 1))}, 0.1, 1.5),
@@ -129,6 +138,17 @@ FAULTS = {
     "tip_x stuck": ({"sensors": stuck(0)}, 0.3, 0.7),
     "a tension stuck": ({"sensors": stuck(2)}, 0.3, math.inf),
     "camera's scale 5 % wrong": ({"sensors": scaled}, 0.12, 1.8),
+    "old image with noise": ({"sensors": held(1.0)}, 1.0, 1.0),
+    "old image with twice the noise": ({"sensors": held(2.0)}, 1.0, 1.0),
+    "no camera": ({"sensors": camera(math.nan)}, 1.01, 1.01),
+    "camera in mm": ({"sensors": camera(1e3)}, 1.01, 1.01),
+}
+# The cause that the trip names, of those that leave no doubt.
+REASONS = {
+    "tip stuck": Trip.UNSEEN,
+    "old image with noise": Trip.UNANSWERED,
+    "no camera": Trip.UNSEEN,
+    "camera in mm": Trip.UNSEEN,
 }
 
 
@@ -144,6 +164,9 @@ def test_faults_are_reported_and_end_in_the_safe_state(fault):
         return
     assert first(found, "tripped") - START < tripped
     assert found.ended == "tripped"
+    if fault in REASONS:
+        assert _TRIPS[REASONS[fault]] in found.health_texts[-1]
+        assert found.health_texts[-1].startswith("tip ")
     after = found.t[:-1] >= first(found, "tripped")
     assert set(np.array(found.status)[after]) == {"safe_ramp"}
     # At the rate of the ramp, 59 N in half a second, down to the least tensions.
@@ -151,6 +174,23 @@ def test_faults_are_reported_and_end_in_the_safe_state(fault):
     assert np.abs(change).max() <= 59.0 / 0.5 * found.period * (1 + 1e-9)
     assert np.all(change <= 1e-12)
     assert found.u[-1] == pytest.approx([1.0, 1.0]) or found.t[-1] < first(found, "tripped") + 0.5
+
+
+@pytest.mark.parametrize("scene", few(["configs/mpc/unknown_drive.yaml", SCENE], 1))
+def test_a_delay_three_periods_longer_detunes_and_ends_the_swing(scene):
+    asked = load(scene, ("plant.delay=0.04", "duration=3.0"))
+    found = run_closed_loop(asked, controller=Controller(asked, deadline=math.inf))
+    assert first(found, "detuned") < 0.7
+    assert error(found) < 4e-3
+    assert not found.tripped
+
+
+def test_nothing_at_all_is_no_measurement_without_an_estimator_either():
+    control = Controller(load(SCENE, ("estimator=null", "controller.horizon.stages=10")), deadline=math.inf)
+    commands = [control.step(None) for _ in range(101)]
+    assert [command.health for command in commands[98:]] == [Health.OK, Health.TRIPPED, Health.TRIPPED]
+    assert commands[-1].trip == Trip.UNSEEN
+    assert commands[-1].suspect is None
 
 
 def outliers(share):
@@ -196,6 +236,14 @@ def test_nothing_is_reported_in_a_long_nominal_run():
     found = run("plant.stiffness=0.9", "plant.seed=5", duration=20.0)
     assert set(found.health) == {"ok"}
     assert found.mismatch.max() < 2.5
+
+
+@pytest.mark.deep
+def test_a_finger_that_topples_alone_is_not_taken_for_an_old_image():
+    """Under eight times gravity, what drives cause grows of itself where no sensor corrects it."""
+    scene = load(SCENE, ("gravity=[0.0, -80.0]", "duration=3.0"))
+    found = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
+    assert set(found.health) == {"ok"}
 
 
 @pytest.mark.deep

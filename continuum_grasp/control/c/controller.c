@@ -278,13 +278,14 @@ static int controller_supervise(controller_state *state, const controller_settin
                                 const real *y, controller_output *out)
 {
 #if CONTROLLER_ESTIMATES
-  const real *nis = out->ekf.nis;
+  const ekf_report *ekf = &out->ekf;
+  supervisor_evidence seen = {ekf->nis, ekf->echo, y, ekf->expected, out->verdict, ekf->implausible, -1, -1};
 #else
-  const real *nis = 0;
+  supervisor_evidence seen = {0, 0, 0, 0, out->verdict, 0, -1, -1};
 #endif
-  const real elapsed = cg_finite(&in->elapsed, 1) ? in->elapsed / o->period : -1;
-  supervisor_judge(&state->supervisor, &o->supervisor, nis, elapsed, controller_distance(o, in, y),
-                   &out->supervisor);
+  if (cg_finite(&in->elapsed, 1)) seen.elapsed = in->elapsed / o->period;
+  seen.distance = controller_distance(o, in, y);
+  supervisor_judge(&state->supervisor, &o->supervisor, &seen, &out->supervisor);
   return out->supervisor.health != SUPERVISOR_TRIPPED;
 }
 

@@ -16,6 +16,7 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
   memcpy(state->z, z0, sizeof state->z);
   memcpy(state->first, z0, sizeof state->first);
   memcpy(state->sound, z0, sizeof state->sound);
+  memcpy(state->usual, z0, sizeof state->usual);
   for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
   ekf_reset_covariance(state, settings);
 }
@@ -28,6 +29,8 @@ static void ekf_restart(ekf_state *state, const ekf_settings *settings)
 {
   if (state->restarted) memcpy(state->sound, state->first, sizeof state->sound);
   memcpy(state->z, state->sound, sizeof state->z);
+  memcpy(state->usual, state->z, sizeof state->usual);
+  memset(state->answer, 0, sizeof state->answer);
   state->restarted = EKF_PATIENCE;
 #if EKF_NA > 0
   state->age = 0;
@@ -43,8 +46,11 @@ static int ekf_plausible(ekf_state *state, const ekf_settings *settings, ekf_rep
 {
   if (!cg_finite(state->z, EKF_NZ) || !cg_finite(state->D, EKF_NZ) || !cg_finite(&state->U[0][0], EKF_NZ * EKF_NZ))
     return 0;
-  for (int i = EKF_NX; i < EKF_NZ; ++i)
-    report->limited |= cg_limit(&state->z[i], settings->z_min[i], settings->z_max[i]);
+  for (int i = EKF_NX; i < EKF_NZ; ++i) {
+    const int limited = cg_limit(&state->z[i], settings->z_min[i], settings->z_max[i]);
+    report->limited |= limited;
+    report->implausible |= limited && !settings->natural[i];
+  }
   return cg_within(state->z, settings->z_min, settings->z_max, EKF_NX);
 }
 
@@ -165,6 +171,20 @@ static void ekf_forget(const ekf_state *state, const ekf_settings *settings, rea
 }
 #endif
 
+/* Move what drives cause by a step: their motion about slow means is that of the estimate, the others follow by the
+ * step's derivative, contacts and swings included. No sensor corrects it, and no disturbance hides it. */
+static void ekf_answer(ekf_state *state, const ekf_work *work, const ekf_settings *settings)
+{
+  real from[EKF_NX];
+  for (int i = 0; i < EKF_NX; ++i) from[i] = settings->drive[i] ? state->z[i] - state->usual[i] : state->answer[i];
+  for (int i = 0; i < EKF_NX; ++i) {
+    real sum = 0;
+    for (int k = 0; k < EKF_NX; ++k) sum += work->F[i + EKF_NZ * k] * from[k];
+    state->answer[i] = sum;
+  }
+  if (!cg_finite(state->answer, EKF_NX)) memset(state->answer, 0, sizeof state->answer);
+}
+
 static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
                         real h)
 {
@@ -175,6 +195,7 @@ static void ekf_predict(ekf_state *state, ekf_work *work, const ekf_settings *se
   const real *noise = settings->noise;
 #endif
   ekf_advance(work, state->z, u, p, h);
+  ekf_answer(state, work, settings);
   memcpy(state->z, work->next, sizeof state->z);
 #if EKF_NA > 0
   ekf_excite(state, work, settings, h);
@@ -285,16 +306,38 @@ static void ekf_innovations(const ekf_state *state, const ekf_work *work, const 
   }
 }
 
+/* Motion of measurements as far as drives cause it. Without a sensor, the motion of a finger that topples alone would grow
+ * for ever (steady_tip under eight times gravity tripped after 2 s): what is older than two slow means fades. */
+static void ekf_expect(ekf_state *state, const ekf_work *work, const ekf_settings *settings, ekf_report *report)
+{
+  for (int i = 0; i < EKF_NX; ++i)
+    if (settings->drive[i]) {
+      state->usual[i] += settings->fade * (state->z[i] - state->usual[i]);
+      state->answer[i] = state->z[i] - state->usual[i];
+    } else state->answer[i] *= 1 - settings->fade / 2;
+  for (int row = 0; row < EKF_NY; ++row) {
+    real sum = 0;
+    for (int i = 0; i < EKF_NX; ++i) sum += work->H[row + EKF_NY * i] * state->answer[i];
+    for (int j = 0; j < EKF_NM; ++j) report->expected[j] += settings->mixing[row][j] * sum;
+  }
+}
+
 /* The leaky gate of a sensor: CG_USED, CG_REOPENED (used although it is beyond the gate), CG_OUTLIER (rejected), or
  * CG_ALONE (nothing to use). A rejected sensor has no nis, else 1 % of outliers would detune the controller. One row
  * beyond the gate counts for the whole device, whose rows fail together. */
 static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
 {
   const real gate = settings->gate * settings->gate;
-  real sum = 0;
+  real sum = 0, echo = 0;
   int rows = 0, out = 0;
   for (int row = 0; row < EKF_NY; ++row) {
     if (settings->sensor[row] != sensor || !(report->variance[row] > 0)) continue;
+    real normal = report->innovation[row] / CG_SQRT(report->variance[row]);
+    cg_limit(&normal, -(real)EKF_HUBER, (real)EKF_HUBER);
+    state->bias[row] += settings->fade * (normal - state->bias[row]);
+    normal -= state->bias[row];
+    echo += normal * state->before[row];
+    state->before[row] = normal;
     real ratio = report->innovation[row] * report->innovation[row] / report->variance[row];
     out |= ratio > gate;
     cg_limit(&ratio, 0, (real)EKF_NIS_CAP);
@@ -308,6 +351,7 @@ static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, 
   cg_limit(bucket, 0, (real)EKF_BUCKET_CAP);
   if (out && *bucket <= (real)EKF_PATIENCE) return CG_OUTLIER;
   report->nis[sensor] = sum / (real)rows;
+  report->echo[sensor] = echo / (real)rows;
   return out ? CG_REOPENED : CG_USED;
 }
 
@@ -328,6 +372,7 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
   ekf_bound_friction(state, settings);
 #endif
   ekf_innovations(state, work, settings, y, report);
+  ekf_expect(state, work, settings, report);
   for (int sensor = 0; sensor < EKF_NS; ++sensor) judged[sensor] = ekf_gate(state, settings, sensor, report);
   const real gate = settings->gate * settings->gate;
   for (int row = 0; row < EKF_NY; ++row) {

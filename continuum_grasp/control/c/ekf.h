@@ -61,6 +61,7 @@ typedef struct {
   real noise[EKF_NZ];         /* intensity of the white noise that drives each state, variance per second */
   real initial[EKF_NZ];       /* variance of each state at the start */
   real z_min[EKF_NZ], z_max[EKF_NZ];
+  int natural[EKF_NZ];        /* whether a state may stay at a limit: no friction at all, a parameter as far as it is adapted */
   real mixing[EKF_NY][EKF_NM];        /* compared quantities as sums of measurements */
   real variance[EKF_NY];      /* of each compared quantity */
   real y_min[EKF_NM], y_max[EKF_NM];  /* of each measurement */
@@ -75,6 +76,8 @@ typedef struct {
   int adapted[EKF_NA];        /* indices of adapted parameters */
   real quiet[EKF_NA][EKF_NX][EKF_NX];   /* L of a sensitivity s of a step: |L s| = 1 is the most that noise explains */
 #endif
+  int drive[EKF_NX];          /* whether a state is the position, tension or moment of a drive */
+  real fade;                  /* share of a period in slow means */
 } ekf_settings;
 
 typedef struct {
@@ -85,6 +88,9 @@ typedef struct {
   int oldest, started;
   int restarted;              /* samples in which another restart begins from the first state */
   real bucket[EKF_NS];        /* of the leaky gate of each sensor: recent outliers */
+  real usual[EKF_NX];         /* slow means of the states of drives */
+  real answer[EKF_NX];        /* motion of the states about slow means, as far as drives cause it */
+  real before[EKF_NY], bias[EKF_NY];    /* normalized innovations: of the last call, slow means */
 #if EKF_NA > 0
   real age;                   /* since the start, up to EKF_MEMORY [s] */
   real motion[EKF_NA][EKF_NX];          /* mean sensitivity of the states to each adapted parameter, over a step */
@@ -102,9 +108,13 @@ typedef struct {
 typedef struct {
   int verdict[EKF_NM];        /* of each measurement, as in checks.h */
   int used, limited;          /* compared quantities that were used; whether a disturbance was clipped to its limits */
+  int implausible;            /* whether that limit is none of nature's */
   real innovation[EKF_NY], variance[EKF_NY];    /* of each compared quantity; variance 0: there was none */
   real nis[EKF_NS];           /* mean squared normalized innovation of each sensor, before any row was taken; below zero: the
                                  sensor was not used */
+  real echo[EKF_NS];          /* mean product of normalized innovations, about slow means, of two calls in a row: about 0 or
+                                 less where the filter knows the motion, above where a delay or a lag is unknown */
+  real expected[EKF_NM];      /* motion of each measurement about its slow mean, as far as drives cause it */
 } ekf_report;
 
 /* Start at a state with its initial variances; u0 was applied before. */

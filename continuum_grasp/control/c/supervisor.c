@@ -18,6 +18,14 @@
                                    everything rests together; the noise of the other sensors moves a command so far in a
                                    few calls */
 
+#define SUPERVISOR_ECHO 0.15    /* mean product of successive normalized innovations of a drive: -0.2 where it is known, 0.2 to
+                                   0.45 of a loop that swings by 9 to 15 mm with an unknown delay of three periods */
+#define SUPERVISOR_CAUSED 36.0  /* mean squared motion that drives cause, in variances of a reading: the command that noise
+                                   moves at rest has 16 at most, one that drifts from a frozen camera 150 */
+#define SUPERVISOR_ANSWER 0.25  /* share of that motion in a reading: half on a finger of twice the stiffness */
+#define SUPERVISOR_MOVED 0.1    /* mean squared motion of a reading beyond its noise, per that which drives cause: a push from
+                                   outside moves it, though the command then holds it */
+
 /* Count the calls in a row for which a condition holds, up to `most`; whether it has held for that many. */
 static int supervisor_lasted(int *count, int condition, int most)
 {
@@ -31,19 +39,6 @@ static void supervisor_mean(const supervisor_settings *o, real *mean, real value
   *mean += (value - *mean) / (real)o->window;
 }
 
-static int supervisor_frozen(const supervisor_state *state, const supervisor_settings *o, int entry)
-{
-  return state->still[entry] >= o->window && state->path[entry] > (real)SUPERVISOR_PATH;
-}
-
-/* Whether no reading of a device is frozen. */
-static int supervisor_alive(const supervisor_state *state, const supervisor_settings *o, int sensor)
-{
-  for (int j = 0; j < CONTROLLER_NM; ++j)
-    if (o->sensor[j] == sensor && supervisor_frozen(state, o, j)) return 0;
-  return 1;
-}
-
 void supervisor_screen(supervisor_state *state, const supervisor_settings *o, real *y, supervisor_report *report)
 {
   memset(report, 0, sizeof *report);
@@ -55,26 +50,76 @@ void supervisor_screen(supervisor_state *state, const supervisor_settings *o, re
     const int same = state->calls > 0 && moved <= o->still[j] && moved >= -o->still[j];
     state->last[j] = y[j];
     if (!same) state->path[j] = 0;
-    supervisor_lasted(&state->still[j], same, o->window);
-    if (!supervisor_frozen(state, o, j)) continue;
+    if (!supervisor_lasted(&state->still[j], same, o->window) || state->path[j] <= (real)SUPERVISOR_PATH) continue;
     y[j] = cg_nan();
     if (report->entry < 0) report->entry = j;
   }
-  int seen = 0;
-  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) seen |= o->shape[sensor] && supervisor_alive(state, o, sensor);
-  supervisor_lasted(&state->unseen, !seen && report->entry >= 0, o->window + o->window / 2);
+}
+
+/* Whether all readings of a device are there, within their limits, and move. */
+static int supervisor_shows(const supervisor_settings *o, const int *verdict, int sensor)
+{
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    if (o->sensor[j] == sensor && (verdict[j] == CG_MISSING || verdict[j] == CG_ABSURD || verdict[j] == CG_FROZEN))
+      return 0;
+  return 1;
+}
+
+/* Whether the shape has not been seen for too long: 1.5 windows where a reading is frozen, which took a window to find;
+ * five where readings are missing or absurd, through which estimator and plan lead a loop for 2.5. */
+static int supervisor_blind(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen)
+{
+  int any = 0, shown = 0, frozen = 0;
+  for (int sensor = 0; sensor < SUPERVISOR_SIZE(CONTROLLER_NS); ++sensor) any |= o->shape[sensor];
+  for (int sensor = 0; sensor < SUPERVISOR_SIZE(CONTROLLER_NS); ++sensor)
+    shown |= (o->shape[sensor] || !any) && supervisor_shows(o, seen->verdict, sensor);
+  for (int j = 0; j < CONTROLLER_NM; ++j)
+    frozen |= (o->shape[o->sensor[j]] || !any) && seen->verdict[j] == CG_FROZEN;
+  const int lost = supervisor_lasted(&state->unseen, !shown, 5 * o->window);
+  return lost || (frozen && state->unseen >= o->window + o->window / 2);
+}
+
+/* Compare the motion of a device's readings with that which drives cause, both about slow means; whether it is nothing
+ * but noise although they cause some. */
+static int supervisor_silent(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
+                             int sensor)
+{
+  real caused = 0, moved = 0, common = 0;
+  int rows = 0;
+  for (int j = 0; j < CONTROLLER_NM; ++j) {
+    if (o->sensor[j] != sensor || o->noise[j] < 0 || (seen->verdict[j] != CG_USED && seen->verdict[j] != CG_REOPENED)) continue;
+    if (!state->calls) state->usual[j] = seen->y[j];
+    /* over half a window, as in ekf_settings.fade */
+    state->usual[j] += 2 * (seen->y[j] - state->usual[j]) / (real)o->window;
+    const real by_drives = seen->expected[j] / o->noise[j], by_all = (seen->y[j] - state->usual[j]) / o->noise[j];
+    caused += by_drives * by_drives;
+    moved += by_all * by_all;
+    common += by_drives * by_all;
+    ++rows;
+  }
+  if (rows) {
+    supervisor_mean(o, &state->caused[sensor], caused / (real)rows);
+    supervisor_mean(o, &state->moved[sensor], moved / (real)rows);
+    supervisor_mean(o, &state->common[sensor], common / (real)rows);
+  }
+  caused = state->caused[sensor];
+  return caused > (real)SUPERVISOR_CAUSED && state->common[sensor] < (real)SUPERVISOR_ANSWER * caused
+      && state->moved[sensor] < 1 + (real)SUPERVISOR_MOVED * caused;
 }
 
 /* Means over a window, and the device that contradicts most. */
-static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const real *nis,
-                               real elapsed, supervisor_report *report)
+static void supervisor_average(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
+                               supervisor_report *report)
 {
   if (state->calls < o->delay) ++state->calls;  /* the first innovations contain the error of the start */
   else {
-    for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor)
-      if (nis[sensor] >= 0) supervisor_mean(o, &state->mismatch[sensor], nis[sensor]);
-    if (elapsed >= 0) {
-      real off = (elapsed - 1) / (real)SUPERVISOR_JITTER;
+    for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) {
+      if (!(seen->nis[sensor] >= 0)) continue;
+      supervisor_mean(o, &state->mismatch[sensor], seen->nis[sensor]);
+      state->echo[sensor] += (seen->echo[sensor] - state->echo[sensor]) / (real)(5 * o->window);
+    }
+    if (seen->elapsed >= 0) {
+      real off = (seen->elapsed - 1) / (real)SUPERVISOR_JITTER;
       off *= off;
       cg_limit(&off, 0, 30); /* like a row of a sensor, EKF_NIS_CAP: one late call alone must not detune */
       supervisor_mean(o, &state->mismatch[CONTROLLER_NS], off);
@@ -93,14 +138,20 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
  * */
 static void supervisor_climb(supervisor_state *state, const supervisor_settings *o, real mismatch)
 {
+  int echoes = 0;
+  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor)
+    echoes |= o->drive[sensor] && state->echo[sensor] > (real)SUPERVISOR_ECHO;
   /* at most 128-fold, 2 min: the shift must not overflow */
   const int doubled = state->raises > 8 ? 7 : state->raises > 0 ? state->raises - 1 : 0;
-  const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE;
+  const int calm = mismatch < (real)SUPERVISOR_TRUST && state->activity < (real)SUPERVISOR_ACTIVE && !echoes;
   const int settled = supervisor_lasted(&state->calm, calm, (5 * o->window) << doubled);
   const int doubt = mismatch > (real)SUPERVISOR_DOUBT;
   const int lasting = supervisor_lasted(&state->doubted, doubt, 2 * o->window + o->window / 2);
+  const int late = supervisor_lasted(&state->late, echoes, 2 * o->window + o->window / 2);
   if (state->since < 5 * o->window) ++state->since;
-  if ((lasting || mismatch > (real)SUPERVISOR_SEVERE) && state->activity > (real)SUPERVISOR_ACTIVE && state->rung < o->rungs
+  const int active = state->activity > (real)SUPERVISOR_ACTIVE && (lasting || mismatch > (real)SUPERVISOR_SEVERE);
+  /* the mean over five windows has forgotten the last rung before it is judged again */
+  if ((active || (late && (!state->raises || state->since >= 5 * o->window))) && state->rung < o->rungs
       && state->since >= o->window / 2) {
     ++state->rung;
     if (state->raises < 9) ++state->raises;
@@ -109,11 +160,17 @@ static void supervisor_climb(supervisor_state *state, const supervisor_settings 
   state->since = state->calm = 0;
 }
 
-void supervisor_judge(supervisor_state *state, const supervisor_settings *o, const real *nis, real elapsed,
-                      real distance, supervisor_report *report)
+void supervisor_judge(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
+                      supervisor_report *report)
 {
   if (!o->window) return;
-  supervisor_average(state, o, nis, elapsed, report);
+  int silent = -1, eye = CONTROLLER_NS > 0 ? 0 : -1;
+  for (int sensor = CONTROLLER_NS - 1; sensor >= 0; --sensor) {
+    if (!o->shape[sensor]) continue;
+    eye = sensor;
+    if (supervisor_silent(state, o, seen, sensor)) silent = sensor;
+  }
+  supervisor_average(state, o, seen, report);
   const real mismatch = report->mismatch, activity = state->activity;
   const int doubt = mismatch > (real)SUPERVISOR_DOUBT, half = o->window / 2, window = o->window;
   int reason = 0;
@@ -124,13 +181,17 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
     reason = SUPERVISOR_SWINGING;
   if (supervisor_lasted(&state->contradicted, mismatch > (real)SUPERVISOR_WRONG, 2 * window + half))
     reason = SUPERVISOR_CONTRADICTED;
-  if (supervisor_lasted(&state->away, doubt && distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
-  if (state->unseen >= window + half) reason = SUPERVISOR_UNSEEN;
+  if (supervisor_lasted(&state->away, doubt && seen->distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
+  if (supervisor_lasted(&state->implausible, seen->implausible, 2 * window + half)) reason = SUPERVISOR_IMPLAUSIBLE;
+  if (supervisor_lasted(&state->unanswered, silent >= 0, window + half)) reason = SUPERVISOR_UNANSWERED;
+  if (supervisor_blind(state, o, seen)) reason = SUPERVISOR_UNSEEN;
   if (!state->tripped && state->since_rearmed < 150 * window) ++state->since_rearmed;
   if (reason && !state->tripped) {
     state->tripped = reason;
+    state->suspect = reason == SUPERVISOR_UNSEEN ? eye : reason == SUPERVISOR_UNANSWERED ? silent : report->sensor;
     ++state->trips;
   }
+  if (state->tripped) report->sensor = state->suspect;
   report->activity = activity;
   report->rung = state->rung;
   report->reason = state->tripped;
@@ -160,6 +221,7 @@ int supervisor_rearm(supervisor_state *state, const supervisor_settings *o)
   for (int sensor = 0; sensor <= CONTROLLER_NS; ++sensor) good &= state->mismatch[sensor] < (real)SUPERVISOR_TRUST;
   if (!good || (state->trips > 1 && state->since_rearmed < 150 * o->window)) return 0;
   state->tripped = state->swinging = state->contradicted = state->away = state->since = state->calm = 0;
+  state->unanswered = state->implausible = 0;
   state->since_rearmed = 0;
   state->rung = o->rungs;
   return 1;

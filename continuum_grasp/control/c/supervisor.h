@@ -1,7 +1,7 @@
 /* A supervisor: whether sensors, model and call rate agree, which the solver's status does not show.
  *
  * A loop can swing at its rate limit while every QP is solved (86 mm, status "solved", with a lag of half the model's).
- * Two exponentially weighted means over `window` calls show it: the mean squared normalized innovation of each sensor
+ * Exponentially weighted means over `window` calls show it: the mean squared normalized innovation of each sensor
  * ("mismatch", about 1 where the filter's covariances are right), and the mean squared change of the command relative
  * to its rate limit ("activity", 1: the command runs at the limit). The supervisor reports a mismatch, then raises the
  * weight of the command's rate (which gives delay margin), then sends the command to the safe input, latched.
@@ -11,6 +11,7 @@
  *  0 SUPERVISOR_OK
  *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5
  *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a lasting mismatch with an active command
+ *                              or for a drive that follows its command late
  *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: missing until it moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
  *
@@ -19,7 +20,10 @@
  *  1 SUPERVISOR_SWINGING       mismatch and an active command, although the weight is raised to its maximum
  *  2 SUPERVISOR_CONTRADICTED   mismatch > 20: a sensor contradicts the model by many standard deviations, moving or not
  *  3 SUPERVISOR_AWAY           mismatch, and the measured tip stays far from its setpoint
- *  4 SUPERVISOR_UNSEEN         no sensor that shows the shape has a reading that moves
+ *  4 SUPERVISOR_UNSEEN         no sensor that shows the shape has readings that move, or that are there and within limits
+ *  5 SUPERVISOR_UNANSWERED     the drives move, and a sensor that should show it shows noise, so that the estimator takes
+ *                              their motion for a disturbance
+ *  6 SUPERVISOR_IMPLAUSIBLE    an estimated disturbance stays at a limit of what it can be
  *
  * The thresholds come from trials with 26 wrong plants and 16 faults: in 240,000 nominal and mildly mismatched steps
  * the mismatch stayed below 2.3. Activity alone triggers nothing.
@@ -34,7 +38,14 @@
 #define SUPERVISOR_SIZE(n) ((n) > 0 ? (n) : 1)
 
 enum { SUPERVISOR_OK = 0, SUPERVISOR_MISMATCH = 1, SUPERVISOR_DETUNED = 2, SUPERVISOR_FROZEN = 3, SUPERVISOR_TRIPPED = 4 };
-enum { SUPERVISOR_SWINGING = 1, SUPERVISOR_CONTRADICTED = 2, SUPERVISOR_AWAY = 3, SUPERVISOR_UNSEEN = 4 };
+enum {
+  SUPERVISOR_SWINGING = 1,
+  SUPERVISOR_CONTRADICTED = 2,
+  SUPERVISOR_AWAY = 3,
+  SUPERVISOR_UNSEEN = 4,
+  SUPERVISOR_UNANSWERED = 5,
+  SUPERVISOR_IMPLAUSIBLE = 6
+};
 
 typedef struct {
   int window;                 /* calls over which means are taken; 0: no supervision */
@@ -42,8 +53,10 @@ typedef struct {
   int rungs;                  /* how often the weight of the command's rate may be raised fourfold */
   int sensor[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* device of each measurement */
   int shape[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* whether a device shows the shape of the finger */
+  int drive[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* whether it shows what drives do */
   int cause[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* entry of the command that moves a measurement; -1: all */
   real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more is at rest; below 0: not tested */
+  real noise[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* standard deviation of a reading; below 0: not compared with drives */
   real change[RTI_NU];        /* of the command per call at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
   real far;                   /* distance from the setpoint beyond which a tip is away [m] */
@@ -54,12 +67,28 @@ typedef struct {
   int still[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* calls for which a reading has not moved */
   real path[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* of the command in the meantime, in `change` */
   real mismatch[CONTROLLER_NS + 1], activity;
+  real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
+  real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
+  /* of devices that show the shape: mean squared motion that drives cause, and that of readings; their mean product */
+  real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], moved[SUPERVISOR_SIZE(CONTROLLER_NS)];
+  real common[SUPERVISOR_SIZE(CONTROLLER_NS)];
   int calls;                  /* since the start, up to `delay` */
   int rung, raises;           /* fourfold raises of the weight now, and ever */
-  int since, calm, doubted;   /* calls since the last change of the rung; calm ones and ones with a mismatch in a row */
-  int swinging, contradicted, away, unseen;     /* calls in a row */
+  int since;                  /* calls since the last change of the rung */
+  int calm, doubted, late;    /* calls in a row that are calm, with a mismatch, with an echo */
+  int swinging, contradicted, away, unseen, unanswered, implausible;    /* calls in a row */
   int tripped, trips, since_rearmed;    /* reason of the latched trip, or 0 */
+  int suspect;                /* device of the trip */
 } supervisor_state;
+
+typedef struct {
+  const real *nis, *echo;     /* of each sensor, as in ekf.h; nis below 0: not used */
+  const real *y, *expected;   /* measurement, and its motion as far as drives cause it; null without an estimator */
+  const int *verdict;         /* on each measurement, as in checks.h */
+  int implausible;            /* whether a disturbance was clipped to a limit beyond which it means nothing */
+  real elapsed;               /* time since the last call in periods; below 0: unknown */
+  real distance;              /* of the measured tip from its setpoint; below 0: unknown */
+} supervisor_evidence;
 
 typedef struct {
   int health;
@@ -72,10 +101,9 @@ typedef struct {
 
 /* Replace readings at rest in y by NaN. */
 void supervisor_screen(supervisor_state *state, const supervisor_settings *settings, real *y, supervisor_report *report);
-/* Evaluate a call: nis of each sensor (below 0: not used), time since the last call in periods (below 0: unknown),
- * distance of the measured tip from its setpoint (below 0: unknown). */
-void supervisor_judge(supervisor_state *state, const supervisor_settings *settings, const real *nis, real elapsed,
-                      real distance, supervisor_report *report);
+/* Evaluate a call. */
+void supervisor_judge(supervisor_state *state, const supervisor_settings *settings, const supervisor_evidence *seen,
+                      supervisor_report *report);
 /* Record the change of the command. */
 void supervisor_note(supervisor_state *state, const supervisor_settings *settings, const real *change);
 /* Leave a trip: only at rest, without mismatch, and not after a second trip within 150 windows (30 s); returns whether

@@ -23,7 +23,7 @@ typedef struct {
 enum {
   <<P>>_HEALTH_OK = 0,
   <<P>>_HEALTH_MISMATCH = 1, /* a sensor contradicts the model */
-  <<P>>_HEALTH_DETUNED = 2, /* the same with an active command: the weight of its rate is raised */
+  <<P>>_HEALTH_DETUNED = 2, /* the same with an active command, or a drive is late: the weight of its rate is raised */
   <<P>>_HEALTH_FROZEN = 3, /* a reading does not move: it counts as missing until it does */
   <<P>>_HEALTH_TRIPPED = 4 /* the command goes to <<safe>> until <<p>>_controller_rearm */
 };
@@ -37,7 +37,9 @@ enum {
   <<P>>_TRIP_SWINGING = 1, /* mismatch and an active command, though the weight of its rate is raised 16-fold */
   <<P>>_TRIP_CONTRADICTED = 2, /* a sensor contradicts the model by many standard deviations */
   <<P>>_TRIP_AWAY = 3, /* mismatch, and the tip stays far from its setpoint */
-  <<P>>_TRIP_UNSEEN = 4 /* no sensor that shows the shape moves */
+  <<P>>_TRIP_UNSEEN = 4, /* no sensor that shows the shape moves, or is there and within its limits */
+  <<P>>_TRIP_UNANSWERED = 5, /* the drives move, and a sensor that should show it shows noise */
+  <<P>>_TRIP_IMPLAUSIBLE = 6 /* an estimated disturbance stays at a limit of what it can be */
 };
 
 /* What is known of the last call. */
