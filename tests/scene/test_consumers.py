@@ -52,7 +52,7 @@ def test_every_declared_key_is_a_key_of_scenes(name):
 def test_keys_count_as_given_where_they_differ_from_their_default():
     scene = cg.load("configs/simulate/close_on_mug.yaml")
     law = Consumer(
-        "test", otherwise={"contact_law.presliding": "own", "contact_law.friction": "own", "supports": "none"}
+        "test", otherwise={"contact_law.presliding": "own", "contact_law.friction": "own", "moment_of_inertia": "none"}
     )
     del CONSUMERS["test"]
     plain = scene.changed({"contact_law": {"stiffness": 2e3, "friction": 0.5}})
