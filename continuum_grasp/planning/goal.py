@@ -21,8 +21,7 @@ _STILL_WHEN_RELAXED = 1e4
 _MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
 _MET_BY_WEIGHT = 0.1
-"""The same where it has one and no tolerance [1]: 1 % of the finger's length, 0.05 rad; a weight trades the error for
-effort, by 0.4 % of the length in the shipped plans."""
+"""The same where it has one and no tolerance [1]: 1 % of the finger's length, 0.05 rad."""
 _SETTLED = 1e4
 """Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from continuum_grasp.errors import InputError
 
 CONSUMERS: dict[str, Consumer] = {}
-"""All declarations by name, in the order of their import; docs/consumers.md is generated from them."""
+"""All declarations by name, in the order of their import."""
 
 
 @dataclass(frozen=True)
@@ -29,14 +29,11 @@ class Consumer:
         By key, why it is an error.
     otherwise : mapping of str to str
         By key, what becomes of it instead: listed for the user.
-    without_meaning : tuple of str
-        Keys that are about other computations on the same scene, such as the method of integration.
     """
 
     name: str
     refused: Mapping[str, str] = field(default_factory=dict)
     otherwise: Mapping[str, str] = field(default_factory=dict)
-    without_meaning: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         CONSUMERS[self.name] = self
