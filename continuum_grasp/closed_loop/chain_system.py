@@ -22,6 +22,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
 from continuum_grasp.model.winches import winches_of
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Initial, Scene
 
@@ -343,18 +344,23 @@ def _columns(vectors: Sequence[Vec]) -> ca.SX:
     return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 
 
+_GUIDES = Consumer(
+    "plant.guides",
+    refused={
+        "finger.stops": "a chain of guides (plant.guides) has no stops: leave them out",
+        "finger.softening": "a chain of guides (plant.guides) bends linearly: leave it out",
+        "finger.damping.quadratic": "a chain of guides (plant.guides) is damped in proportion to rates: leave it out",
+        "finger.damping.dry_friction": "a chain of guides (plant.guides) bends without dry friction: leave it out",
+    },
+)
+
+
 def _check(scene: Scene, axial_stiffness: float | None, parameters: Sequence[str]) -> None:
     """Refuse what a chain does not have."""
     finger = scene.finger
     if not finger.tendon_list:
         raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
-    if finger.stops is not None:
-        raise InputError("a chain of guides has no stops: leave finger.stops out", key="plant.guides")
-    if finger.damping.dry_friction:
-        raise InputError(
-            "a chain of guides bends without dry friction: leave finger.damping.dry_friction out",
-            key="plant.guides",
-        )
+    _GUIDES.check(finger, "finger")
     if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
         raise InputError(
             "a chain of guides carries a body at the tip only on its axis: "

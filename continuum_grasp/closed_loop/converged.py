@@ -27,9 +27,9 @@ from continuum_grasp.control.status import Health, Status
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import function_source
-from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.nlp import NLP, Budget, Settings, Start, new_solver
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.simulate import Fidelity
@@ -38,6 +38,14 @@ Array = NDArray[np.float64]
 
 _SETTINGS = Settings(tolerance=1e-8, max_iterations=200, tuning={"ipopt": {"mu_strategy": "adaptive"}})
 """A period that takes more iterations counts as a failure; the tolerance is that of the real-time iteration's QP."""
+
+_CONVERGED = Consumer(
+    "mpc --compare, NMPC to convergence",
+    refused={
+        "estimator": "NMPC to convergence is given the state: leave the estimator out",
+        "controller.scenarios": "NMPC to convergence is for one plant: leave scenarios out",
+    },
+)
 
 
 class _Times(NamedTuple):
@@ -69,10 +77,7 @@ class Converged(Remade):
 
     @check_arguments
     def __init__(self, scene: ControlScene) -> None:
-        if scene.estimator is not None:
-            raise InputError("NMPC to convergence is given the state: leave the estimator out", key="estimator")
-        if scene.controller.scenarios:
-            raise InputError("NMPC to convergence is for one plant: leave scenarios out", key="controller.scenarios")
+        _CONVERGED.check(scene)
         self.prediction = Prediction(scene)
         self.stages = stages_of(scene, self.prediction)
         self.period = scene.controller.step

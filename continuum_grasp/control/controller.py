@@ -104,6 +104,7 @@ class Controller(CompiledController):
         # No path for a copy, since its file may change.
         self._arguments = (self.scene,), {"precision": precision, "deadline": deadline}
         self.prediction = Prediction(self.scene)
+        self.setpoints()  # those that are wrong are refused before anything is compiled
         self.stages = stages_of(self.scene, self.prediction)
         self.precision = precision_of(precision)
         estimation = None

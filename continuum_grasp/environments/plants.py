@@ -20,10 +20,12 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.parameters import nominal_values
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load, other_kind
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.sweep import Sweep
+from continuum_grasp.scene.value import doubt
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.sweeps.plan import Plan, plan_of
 from continuum_grasp.sweeps.worker import scene_data
@@ -108,6 +110,16 @@ def _scene(plan: Plan, point: Any) -> ControlScene:
         raise InputError(f"scene {point.index} ({drawn}): {texts}") from None
 
 
+_LANES = Consumer(
+    "environments",
+    refused={"plant.guides": "a chain of guides does not run in vector lanes: leave it out"},
+    otherwise={
+        f"controller.bounds.{key}": "an environment neither keeps it nor charges for what leaves it"
+        for key in ("curvature", "speed", "keep_out")
+    },
+)
+
+
 def plants_of(
     scenes: Sequence[ControlScene], keys: tuple[str, ...] = (), values: tuple[tuple[Any, ...], ...] = ((),)
 ) -> Plants:
@@ -115,8 +127,8 @@ def plants_of(
     first = scenes[0]
     if first.duration is None:
         raise InputError("an environment needs a duration [s], after which an episode is truncated", key="duration")
-    if first.plant.guides is not None:
-        raise InputError("a chain of guides does not run in vector lanes: leave it out", key="plant.guides")
+    for text in dict.fromkeys(text for scene in scenes for text in _LANES.check(scene)):
+        doubt(text)
     for scene in scenes[1:]:
         _check_fixed(first, scene, keys)
     around = [plant_scene(scene) for scene in scenes]

@@ -322,9 +322,7 @@ class _Verdict:
         return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
 
     def _support_note(self) -> str:
-        if self.scene.object.free is not None:
-            return ""
-        gaps = ((wall.name, self.scene.gap(wall)) for wall in self.scene.walls)
+        gaps = ((body.name, self.scene.gap_range(body)[0]) for body in self.scene.places)
         return " ".join(
             f"The object is {gap:.4g} m away from {name}, which therefore carries nothing."
             for name, gap in gaps

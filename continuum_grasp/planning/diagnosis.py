@@ -12,8 +12,8 @@ from continuum_grasp.planning.problem import PlanProblem
 
 Array = NDArray[np.float64]
 
-_MET = 1e-5
-"""Error of a goal, in units of the problem, that counts as none."""
+_OUTSIDE = 1e-5
+"""Excess of a bound, in units of the problem, that counts as none."""
 _COUNTS = 0.2
 """Share of the strongest limit from which on another one is named too."""
 _WEAK = 1e-6
@@ -39,7 +39,7 @@ class Diagnosis(NamedTuple):
 
 def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
     """What stops a plan, from the solution of its relaxed problem; None if goal and bounds are met after all."""
-    missed, worst = _missed(problem, attempt.x)
+    missed, worst = missed_goals(problem, attempt.x, weighted=False)
     outside = _outside(problem, attempt)
     if not missed and not outside:
         return None
@@ -63,22 +63,27 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
     return Diagnosis((*missed, *outside), what, advice)
 
 
-def _missed(problem: PlanProblem, w: Array) -> tuple[list[str], float]:
-    """Goals that are missed, with their amounts, and the largest error in units of the problem."""
+def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[list[str], float]:
+    """Goals that are missed beyond their tolerance, with their amounts, and the largest error [units of the problem].
+
+    ``weighted`` chooses the goals that have a weight, or those that are to be reached exactly.
+    """
     motion = problem.motion
     z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
     numbers = motion.numbers([motion.scene.duration_range[1]]).ravel()
     found, worst = [], 0.0
     for part in problem.goal:
-        if part.weight is not None:
+        # Rest with a weight is a means of the search, not an aim.
+        if (part.weight is not None) is not weighted or (weighted and part.at_rest):
             continue
         error = np.abs(np.array(part.rows(motion).value(z, numbers)).ravel())
+        if part.unit == "m":  # points are missed by their distance, anything else by its worst entry
+            error = np.repeat(np.hypot(*error.reshape(-1, 2).T), 2)
         worst = max(worst, float(error.max()))
-        if error.max() > _MET:
-            k, off = int(error.argmax()), error * part.scale
-            # Points are missed by their distance, anything else by its worst entry.
-            amount = float(np.hypot(*off.reshape(-1, 2).T).max()) if part.unit == "m" else float(off[k])
+        if np.any(error > part.tolerance):
+            k = int((error / part.tolerance).argmax())
             unit = part.unit if part.unit != "state" else part.names[k]
+            amount = float(error[k] * part.scale[k])
             found.append(str(Violation(part.name, k, amount, unit, part.key, float(error[k]))))
     return found, worst
 
@@ -87,7 +92,7 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> list[str]:
     """State bounds that are left, with their amounts."""
     blocks = [block for block in problem.assembly.blocks if block.key.startswith("bounds.")]
     worst = [block.violation(problem.bounds.values(attempt.x, attempt.g, block)) for block in blocks]
-    return [str(violation) for violation in worst if violation.scaled > _MET]
+    return [str(violation) for violation in worst if violation.scaled > _OUTSIDE]
 
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
@@ -136,11 +141,7 @@ def _nearest(problem: PlanProblem, w: Array) -> str:
     model, path = problem.motion.prediction, problem.path(w)
     tip = np.array(model.tip(path.x[-1], path.u[-1], model.p_nominal)).ravel()
     text = f"the nearest tip reached is ({tip[0]:.4f}, {tip[1]:.4f}) m"
-    scene = problem.motion.scene
-    aim, base = scene.goal.tip, scene.finger.base.position
+    aim = problem.motion.scene.goal.tip
     if aim is not None:
         text += f", {1e3 * float(np.hypot(*(tip - np.array(aim.value)))):.3g} mm off"
-        away = float(np.hypot(aim.value[0] - base[0], aim.value[1] - base[1]))
-        if away > problem.motion.length:
-            text += f" (the goal is {away:.4g} m from the base, the finger {problem.motion.length:.4g} m long)"
     return text

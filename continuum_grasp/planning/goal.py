@@ -11,12 +11,17 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived
+from continuum_grasp.scene.reach import check_reach
 
 Array = NDArray[np.float64]
 
 _STILL_WHEN_RELAXED = 1e4
 """Weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest too."""
 
+_MET = 1e-5
+"""Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
+_MET_BY_WEIGHT = 0.1
+"""The same where it has one and no tolerance [1]: 1 % of the finger's length, 0.05 rad."""
 _SETTLED = 1e4
 """Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
@@ -26,8 +31,9 @@ friction that turns around leads to steps of micrometers. Only the drives are at
 class GoalPart:
     """One aim: its entries by name, the target, and the physical amount of one unit of error.
 
-    ``weight`` is that of half the squared error [1/unit2]; None: reached exactly. ``value`` is what is compared with
-    the target, as an expression of the motion's symbols.
+    ``weight`` is that of half the squared error [1/unit2]; None: reached exactly. ``tolerance`` is the greatest error
+    with which it counts as reached, per ``scale`` [1]. ``value`` is what is compared with the target, as an expression
+    of the motion's symbols.
     """
 
     name: str
@@ -38,6 +44,7 @@ class GoalPart:
     scale: Array
     weight: float | None
     value: ca.SX
+    tolerance: float | Array = _MET
 
     @property
     def at_rest(self) -> bool:
@@ -81,9 +88,12 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         key, size = f"goal.{name}", value.numel()
         if len(target) != size:
             raise InputError(f"expected {size} entries ({', '.join(names)}), got {len(target)}", key=key)
-        weight = getattr(goal, name).weight
-        found.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), np.full(size, scale), weight, value))
+        aim = getattr(goal, name)
+        met = _MET if aim.weight is None else _MET_BY_WEIGHT if aim.tolerance is None else aim.tolerance / scale
+        scales = np.full(size, scale)
+        found.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 
+    check_reach(motion.scene.finger, "goal", goal.targets, ranges=model.system.finger_model.ranges)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, at least a newton.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))
@@ -93,7 +103,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
     if goal.shape is not None:
         where = ca.vec(model.sections(goal.shape.at)(x, u, p)[0])
         names = tuple(f"{axis} at {at:g} m" for at in goal.shape.at for axis in "xy")
-        add("shape", "m", names, tuple(v for point in goal.shape.value for v in point), 0.1 * length, where)
+        add("shape", "m", names, goal.targets["shape"], 0.1 * length, where)
     if goal.contact_force is not None:
         aim = goal.contact_force.value
         add("contact_force", "N", model.contact_names, aim, max(1.0, *map(abs, aim)), model.contact_force(x, u, p))

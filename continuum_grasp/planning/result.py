@@ -40,6 +40,8 @@ class PlanStatus(StrEnum):
     """A local optimum."""
     FEASIBLE = "feasible"
     """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end."""
+    GOAL_MISSED = "goal_missed"
+    """All constraints are satisfied, but a goal that has a weight is missed by more than its tolerance."""
     INFEASIBLE = "infeasible"
     """No plan was found that satisfies all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
@@ -229,7 +231,7 @@ class Plan(MotionResult):
     @property
     def solved(self) -> bool:
         """Whether all constraints are satisfied."""
-        return self.status in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE)
+        return self.status in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE, PlanStatus.GOAL_MISSED)
 
     @property
     def duration(self) -> float:

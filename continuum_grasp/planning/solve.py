@@ -14,9 +14,9 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
+from continuum_grasp.planning.diagnosis import missed_goals
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
-from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Constraint, Plan, PlanStatus
 from continuum_grasp.planning.search import Search
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 Array = NDArray[np.float64]
-
-_FAR = 0.01
-"""Distance of the last tip from a goal that has a weight, per finger length, from which on there is a warning [1]."""
 
 
 @interrupt.listening()
@@ -133,8 +130,12 @@ def _result(search: Search) -> Plan:
     warnings = [lead] if lead else []
     if search.interrupted:
         warnings.append("the search was interrupted")
-    if not violated:
-        warnings += _far(scene, motion, path.x[-1], path.u[-1])
+    if search.best is not None:
+        missed, _ = missed_goals(problem, attempt.x, weighted=True)
+        if missed:
+            status, message = PlanStatus.GOAL_MISSED, f"{message}, but a goal that has a weight is missed"
+            advice = "raise the weight of the goal, or a limit that is active (constraints with multipliers)"
+            warnings += [f"{one}: {advice}" for one in missed]
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
     return Plan(
         scene=scene,
@@ -165,21 +166,6 @@ def _result(search: Search) -> Plan:
             "units": motion.units,
         },
     )
-
-
-def _far(scene: PlanScene, motion: Motion, x: Array, u: Array) -> list[str]:
-    """What the user must know of a tip that ends far from a goal that has a weight: the plan is solved all the same."""
-    aim = scene.goal.tip
-    if aim is None or aim.weight is None:
-        return []
-    tip = np.array(motion.prediction.tip(x, u, motion.prediction.p_nominal)).ravel()
-    off = float(np.hypot(*(tip - np.array(aim.value))))
-    if off <= _FAR * motion.length:
-        return []
-    return [
-        f"the tip ends {1e3 * off:.3g} mm from goal.tip, which has a weight: raise it, or a limit that is active "
-        "(constraints with multipliers)"
-    ]
 
 
 def _lead(scene: PlanScene, u: Array, duration: float) -> str:

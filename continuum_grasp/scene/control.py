@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated
 
 from pydantic import Field
 
 from continuum_grasp.scene.controller import Controller, Plant
-from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
+from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.value import Duration, Length, doubt
 
@@ -92,30 +92,12 @@ class ControlScene(FingerScene):
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
             self.finger.rod.check_sections("controller.cost.shape", cost.shape.at)
-        self._doubt_reach()
+        check_reach(self.finger, "reference", dict(given), () if cost.shape is None else cost.shape.at, self.object)
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
             expected = len(self.input_limits[0])
             if width != expected:
                 raise ValueError(f"reference.input: expected {self.finger.input_words}, got {width} numbers")
-
-    def _doubt_reach(self) -> None:
-        """Warn of setpoints of the tip that are farther from the base than the finger is long."""
-        tip, length, beyond = self.reference.tip, self.finger.rod.length, 0.0
-        points: Sequence[Sequence[float]]
-        if isinstance(tip, CircleReference):
-            points, beyond = (tip.center,), tip.radius
-        elif isinstance(tip, RowSamples):
-            points = tip.values
-        else:
-            points = () if tip is None else (tip,)
-        far = max((math.dist(point, self.finger.base.position) for point in points), default=0.0) + beyond
-        # Twice: a setpoint somewhat out of reach is a fair demand.
-        if far > 2.0 * length:
-            doubt(
-                f"reference.tip is up to {far:g} m from the base, the finger is {length:g} m long; is it in "
-                "millimeters? (expected: m)"
-            )
 
     def _doubt_margin(self) -> None:
         """Warn of a weight or delay that leaves no margin for unmodeled dead time.

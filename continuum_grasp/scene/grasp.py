@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
@@ -28,6 +28,7 @@ from continuum_grasp.scene.grasp_options import (
     Robust,
 )
 from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.objects.body import greatest_shift, pose_bounds
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
 from continuum_grasp.scene.tendons import Tendons
@@ -40,6 +41,8 @@ _RELEASED = 1.4
 that stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
+_TURNS = 360
+"""Parts of the range of a free angle in which the distance from a support is sampled [1]."""
 
 
 @dataclass(frozen=True)
@@ -285,12 +288,23 @@ class GraspScene(Value):
                 return setup.normal_force_max
         return self.contacts.normal_force_max
 
-    def gap(self, wall: Wall) -> float:
-        """Distance of the object, where it starts, from a wall's plane [m]."""
-        # The support function is in the object's frame, the normal in the world's.
-        x, y, turn = self.object.pose
-        reach = max(p.support(wall.normal_angle + math.pi - turn) for p in self.object.parts)
-        return wall.height((x, y)) - reach
+    def gap_range(self, body: Place) -> tuple[float, float]:
+        """Least and greatest distance of the object from a support within the bounds of its pose [m], or beyond them.
+
+        Both are exact where only the position is free; a support function changes by no more than the object's extent
+        per angle.
+        """
+        pose, free, extent = self.object.pose, self.object.free, max(part.extent for part in self.object.parts)
+        *sides, (first, last) = pose_bounds(pose, free)
+        if isinstance(body, Peg):
+            gap = self.object.distance(body.position) - body.radius
+            slack = greatest_shift(free, pose[:2]) + extent * max(pose[2] - first, last - pose[2])
+            return gap - slack, gap + slack
+        heights = [body.height((x, y)) for x, y in product(*sides)]
+        step = (last - first) / _TURNS
+        facing = [body.normal_angle + math.pi - first - k * step for k in range(_TURNS + 1 if step else 1)]
+        reaches = [max(part.support(angle) for part in self.object.parts) for angle in facing]
+        return min(heights) - max(reaches) - 0.5 * extent * step, max(heights) - min(reaches) + 0.5 * extent * step
 
     def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
         given = {key: value for key, value in finger.contacts if value is not None}
@@ -432,7 +446,7 @@ class GraspScene(Value):
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
         gap = self.object.distance(finger.base.position) - finger.thickness_radius
         # A pose to be chosen only starts there.
-        if gap < 0 and self.object.free is None and finger.base_free is None:
+        if gap < -TOUCHING * self.object.size and self.object.free is None and finger.base_free is None:
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
             )
@@ -459,29 +473,22 @@ class GraspScene(Value):
             a, b = one.finger, other.finger
             half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
             gap = math.dist(a.base.position, b.base.position) - half
-            if gap < 0.0 and a.base_free is None and b.base_free is None:
+            if gap < -TOUCHING * half and a.base_free is None and b.base_free is None:
                 raise ValueError(
                     f"fingers.{one.name}.base and fingers.{other.name}.base overlap by {-gap:.4g} m (half thicknesses "
                     "included): move them apart, or set overlap: allow where the fingers lie at different heights"
                 )
 
     def _check_supports(self) -> None:
-        if self.object.free is not None:
-            return
-        size = self.object.size
-        for wall in self.walls:
-            gap = self.gap(wall)
+        near, where = TOUCHING * self.object.size, "and fixed" if self.object.free is None else "wherever it may be"
+        for body in self.places:
+            least, most = self.gap_range(body)
             # The plane of a finite edge may cut the object beside the edge.
-            if gap < -TOUCHING * size and math.isinf(wall.half_length):
-                raise ValueError(f"the object lies {-gap:.4g} m deep in supports.{wall.name}")
-            if wall.touch == "on" and abs(gap) > TOUCHING * size:
-                raise ValueError(f"supports.{wall.name} should touch the object, which is {gap:.4g} m away and fixed")
-        for peg in self.pegs:
-            gap = self.object.distance(peg.position) - peg.radius
-            if gap < -TOUCHING * size:
-                raise ValueError(f"supports.{peg.name} lies {-gap:.4g} m deep in the object")
-            if peg.touch == "on" and gap > TOUCHING * size:
-                raise ValueError(f"supports.{peg.name} should touch the object, which is {gap:.4g} m away and fixed")
+            solid = isinstance(body, Peg) or math.isinf(body.half_length) or body.touch == "on"
+            if most < -near and solid:
+                raise ValueError(f"supports.{body.name} lies {-most:.4g} m deep in the object {where}")
+            if body.touch == "on" and least > near:
+                raise ValueError(f"supports.{body.name} should touch the object, which is {least:.4g} m away {where}")
 
 
 def _can_meet(one: GraspFinger, other: GraspFinger) -> bool:

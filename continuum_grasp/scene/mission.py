@@ -10,6 +10,7 @@ from pydantic import Field
 from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits, Plant
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.tendons import TendonList, Tendons
 from continuum_grasp.scene.units import Unit
@@ -246,6 +247,9 @@ class MissionScene(Value):
             return
         if not camera:
             raise ValueError("turn needs estimator.measured.object, by which the controller knows where the object is")
+        for finger in self.grasp.setups:
+            if finger.finger.base_free is None:
+                check_reach(finger.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
         if self.gravity == 0.0:
             raise ValueError("turn needs grasp.gravity.mode out_of_plane: the table is below the plane")
         if len(self.grasp.setups) > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
@@ -10,6 +11,7 @@ from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, In
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
@@ -25,6 +27,13 @@ def _exact(value: Any) -> Any:
 class _Aim(Value):
     weight: Annotated[Positive, Field(examples=[1e6]), Unit("per square of the error's unit")] | None = None
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
+    tolerance: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the error")] | None = None
+    """Greatest error with which a goal that has a weight counts as reached [unit of the error]; None: 1 % of the
+    finger's length of a point, 0.05 rad of an angle, and of forces and inputs a tenth of the greatest, or of 1 N."""
+
+    def _check(self) -> None:
+        if self.tolerance is not None and self.weight is None:
+            raise ValueError("tolerance is of a goal with a weight; without one it is reached exactly")
 
 
 class RowAim(_Aim):
@@ -76,6 +85,12 @@ class Goal(Value):
     """Last input: tip moment, tensions, or what drives take [unit of the input]."""
     grasp_weight: Annotated[Positive, Unit("1/N2")] = 1e4
     """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
+
+    @property
+    def targets(self) -> dict[str, tuple[float, ...]]:
+        """What is to be reached, by key: rows of numbers, x and y of points one after the other."""
+        found = {key: aim.value for key, aim in self if isinstance(aim, RowAim | PointAim)}
+        return found if self.shape is None else {**found, "shape": tuple(chain.from_iterable(self.shape.value))}
 
 
 class DurationRange(Value):
@@ -240,6 +255,9 @@ class PlanScene(FingerScene):
         goal = self.goal
         if goal.shape is not None:
             self.finger.rod.check_sections("goal.shape", goal.shape.at)
+        # The base of a plan with a grasp is that of the grasp, which is not known yet.
+        if self.grasp is None:
+            check_reach(self.finger, "goal", goal.targets, () if goal.shape is None else goal.shape.at)
         anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
         if self.objective != "tracking" and all(aim is None for aim in anything):
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
@@ -252,6 +270,8 @@ class PlanScene(FingerScene):
             raise ValueError("cost belongs to objective: tracking, which needs it")
         if self.cost is not None:
             self.reference.check(self.cost, "cost")
+            tracked = () if self.cost.shape is None else self.cost.shape.at
+            check_reach(self.finger, "reference", dict(self.reference), tracked, self.object)
         places = (*self.contacts, self.finger.rod.length)
         for k, load in enumerate(self.loads):
             # The model has forces as inputs at its contacts and tip alone.

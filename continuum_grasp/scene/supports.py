@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Distance, Friction, Position, Value
 
-Switch = Literal["on", "off", "auto"]
+_Choice = Literal["on", "off", "auto"]
+
+
+def _word(value: Any) -> Any:
+    """Take true and false for the words on and off, which YAML 1.1 reads and writes as booleans."""
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else value
+
+
+Switch = Annotated[_Choice, BeforeValidator(_word, json_schema_input_type=_Choice | bool)]
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from continuum_grasp.arguments import check_arguments, choice, real_array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -186,6 +187,9 @@ class Search:
         return margin, direction, bool(found.real.max() <= 1e-9 * np.abs(found).max())
 
 
+_STATICS = Consumer("statics, modes", refused={"object": "statics and modes know no contact: leave the object out"})
+
+
 @check_arguments
 def equilibrium(
     scene: Scene,
@@ -197,8 +201,7 @@ def equilibrium(
     model: FingerModel | None = None,
 ) -> Equilibrium:
     """Find the equilibrium of a scene without ``fidelity.tolerance``; see `continuum_grasp.equilibrium`."""
-    if scene.object is not None:
-        raise InputError("statics and modes know no contact: leave the object out", key="object")
+    _STATICS.check(scene)
     if model is not None and extra_loads:
         raise InputError("give extra_loads, or a model that has them among its loads, not both")
     if model is None:

@@ -222,8 +222,20 @@ def test_it_presses_an_object_as_a_plant_of_elements_does():
         (
             {**MOVING, "tendons": PAIR, "stops": {"curvature": 30.0, "stiffness_ratio": 20.0}},
             {"guides": 20, "axial_stiffness": 1e4},
-            "plant.guides",
+            "finger.stops",
             "stops",
+        ),
+        (
+            {**MOVING, "tendons": PAIR, "softening": {"curvature": 30.0, "stiffness_ratio": 0.2}},
+            {"guides": 20, "axial_stiffness": 1e4},
+            "finger.softening",
+            "linearly",
+        ),
+        (
+            {**MOVING, "tendons": PAIR, "damping": {"material": 1e-3, "quadratic": 1e-4}},
+            {"guides": 20, "axial_stiffness": 1e4},
+            "finger.damping.quadratic",
+            "rates",
         ),
         ({**MOVING, "tendons": PAIR}, {"axial_stiffness": 1e4}, "plant.axial_stiffness", "commanded"),
     ],

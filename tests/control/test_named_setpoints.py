@@ -79,11 +79,11 @@ def test_setpoints_of_one_step_leave_the_next_ones_alone(two):
 def test_a_reset_starts_the_course_again_and_a_copy_goes_on_with_it(two):
     named, _ = two
     named.step([0.0, 0.6])
-    named.reference(tip=np.linspace(TIP, 2 * TIP, 16))
+    named.reference(tip=np.linspace(TIP, 0.5 * TIP, 16))
     np.testing.assert_allclose(named.current_setpoints["tip"], TIP)
     named.step([0.0, 0.6])
     copied = copy.deepcopy(named)
-    np.testing.assert_allclose(copied.current_setpoints["tip"], TIP * (1 + 1 / 15))
+    np.testing.assert_allclose(copied.current_setpoints["tip"], TIP * (1 - 0.5 / 15))
     np.testing.assert_array_equal(copied.step([0.0, 0.6]).u, named.step([0.0, 0.6]).u)
     named.reset()
     np.testing.assert_allclose(named.current_setpoints["tip"], TIP)
@@ -99,6 +99,8 @@ def test_a_reset_starts_the_course_again_and_a_copy_goes_on_with_it(two):
         ({"tip": 0.1}, r"tip: expected \(2,\)"),
         ({"tip": np.zeros((16, 3))}, r"got \(16, 3\)"),
         ({"tip": [0.1, math.nan]}, "finite"),
+        ({"tip": 2 * TIP}, "tip: out of reach"),
+        ({"tip": np.linspace(TIP, 2 * TIP, 16)}, r"tip.values\[1\]: out of reach"),
         ({"tip": "far"}, "numbers or a function"),
         ({"input": 0.1, "tip": [0.1]}, "tip"),
     ],

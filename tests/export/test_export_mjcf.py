@@ -369,7 +369,7 @@ def test_along_a_cone_branches_slide_at_the_same_curvature():
     [
         ("hold_mug", {}, "out_of_plane_gravity"),
         ("tendon_step", {"finger.tendons.friction": 0.1}, "finger.tendons"),
-        ("motor_pulley", {"finger.tendons.friction": 0.0}, "finger.tendons.drive: motors"),
+        ("motor_pulley", {"finger.tendons.friction": 0.0}, "finger.tendons.drive.kind: motors"),
         ("tendon_step", {"finger.damping.quadratic": 1e-4}, "finger.damping.quadratic"),
     ],
 )

@@ -238,7 +238,7 @@ def test_known_loads_bend_the_plan():
 @pytest.mark.parametrize(
     ("changes", "texts"),
     [
-        ({"goal": {"tip": (-0.3, 0.3)}}, ["goal out of reach", "the finger 0.3 m long", "goal tip: off by"]),
+        ({"goal": {"tip": (-0.01, 0.29)}}, ["goal out of reach", "nearest tip reached", "goal tip: off by"]),
         (
             {"goal": {"bending": (1.2, 1.0)}, "input": {"moment_max": 0.08}},
             ["input limit", "input.moment_max", "goal bending"],
@@ -263,6 +263,22 @@ def test_goals_out_of_reach_are_named_with_what_stops_them(changes, texts):
     nearest = caught.value.result
     assert nearest.violated
     assert nearest.constraints["motion"].excess < 1e-6
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.999, PlanStatus.GOAL_MISSED), (1.001, PlanStatus.OPTIMAL)])
+@pytest.mark.parametrize("aim", [{"tip": (-0.1, 0.25)}, {"bending": (0.6, 0.2)}])
+def test_goal_that_has_a_weight_is_missed_beyond_its_tolerance(aim, share, status):
+    (name, value), weight = *aim.items(), 1.0
+    loose = plan(two_arcs(goal={name: {"value": value, "weight": weight, "tolerance": 10.0}, "end": "still"}))
+    found = loose.tip[-1] if name == "tip" else loose.bending[-1]
+    error = np.abs(found - value)
+    off = float(np.hypot(*error) if name == "tip" else error.max())
+    goal = {name: {"value": value, "weight": weight, "tolerance": share * off}, "end": "still"}
+    tight = plan(two_arcs(goal=goal))
+    assert loose.status is PlanStatus.OPTIMAL
+    assert tight.status is status
+    assert tight.solved
+    assert any(f"goal {name}: off by {off:.3g}" in text for text in tight.warnings) is (share < 1.0)
 
 
 def test_failure_is_reported_by_the_status_if_that_is_wanted():

@@ -122,3 +122,35 @@ def test_releases_start_alike(grams):
     (hold,) = scene.initial.held_by
     assert hold.at == scene.finger.rod.length
     assert hold.force == pytest.approx((0.0, 0.2 + weight))
+
+
+def _as_booleans(value):
+    """A value as YAML 1.1 reads and writes it, in which the words on and off are booleans."""
+    if isinstance(value, dict):
+        return {key: _as_booleans(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_as_booleans(one) for one in value]
+    return {"on": True, "off": False}.get(value, value) if isinstance(value, str) else value
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_booleans_stand_for_on_and_off_wherever_these_are_choices(kind):
+    def words_alone(node, beside=()):
+        """Enumerations of on or off without a boolean beside them."""
+        if isinstance(node, dict):
+            if {"on", "off"} & {*node.get("enum", ()), node.get("const")} and {"type": "boolean"} not in beside:
+                yield node
+            for key, child in node.items():
+                yield from words_alone(child, node.get("anyOf", ()) if key == "anyOf" else ())
+        elif isinstance(node, list):
+            for child in node:
+                yield from words_alone(child, beside)
+
+    assert not list(words_alone(json_schema(kind)))
+
+
+@pytest.mark.parametrize("name", ["egg", "mug"])
+def test_a_grasp_written_by_a_yaml_1_1_library_is_the_same(name):
+    path = ROOT / "configs" / "grasp" / f"{name}.yaml"
+    changes = {"contacts.middle": ["on", "auto"], "contacts.tip": "on", "fidelity.elements": 6}
+    assert load(path, _as_booleans(changes)) == load(path, changes)

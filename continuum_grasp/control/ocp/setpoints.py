@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.loads import Samples
+from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.simulation.signals import interpolate
 
 Array = NDArray[np.float64]
@@ -66,10 +68,14 @@ class Setpoints:
     """Setpoints over time, in the order of a controller's ``r_names``, which are its ``names``."""
 
     def __init__(
-        self, names: tuple[str, ...], blocks: list[tuple[int, _Given | None]], keys: tuple[str, ...] = ()
+        self,
+        names: tuple[str, ...],
+        blocks: list[tuple[int, _Given | None]],
+        keys: tuple[str, ...] = (),
+        check: Callable[[str, Mapping[str, Any]], None] = lambda key, given: None,
     ) -> None:
         # Terms without a setpoint of their own, which is always zero, have an empty key.
-        self.names, self._blocks, self._keys = names, blocks, keys
+        self.names, self._blocks, self._keys, self._check = names, blocks, keys, check
 
     @property
     def parts(self) -> dict[str, slice]:
@@ -80,7 +86,7 @@ class Setpoints:
     def replaced(self, given: Mapping[str, Any], since: float, stage: float) -> Setpoints:
         """Replace setpoints by name: numbers, a function of time, or rows one stage apart [s] from an instant [s] on.
 
-        ``InputError`` for unknown names, and for what has another number of entries.
+        ``InputError`` for unknown names, for what has another number of entries, and for what is out of reach.
         """
         blocks, keys = list(self._blocks), list(self._keys)
         for key, value in given.items():
@@ -90,7 +96,8 @@ class Setpoints:
             at = keys.index(key)
             width = blocks[at][0]
             blocks[at] = width, _replacement(key, value, width, since, stage)
-        return Setpoints(self.names, blocks, self._keys)
+            self._check("", {key: blocks[at][1]})
+        return Setpoints(self.names, blocks, self._keys, self._check)
 
     def rows(self, times: ArrayLike) -> Array:
         """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
@@ -117,7 +124,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     Raises
     ------
     InputError
-        If a reference has another number of entries than its cost term, or if no term tracks it.
+        If a reference has another number of entries than its cost term or is out of reach, or if no term tracks it.
     """
     given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
     scene = outputs.model.scene
@@ -139,7 +146,16 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
         if size != width:
             raise InputError(f"expected {width} entries, got {size}", key=f"reference.{term.reference}")
         blocks.append((width, value))
-    return Setpoints(outputs.names, blocks, tuple(term.reference for term in outputs.terms))
+    keys, shape = tuple(term.reference for term in outputs.terms), outputs.cost.shape
+    check = partial(
+        check_reach,
+        scene.finger,
+        at=() if shape is None else shape.at,
+        body=scene.surroundings.object if scene.surroundings else None,
+        ranges=outputs.model.system.finger_model.ranges,
+    )
+    check("reference", {key: value for key, (_, value) in zip(keys, blocks, strict=True)})
+    return Setpoints(outputs.names, blocks, keys, check)
 
 
 def _rows(given: _Given | None, width: int, t: Array) -> Array:

@@ -13,12 +13,10 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant import Method, Sensors, choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.casadi_source import generated_c
 from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.fmu.finger import tip_variables
@@ -26,16 +24,21 @@ from continuum_grasp.export.fmu.variable import Count, Group, Unit, Variable
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.source import names_of
 from continuum_grasp.export.template import fill
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RESULT)
 
 
+_UNIT = Consumer(
+    "export-fmu", refused={"plant.guides": "a plant with guides decides its contacts in Python: leave them out"}
+)
+
+
 def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
     """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
+    _UNIT.check(scene)
     model, period = PlantModel(scene), scene.controller.step
-    if isinstance(model.system, ChainSystem):
-        raise InputError("a plant with guides decides its contacts in Python: leave them out", key="plant.guides")
     method = choose_method(model, period)
     sensors = Sensors(scene, model, Prediction(scene), None)
     step = period / method.substeps

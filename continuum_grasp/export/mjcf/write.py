@@ -19,6 +19,7 @@ from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
@@ -35,6 +36,29 @@ _STABLE = 0.5
 """Share of the longest stable step of the straight chain that is written: bends and tensions change its modes."""
 _LONGEST_STEP = 1e-3
 """Of a scene without ``time`` [s]."""
+_CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
+_CHAIN = Consumer(
+    "export-mjcf",
+    refused={
+        "finger.tendons.drive.kind=motor": "motors are not exported, which would be hinges of their own: command "
+        "lengths (kind: length) or tensions",
+        "finger.softening": "the chain's hinges are linear up to their stops: leave it out",
+        "finger.damping.quadratic": "the chain's hinges are damped in proportion to their rates: leave it out, or take "
+        "material",
+        "finger.tendons.friction": "MuJoCo's tendons have the same tension all along: their frictionloss resists the "
+        "motion of a whole tendon, not by its tension at every guide, as the capstan law does; set friction to 0, or "
+        "close loops on a plant with guides, which has that law",
+    },
+    otherwise={
+        "finger.tendons.drive.rate_max": "the winches are as fast as their lag allows",
+        "finger.damping.per_arc": "spread over the hinges of each element, which damps bends within it too",
+        "object": f"{_CONTACT}, with the scene's friction; all links of the finger touch, not its stations",
+        **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("stiffness", "dissipation", "rounding")},
+        **{f"contact_law.{key}": "not taken; MuJoCo has its own creep" for key in ("presliding", "slip_speed")},
+        "table": "its friction acts along x and y apart, and not against turning",
+        "parameters": "they have their nominal values",
+    },
+)
 
 
 @dataclass(frozen=True)
@@ -126,7 +150,12 @@ def export_mjcf(
            [12.,  2.]])
     """
     scene = scene_of(scene)
-    _refuse(scene)
+    listed = _CHAIN.check(scene)
+    if scene.out_of_plane_gravity and scene.table is None:
+        raise InputError(
+            "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
+            key="out_of_plane_gravity",
+        )
     if not 1 <= hinges <= _MOST_HINGES:
         raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
     per_arc = _model(scene).lengths if scene.finger.damping.per_arc else ()
@@ -150,7 +179,7 @@ def export_mjcf(
         longest = min(longest, _STABLE * sliders.longest_step)
     step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
-    differences = tuple(_differences(scene, controls))
+    differences = (*listed, *_differences(scene, controls))
     if sliders is not None:
         differences += (
             f"damping.dry_friction: each branch has a slider that creeps, by which it loses a held moment in about "
@@ -162,34 +191,6 @@ def export_mjcf(
     return chain if file is None else _saved(chain, Path(file), scene)
 
 
-def _refuse(scene: Scene) -> None:
-    """What a chain cannot have."""
-    if scene.out_of_plane_gravity and scene.table is None:
-        raise InputError(
-            "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
-            key="out_of_plane_gravity",
-        )
-    if any(drive.kind == "motor" for drive in scene.finger.winches):
-        raise InputError(
-            "motors are not exported, which would be hinges of their own: command lengths (kind: length) or tensions",
-            key="finger.tendons.drive",
-        )
-    if scene.finger.softening is not None:
-        raise InputError("the chain's hinges are linear up to their stops: leave it out", key="finger.softening")
-    if scene.finger.damping.quadratic:
-        raise InputError(
-            "the chain's hinges are damped in proportion to their rates: leave it out, or take material",
-            key="finger.damping.quadratic",
-        )
-    if scene.finger.has_tendon_friction:
-        raise InputError(
-            "MuJoCo's tendons have the same tension all along: their frictionloss resists the motion of a whole "
-            "tendon, not by its tension at every guide, as the capstan law does; set friction to 0, or close loops on "
-            "a plant with guides, which has that law",
-            key="finger.tendons",
-        )
-
-
 def _differences(scene: Scene, controls: list[Control]) -> list[str]:
     """What the chain does otherwise."""
     found = []
@@ -199,23 +200,10 @@ def _differences(scene: Scene, controls: list[Control]) -> list[str]:
             f"{key}: MuJoCo's filter is of first order; it has twice the time constant of the critically damped one of "
             "second order, which has the same mean delay"
         )
-    if any(drive.kind == "length" and drive.rate_max is not None for drive in scene.finger.winches):
-        found.append("tendons.drive.rate_max: the winches are as fast as their lag allows")
-    if scene.finger.damping.per_arc:
-        found.append("damping.per_arc: spread over the hinges of each element, which damps bends within it too")
     if any(one.varies for one in controls):
         found.append(
             "inputs that vary in time: MJCF has their values at time zero; the rest is in the table of controls"
         )
-    if scene.object is not None:
-        found.append(
-            "contact_law: contacts are MuJoCo's own, as stiff as the step allows, with the scene's friction; all links "
-            "of the finger touch, not its stations"
-        )
-    if scene.table is not None:
-        found.append("table: its friction acts along x and y apart, and not against turning")
-    if scene.parameters:
-        found.append("parameters: they have their nominal values")
     return found
 
 

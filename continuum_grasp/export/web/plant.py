@@ -19,7 +19,6 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
@@ -27,6 +26,7 @@ from continuum_grasp.export.parts.seen import contact_kernel, shape_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import ForceLoad
@@ -232,13 +232,15 @@ def plant_of_scene(given: Scene) -> WebPlant:
     return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, np.array(system.p_nominal), names)
 
 
+_PAGE = Consumer(
+    "export-web",
+    refused={"plant.guides": "a page has no code that integrates a chain of guides: leave it out"},
+)
+
+
 def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[WebPlant, Sensors]:
     """The plant of a closed loop, which its controller drives, and its sensors; ``of`` where it is not the scene's."""
-    if scene.plant.guides is not None:
-        raise InputError(
-            "a chain of guides is integrated by code that a page does not have: leave plant.guides out",
-            key="plant.guides",
-        )
+    _PAGE.check(scene)
     own = of or PlantModel(scene)
     model = PlantModel(
         scene, _pushed(own.scene, own.elements.finger_model.lengths), own.parameters, own.elements.object_parameters

@@ -118,8 +118,8 @@ class BoxMember(_BoxShape, MemberPlace):
 class _PolygonShape(Value):
     shape: Literal["polygon"]
     """A convex polygon with sharp corners."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=64)]
-    """Corners of a convex polygon in order, either way round [m]."""
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
+    """Corners of a convex polygon in order, either way round [m]; a search takes longer with more than a hundred."""
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -144,7 +144,7 @@ class PolygonMember(_PolygonShape, MemberPlace):
 class _RoundedPolygonShape(Value):
     shape: Literal["rounded_polygon"]
     """A convex polygon whose corners are rounded off."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=64)]
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
     """Corners of the sharp convex outline in order, either way round [m]; they are rounded off inside it."""
     corner_radius: Extent
     """Radius of the rounded corners [m]."""

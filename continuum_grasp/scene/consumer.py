@@ -1,0 +1,81 @@
+"""What a verb, an export or a plant does not take of a scene: declared by key, refused or listed in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import BaseModel
+
+from continuum_grasp.errors import InputError
+
+CONSUMERS: dict[str, Consumer] = {}
+"""All declarations by name, in the order of their import."""
+
+
+@dataclass(frozen=True)
+class Consumer:
+    """A declaration of the keys of a scene that something does not take as they are.
+
+    A key is dotted, without indices: it stands for that of each entry of a list or mapping. ``key=word`` is the key
+    with that value alone. A key counts as given where it differs from its default.
+
+    Attributes
+    ----------
+    name : str
+        What it is, as the table in the documentation has it.
+    refused : mapping of str to str
+        By key, why it is an error.
+    otherwise : mapping of str to str
+        By key, what becomes of it instead: listed for the user.
+    """
+
+    name: str
+    refused: Mapping[str, str] = field(default_factory=dict)
+    otherwise: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        CONSUMERS[self.name] = self
+
+    def check(self, scene: BaseModel, at: str = "") -> tuple[str, ...]:
+        """List what becomes of keys that are taken otherwise.
+
+        Parameters
+        ----------
+        scene : Value
+            The scene, or a part of one.
+        at : str
+            Where the part stands in the scene, such as ``finger``; keys are those of the scene.
+
+        Raises
+        ------
+        InputError
+            With the key of the first that is refused.
+        """
+        head = f"{at}." if at else ""
+        for key, why in self.refused.items():
+            if key.startswith(head) and (found := next(_given(scene, key.removeprefix(head)), None)):
+                raise InputError(why, key=f"{head}{found}")
+        return tuple(
+            f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(scene, key.removeprefix(head)))
+        )
+
+
+def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
+    """Places in a scene where a key is given."""
+    path, _, word = key.partition("=")
+    name, _, rest = path.partition(".")
+    if isinstance(value, tuple | list):
+        for k, one in enumerate(value):
+            yield from _given(one, key, f"{where}[{k}]")
+    elif isinstance(value, Mapping):
+        for label, one in value.items():
+            yield from _given(one, key, f"{where}.{label}")
+    elif isinstance(value, BaseModel) and name in type(value).model_fields:
+        one, here = getattr(value, name), f"{where}.{name}".removeprefix(".")
+        default = type(value).model_fields[name].get_default(call_default_factory=True, validated_data={})
+        if rest:
+            yield from _given(one, rest + (f"={word}" if word else ""), here)
+        elif one == word if word else one != default and one is not None:
+            yield here

@@ -1,0 +1,92 @@
+"""Goals and setpoints out of reach: refused with key, value and reach, and none that a bent finger can meet."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+LENGTH = 0.18
+BASE = "finger={extends: ../fingers/hand_finger.yaml, base: {position: [1.0, 2.0], angle: 0.5}}"
+
+
+def around(share: float, reach: float = LENGTH, angle: float = 2.2) -> list[float]:
+    """A point at a share of a reach from the base that is not in the origin [m]."""
+    return [1.0 + share * reach * math.cos(angle), 2.0 + share * reach * math.sin(angle)]
+
+
+def at(share: float) -> dict[str, tuple[str, list[str], str]]:
+    """Scenes, changes and the key at fault, with points at a share of what can be reached."""
+    tip, near = around(share), around(0.3)
+    half = around(share, 0.5 * LENGTH)
+    shape = "controller.cost={shape: {at: [0.09, 0.18], running: 1.0}, effort: 1.0}"
+    return {
+        "tip": ("mpc/steady_tip.yaml", [BASE, f"reference.tip={tip}"], "reference.tip:"),
+        "waypoint": (
+            "mpc/steady_tip.yaml",
+            [BASE, f"reference.tip={{times: [0, 1, 2], values: [{near}, {tip}, {near}]}}"],
+            "reference.tip.values[1]:",
+        ),
+        "center": (
+            "mpc/steady_tip.yaml",
+            [BASE, f"reference.tip={{center: {tip}, radius: 1e-9, frequency: 1}}"],
+            "reference.tip.center:",
+        ),
+        "shape": ("mpc/steady_tip.yaml", [BASE, shape, f"reference={{shape: {half + near}}}"], "reference.shape:"),
+        "goal": ("plan/tip_to_point.yaml", [BASE, f"goal.tip={tip}"], "goal.tip:"),
+        "weighted goal": ("plan/tip_to_point.yaml", [BASE, f"goal.tip.value={tip}"], "goal.tip:"),
+        "goal shape": (
+            "plan/tip_to_point.yaml",
+            [BASE, f"goal={{shape: {{at: [0.09, 0.18], value: [{half}, {near}]}}}}"],
+            "goal.shape:",
+        ),
+    }
+
+
+@pytest.mark.parametrize("kind", list(at(1.0)))
+def test_points_beyond_the_length_are_refused_with_their_key(kind):
+    file, changes, key = at(1.001)[kind]
+    with pytest.raises(InputError, match="out of reach") as caught:
+        cg.load(CONFIGS / file, changes)
+    assert key in str(caught.value)
+    assert f"expected {0.5 * LENGTH if 'shape' in kind else LENGTH:g} m at most" in str(caught.value)
+    file, changes, _ = at(0.999)[kind]
+    assert isinstance(cg.load(CONFIGS / file, changes), BaseModel)
+
+
+def test_file_and_line_of_a_goal_out_of_reach(tmp_path):
+    text = (CONFIGS / "plan" / "tip_to_point.yaml").read_text().replace("[-0.128, 0.077]", "[1.0, 1.0]")
+    file = tmp_path / "far.yaml"
+    file.write_text(text.replace("../fingers", str(CONFIGS / "fingers")))
+    line = 1 + next(k for k, row in enumerate(text.splitlines()) if "value: [1.0" in row)
+    with pytest.raises(InputError, match=r"\(1, 1\) m is 1.414 m from the finger's base, expected 0.18 m") as caught:
+        cg.load(file)
+    assert (caught.value.file, caught.value.line, caught.value.key) == (str(file), line, "goal.tip")
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_circle_that_leaves_the_reach_is_a_warning(share, recwarn):
+    radius = share * LENGTH - 0.1
+    cg.load(
+        CONFIGS / "mpc" / "steady_tip.yaml",
+        [f"reference.tip={{center: [0.0, 0.1], radius: {radius}, frequency: 1, phase: 0.1}}"],
+    )
+    assert any("out of its reach of 0.18 m" in str(one.message) for one in recwarn) is (share > 1.0)
+
+
+def test_an_object_is_touched_as_far_as_its_outline_is_from_the_tip():
+    """A disc of radius R touches the end of a straight finger of half thickness h at L + h + R from the base."""
+    changes = ["controller.cost.object_position=1.0", "reference.object_position=[0.0, 0.1]"]
+    scene = cg.load(CONFIGS / "mpc" / "turn_bar.yaml", changes)
+    body, finger = scene.object, scene.finger
+    reach = finger.rod.length + finger.thickness_radius + max(part.extent for part in body.parts)
+    x, y = finger.base.position
+    with pytest.raises(InputError, match=r"reference.object_position: out of reach"):
+        scene.changed({"reference.object_position": [x, y + 1.001 * reach]})
+    scene.changed({"reference.object_position": [x, y + 0.999 * reach]})
