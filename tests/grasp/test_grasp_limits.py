@@ -233,7 +233,8 @@ FINGERS = [
      changed_finger(disc(), tendons=Tendons(offset=ARM, max_tension=60.0, min_tension=2.0)),
      put("finger.tensions", slice(None), (5.0, 2.0), (0.0, -60e-6))),
     *(("tendon tension, finger", changed_finger(disc(), tendons_used=used),
-       put("finger.tensions", k, 0.0, sign * 60e-6)) for used, k in (("left", 1), ("right", 0)) for sign in (1.0, -1.0)),
+       put("finger.tensions", k, 0.0, sign * 60e-6))
+      for used, k in (("left", 1), ("right", 0)) for sign in (1.0, -1.0)),
     *both("element lengths, finger", disc(), "finger.lengths", 0, 1e-6 * L),
     ("element lengths, finger", disc(), short_element),
     *(("position along the finger, finger.middle", cases.wrapped_disc,
