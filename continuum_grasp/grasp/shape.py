@@ -57,8 +57,8 @@ class FingerShape:
 
     @property
     def complete(self) -> bool:
-        """Whether the coordinates make all moments that are polynomials of their degree on each element: any, or all that
-        are continuous from element to element. With fewer, less than the balance of the family would be balanced.
+        """Whether the coordinates span all moments that are polynomials of their degree on each element, or all of
+        these that are continuous from element to element. Balanced along fewer coordinates, a finger is not in balance.
         """
         elements, places, size = self._shapes.shape
         moments = self._stiffness[..., None] * self._shapes
