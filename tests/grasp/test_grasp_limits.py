@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.optimize import brentq
 
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.check import Check
 from continuum_grasp.grasp.certificate.model_error import ModelError
 from continuum_grasp.grasp.certificate.state_search import StateSearch
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
@@ -92,6 +94,12 @@ def palm_at(amount):
     return change
 
 
+def on_longer_line():
+    """A box beside the middle of the line that it stands on."""
+    scene, arrays = cases.box_on_line()
+    return scene.replaced(supports={"table": Line(type="line", start=(-0.05, 0.0), end=(0.07, 0.0))}), arrays
+
+
 def slid(sign):
     """The disc slides along the finger at a middle contact by what a normal may be off, seen from the distance L."""
 
@@ -137,8 +145,8 @@ CONTACTS = [
     # A tip without thickness has the normal that is stored: turned, it meets the disc beside the tip.
     *both("contact normal, finger.tip", disc(half=0.0), "contact_normals", (0, 0), 1e-6 * (L + R) / R),
     ("contact inside another part, finger.tip", cases.union_on_palm, of_case(touched_beside)),
-    *(("within the line, table.1", cases.box_on_line,
-       put("contact_positions", (1, 0), sign * 0.05, sign * 2e-6 * L)) for sign in (1.0, -1.0)),
+    *(("within the line, table.1", on_longer_line, put("contact_positions", (1, 0), end, sign * 2e-6 * L))
+      for end, sign in ((-0.05, -1.0), (0.07, 1.0))),
 ]  # fmt: skip
 
 # -- fingers and object -----------------------------------------------------------------------------------------------
@@ -196,6 +204,16 @@ def turned_back(scene, arrays, part):
     return scene, arrays
 
 
+def other_end(end, sign):
+    """A stored backbone that begins or ends elsewhere, with places that are right."""
+
+    def change(scene, arrays, part):
+        arrays["finger.backbone"][end, [0, 2]] += sign * part * 1e-6 * L
+        return scene, arrays
+
+    return change
+
+
 def short_element(scene, arrays, part):
     arrays["finger.lengths"][:] = L * (2.0 - part) * 1e-9, L * (1.0 - (2.0 - part) * 1e-9)
     return scene, arrays
@@ -221,6 +239,7 @@ FINGERS = [
     *both("stored backbone, finger", disc(), "finger.backbone", (0, 0), 1e-6 * L),
     *both("stored backbone, finger", disc(), "finger.backbone", (30, 3), 1e-6),
     ("stored backbone, finger", disc(), turned_back),
+    *(("stored backbone, finger", disc(), other_end(end, sign)) for end, sign in ((0, 1.0), (60, 1.0), (60, -1.0))),
     *both("stored tip curvature, finger", disc(family="arc"), "finger.tip_curvature", (), 1e-6 / L),
     *(row for k, unit in ((0, L), (1, L), (2, 1.0)) for row in
       both("base, finger", disc(), "finger.base", k, 1e-6 * unit)),
@@ -306,6 +325,14 @@ def crossed(part):
     return far(supports={"wall": line}, fingers={"finger": cases.make_finger(half=0.0)})
 
 
+def beside_bent(part):
+    """A peg beside the middle of an arc about (-1 / k, 0)."""
+    curve = 5.0
+    turn, reach = 0.5 * L * curve, 1.0 / curve + HALF + 0.01 - part * DEEP
+    peg = Point(type="point", position=(reach * math.cos(turn) - 1.0 / curve, reach * math.sin(turn)), radius=0.01)
+    return far(supports={"wall": peg}, values={"finger": {"q": (turn, turn)}}, family="arc")
+
+
 def sunk(body, support):
     """An object that touches a support, sunk into it by what is stored of its pose."""
 
@@ -342,6 +369,7 @@ CLEARANCE = [(check, None, of_case(build)) for check, build in (
     ("penetration into wall, finger", crossed),
     ("penetration into wall, finger", below(  # between two samples
         lambda part: Point(type="point", position=(HALF + 0.01 - part * DEEP, 0.1 + L / 1600), radius=0.01))),
+    ("penetration into wall, finger", beside_bent),
     *(("penetration of the object into rest", sunk(body, support)) for body, support in (
         (above(0.0), Palm(point=(9.0, 0.0), normal_angle=0.5 * math.pi)),
         (above(0.0), REST),
@@ -392,12 +420,17 @@ def held(*args, **more):
     return build
 
 
-def pinched_disc():
+def pinched_disc(**free):
     """Two fingers alone hold a disc, which may yield."""
-    scene, arrays = cases.pinched_box(
-        at=0.0, family="arc", body=lambda values: Circle(shape="circle", diameter=0.06, **values)
+    return lambda: cases.pinched_box(
+        at=0.0, family="arc", body=lambda values: Circle(shape="circle", diameter=0.06, **values | free)
     )
-    return scene, arrays
+
+
+def free_on_palm():
+    """An object whose pose is chosen yields beside a support, too."""
+    scene, arrays = cases.squeezed_disc(radius=R, mass=MASS, press=PRESS, family="arc")
+    return scene.replaced(object=scene.object.replaced(free=Freedom(angle=(-1.0, 1.0)))), arrays
 
 
 def slipping(scene, arrays, part):
@@ -418,7 +451,9 @@ DRIVES = [
     (POSTURE, held(), slipping),
     *(row for k, unit in ((0, R), (1, R), (2, 1.0)) for row in both(POSTURE, held(), "object.pose", k, 1e-6 * unit)),
     *(row for k, unit in ((0, 0.03), (1, 0.03), (2, 1.0)) for row in
-      both(POSTURE, held(case=pinched_disc), "object.pose", k, 0.1 * unit)),
+      both(POSTURE, held(case=pinched_disc()), "object.pose", k, 0.1 * unit)),
+    *(row for case in (pinched_disc(free=None), free_on_palm) for row in
+      both(POSTURE, held(case=case), "object.pose", 2, 0.1)),
     *(row for drive in (None, WINCH, MOTOR) for row in both(POSTURE, held(drive), "finger.tensions", 1, 60e-6)),
     # A servo lets the cable yield by r^2 / k beside the compliance C of 50 um/N.
     *both(POSTURE, held(SERVO), "finger.tensions", 0, 60e-6 / (1.0 + 0.008**2 / 2.0 / 5e-5)),
@@ -488,7 +523,14 @@ def test_a_grasp_is_stable_up_to_the_limit(case):
     for part in (0.999, 1.001):
         certificate = certify(*case(part))
         assert certificate.stability.stable is (part < 1.0)
-        assert replace(certificate, checks=()).acceptable is (part < 1.0)
+        # Whatever else of a hand-made grasp fails.
+        certificate = replace(certificate, checks=())
+        assert certificate.acceptable is (part < 1.0)
+        assert not replace(certificate, checks=(Check("other", 1.001, 1.0),)).acceptable
+        assert not replace(certificate, grasp=None).acceptable
+        grasp = copy(certificate.grasp)
+        grasp.scene = grasp.scene.replaced(stability="ignore")
+        assert replace(certificate, grasp=grasp).acceptable
 
 
 def test_what_a_model_leaves_out_is_small_up_to_half_a_percent_of_the_shortest_finger():
@@ -509,3 +551,19 @@ def test_the_bound_proves_from_a_millionth_above_the_limit_on():
     for part in (0.999, 1.001):
         most = 9.81 * MASS / (1.0 + part * 1e-6)
         assert cannot_balance(scene.changed({"contacts.normal_force_max": most})) is (part > 1.0)
+
+
+@pytest.mark.parametrize(
+    ("case", "changes", "check"),
+    [
+        (cases.squeezed_disc, {"gravity.tilt": "ignore"}, "object tilt balance"),
+        (cases.two_fingers_below, {"overlap": "allow"}, "overlap of fingers, left, right"),
+        (driven(MOTOR), {"finger.tendons": {"offset": ARM, "max_tension": 60.0}}, "torque, finger"),
+        (cases.wrapped_disc, {"gravity": cases.PLANAR}, "object tilt balance"),
+        (cases.squeezed_disc, {"gravity": cases.PLANAR}, "object tilt balance"),
+    ],
+)
+def test_what_a_scene_does_not_ask_for_is_not_checked(case, changes, check):
+    scene, arrays = case()
+    assert check in {one.name for one in certify(scene, arrays).checks}
+    assert check not in {one.name for one in certify(scene.changed(changes), arrays).checks}

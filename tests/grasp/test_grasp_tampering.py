@@ -38,6 +38,13 @@ def changed(**more):
     return lambda arrays: arrays | {key.replace("__", "."): value for key, value in more.items()}
 
 
+def shaped_alike(arrays):
+    """A posture with two coordinates that are one."""
+    shapes = arrays["held.a.curvature_shapes"].copy()
+    shapes[0, ..., 1] = shapes[0, ..., 0]
+    return arrays | {"held.a.curvature_shapes": shapes}
+
+
 @pytest.mark.parametrize("case", [held(), held(MOTOR), held(MOTOR.replaced(**ONE)), two_frictional])
 def test_what_is_whole_passes(case):
     scene, arrays = case()
@@ -62,6 +69,11 @@ def test_what_is_whole_passes(case):
         (with_rows((slice(None), slice(0, 3)), "held.a.friction_states"), STATES),
         (changed(held__a__other=np.zeros(4)), STATES),
         (changed(held__object__pose=np.array(["a", "b", "c", "d"])), STATES),
+        (with_rows((slice(None), 0), "held.contact_names"), STATES),
+        (changed(held__a__q=np.full((4, 3), np.nan)), "held with friction states, 1"),
+        (shaped_alike, "held with friction states, 1"),
+        # A finger that bends to and fro was pulled otherwise along its parts.
+        (changed(a__q=np.array([0.2, 0.2, -0.3])), WAYS),
         # One way in which two fingers were pulled and released.
         *((with_rows([k for k in range(4) if k != gone], "held."), WAYS) for gone in range(4)),
         # Friction states of fingers that were pulled follow from their shape.
@@ -74,6 +86,24 @@ def test_what_is_whole_passes(case):
 def test_what_friction_states_need_is_there(weaken, check):
     scene, arrays = two_frictional()
     assert set(check.split("|")) & failed(scene, weaken(arrays))
+
+
+REACHED = [key for key in cases.squeezed_disc()[1] if key != "finger.family"]
+
+
+@pytest.mark.parametrize("key", REACHED)
+def test_every_stored_array_is_needed_as_it_is(key):
+    scene, arrays = cases.squeezed_disc(family="clothoid")
+    value = np.asarray(arrays[key])
+    shorter = value[..., :-1] if value.ndim else np.zeros(1)
+    flat = value[:1] if key == "finger.backbone" else np.ravel(value)[None]
+    for other in ("words", shorter, flat):
+        assert MISSING in failed(scene, arrays | {key: other})
+    assert MISSING in failed(scene, {one: value for one, value in arrays.items() if one != key})
+    if value.dtype.kind == "f" and key != "contact_stations":
+        value = value.copy()
+        value[(0,) * value.ndim] = np.nan
+        assert "numbers that are not finite" in failed(scene, arrays | {key: value})
 
 
 @pytest.mark.parametrize("order", [[1, 0, 2, 3], [3, 2, 1, 0]])

@@ -308,7 +308,6 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
     points, angles = finger.rod.at(finger.curvature, s)
     off = worst(
-        float(np.abs(stored[:, 0] - s).max()) / length,
         abs(stored[0, 0]) / length,
         abs(stored[-1, 0] / length - 1.0),
         -float(np.diff(stored[:, 0]).min()) / length,  # stations must increase
@@ -344,11 +343,10 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
             (low, high), at = bounds[contact.name], finger.joint_position(contact.joint)
             over_length = worst(low - at, at - high) / length
             yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
-    # Curvatures where they may be greatest: at ends of panels, on both sides, and densely between.
-    places = (finger.rod.edges, False), (finger.rod.edges, True), (finger.rod.nodes, False)
-    allowed, depth = finger.finger.strain_limit, finger.profile.half_depth
+    allowed, depth, s = finger.finger.strain_limit, finger.profile.half_depth, finger.rod.edges
     if allowed is not None and depth is not None:
-        strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for s, side in places]
+        # Where the curvature may be greatest: densely, on both sides of every end of a panel.
+        strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for side in (False, True)]
         value = float(np.max(np.concatenate(strains))) / allowed - 1
         yield Check(f"bending strain, {finger.name}", value, LIMIT, "1", f"{allowed:.4g}")
     bends = float(np.abs(finger.lengths[:, None] * finger.shape.curvatures).max())
