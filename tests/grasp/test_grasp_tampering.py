@@ -73,7 +73,7 @@ def test_what_is_whole_passes(case):
         (changed(held__a__q=np.full((4, 3), np.nan)), "held with friction states, 1"),
         (shaped_alike, "held with friction states, 1"),
         # A finger that bends to and fro was pulled otherwise along its parts.
-        (changed(a__q=np.array([9.0, 9.0, -9.0, -9.0])), WAYS),
+        (changed(a__q=np.array([9.0, 9.0, -4.0, -4.0])), WAYS),
         # One way in which two fingers were pulled and released.
         *((with_rows([k for k in range(4) if k != gone], "held."), WAYS) for gone in range(4)),
         # Friction states of fingers that were pulled follow from their shape.
