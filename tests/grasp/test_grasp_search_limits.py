@@ -16,8 +16,8 @@ from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 
 TENSION, MOST = 10.0, 60.0
-NONE = 1e-4 * 2 * MOST
-"""Tension of both tendons together that counts as none [N]: 1e-4 of the greatest of the finger."""
+NONE = 1e-4 * MOST
+"""Tension that counts as none [N]: 1e-4 of the greatest of the finger."""
 
 
 class Grasp(SimpleNamespace):
