@@ -488,7 +488,7 @@ def resting(support, body, com, **more):
 
 
 def steadied(part):
-    """A disc with a high center of mass is kept from rolling by a tip beside it, if that presses."""
+    """A disc with a high center of mass does not roll past a tip beside it, if that presses."""
     scene, arrays = far(
         Circle(shape="circle", diameter=2 * R, mass=MASS, position=(0.0, 0.0), center_of_mass=(0.0, 0.01)),
         {"rest": Palm(point=(0.0, -R), normal_angle=0.5 * math.pi)},

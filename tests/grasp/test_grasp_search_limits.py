@@ -75,7 +75,7 @@ def unsolved(imbalance, elements):
     return bool(starts)
 
 
-def kept(tension):
+def keeps(tension):
     search, _ = searching(found := grasp(tension))
     return search._keeps_promise(found, Basin(start(estimate=TENSION)))
 
@@ -93,7 +93,7 @@ LIMITS = [
      lambda e: searching(grasp())[0].is_open(Basin(start(estimate=e)))),
     ("tension of a start that is worth a try", 1.5 * TENSION,
      lambda t: searching(grasp())[0]._promises(start(tensions=(0.5 * t, 0.5 * t)))),
-    ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, kept),
+    ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, keeps),
     ("imbalance of a basin", 0.01, lambda off: unsolved(off, 2)),
     ("imbalance of a basin of more elements", 0.06, lambda off: unsolved(off, 3)),
     ("press above what is proven", 1.0 + 1e-3, proven),
