@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
-from continuum_grasp.grasp.certificate.certificate import Certificate, certify
+from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.exploration import Basin, Exploration
 from continuum_grasp.grasp.faces import neighbors
 from continuum_grasp.grasp.modes import contact_modes
@@ -415,7 +415,7 @@ class Search:
         if not np.isfinite(attempt.x).all():
             return None
         arrays = solver.arrays(self.scene, attempt)
-        found = Tried(attempt, solver, arrays, certify(self.scene, arrays))
+        found = Tried(attempt, solver, arrays, certify_reached(self.scene, arrays))
         self.tried.append(found)
         if found.certificate.passed:
             self.good.append(found)

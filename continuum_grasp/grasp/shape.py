@@ -44,7 +44,8 @@ class FingerShape:
             stored(key) for key in ("lengths", "q", "tip_curvature", "curvature_shapes")
         )
         self.joints = np.concatenate([[0.0], np.cumsum(self.lengths)])
-        self.matches_tip = FAMILIES[setup.family].matches_tip
+        self._family = FAMILIES[setup.family]
+        self.matches_tip = self._family.matches_tip
         self.amplitudes = self.of_channels(stored("tensions"))
         # Only the difference to what is linear on each element matters: none for tendons of constant offset to the tip.
         self._inside = [
@@ -53,6 +54,19 @@ class FingerShape:
             if self.matches_tip and channel.shape.constant is None
         ]
         self._stiffness = self._at_places(self.profile.bending_stiffness)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the coordinates span all moments that are polynomials of their degree on each element, or all of
+        these that are continuous from element to element. Balanced along fewer coordinates, a finger is not in balance.
+        """
+        elements, places, size = self._shapes.shape
+        moments = self._stiffness[..., None] * self._shapes
+        jumps = np.abs(moments[1:, 0] - moments[:-1, -1]).max(initial=0.0)
+        continuous = places > 1 and jumps < 1e-6 * np.abs(moments).max()  # rounding: otherwise one is as large as all
+        needed = elements * (places - 1) + 1 if continuous else elements * places
+        spanned = np.linalg.matrix_rank(self._shapes.reshape(-1, size))
+        return bool(size == spanned == needed and (places == 1) is self._family.even)
 
     @property
     def spread(self) -> Array:

@@ -10,7 +10,7 @@ heights.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations
 from typing import Any
@@ -32,7 +32,13 @@ from continuum_grasp.grasp.certificate.check import (
 )
 from continuum_grasp.grasp.certificate.held import held_checks, searched
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
-from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp, gravity_vector
+from continuum_grasp.grasp.certificate.recomputed import (
+    OF_CONTACTS,
+    OF_FINGER,
+    RecomputedFinger,
+    RecomputedGrasp,
+    gravity_vector,
+)
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
 from continuum_grasp.grasp.certificate.state_search import StateSearch
 from continuum_grasp.scene.families import FAMILIES
@@ -58,7 +64,7 @@ class Certificate(Summarized):
     grasp : RecomputedGrasp or None
         What was recomputed; None where the stored numbers are no grasp.
     states : int
-        Number of sets of friction states with which it was verified, beside those of pulled and released fingers.
+        Number of sets of friction states with which it was verified.
     search : StateSearch or None
         The certificate's own search for worse friction states; None where none matter.
 
@@ -186,24 +192,38 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any], *, search: bool = True
     >>> [check.name for check in changed.failed]
     ['finger equilibrium, finger']
     """
+    reached = certify_reached(scene, arrays)
+    grasp = reached.grasp
+    if grasp is None:
+        return reached
+    with np.errstate(all="ignore"):
+        recompute = partial(_recomputed, scene, reached=False)
+        states = tuple(held_checks(grasp, arrays, recompute))
+        # Where what is stored does not hold, nothing need be searched.
+        ok = search and all(check.passed for check in (*reached.checks, *states))
+        own = searched(grasp, arrays, recompute) if ok else None
+    found = () if own is None else (own.check(),)
+    # The first three are of all states together.
+    return replace(reached, checks=(*reached.checks, *states, *found), states=max(len(states) - 3, 0), search=own)
+
+
+def certify_reached(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
+    """Verify a grasp as it is reached alone: what a search has before postures of other friction states are sought."""
     with np.errstate(all="ignore"):
         checks, grasp = _recomputed(scene, arrays)
-        if grasp is None:
-            return Certificate(tuple(checks))
-        states = list(held_checks(grasp, arrays, partial(_recomputed, scene)))
-        # Where what is stored does not hold, nothing need be searched.
-        ok = all(check.passed for check in (*checks, *states))
-        own = searched(grasp, arrays, partial(_recomputed, scene)) if ok and search else None
-        margins = {c.name: c.friction_margin for c in grasp.contacts if c.friction > 0.0}
-    found = () if own is None else (own.check(),)
-    return Certificate((*checks, *states, *found), margins, grasp, max(len(states) - 2, 0), own)
+        contacts = () if grasp is None else grasp.contacts
+        return Certificate(tuple(checks), {c.name: c.friction_margin for c in contacts if c.friction > 0.0}, grasp)
 
 
-def _recomputed(scene: GraspScene, arrays: Mapping[str, Any]) -> tuple[list[Check], RecomputedGrasp | None]:
-    """All checks of one posture, and what they are made of; None where that cannot be computed."""
+def _recomputed(
+    scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool = True
+) -> tuple[list[Check], RecomputedGrasp | None]:
+    """All checks of one posture, and what they are made of; None where that cannot be computed. ``reached``: fingers
+    were pulled, so that no friction states are stored.
+    """
     checks = [
         Check("numbers that are not finite", float(_not_finite(scene, arrays)), 0.0),
-        Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays)), 0.0),
+        Check("stored arrays that are missing or do not fit", float(_misfits(scene, arrays, reached=reached)), 0.0),
     ]
     # What is wrong here stops the rest.
     if not all(check.passed for check in checks):
@@ -220,14 +240,13 @@ def _recomputed(scene: GraspScene, arrays: Mapping[str, Any]) -> tuple[list[Chec
 
 def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
     """How many of the numbers of a grasp are NaN or infinite; the stations of supports are NaN by right."""
-    of_fingers = ("q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone")
-    names = [f"{setup.name}.{name}" for setup in scene.setups for name in of_fingers]
-    names += ["object.pose", "contact_positions", "contact_normals", "contact_forces", "contact_parts"]
+    names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
+    names += ["object.pose", *(key for key in OF_CONTACTS if key not in ("contact_names", "contact_stations"))]
     found = [_numbers(arrays.get(name, 0.0)) for name in names]
     return sum(int((~np.isfinite(values)).sum()) for values in found if values is not None)
 
 
-def _misfits(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
+def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> int:
     """How many of the arrays are missing, misshapen or of another family than the scene's."""
 
     def shape(name: str) -> tuple[int, ...] | None:
@@ -253,7 +272,7 @@ def _misfits(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
         coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
         expected |= {f"{own}q": (coordinates,), f"{own}lengths": (n,), f"{own}tip_curvature": ()}
         expected |= {f"{own}tensions": (2,), f"{own}base": (3,)}
-        wrong += [str(arrays.get(f"{own}family")) != setup.family]
+        wrong += [str(arrays.get(f"{own}family")) != setup.family, reached and f"{own}friction_states" in arrays]
         wrong += [len(shapes) != 3 or shapes[0] != n or 0 in shapes]
         wrong += [backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4]
     return sum(wrong) + sum(shape(name) != wanted for name, wanted in expected.items())
@@ -284,11 +303,11 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
 
 
 def _storage(finger: RecomputedFinger) -> Iterator[Check]:
+    yield Check(f"curvature shapes that do not span the family, {finger.name}", float(not finger.shape.complete), 0.0)
     stored, length = finger.stored_backbone, finger.length
     s = np.clip(stored[:, 0], 0.0, finger.rod.joints[-1])
     points, angles = finger.rod.at(finger.curvature, s)
     off = worst(
-        float(np.abs(stored[:, 0] - s).max()) / length,
         abs(stored[0, 0]) / length,
         abs(stored[-1, 0] / length - 1.0),
         -float(np.diff(stored[:, 0]).min()) / length,  # stations must increase
@@ -324,11 +343,10 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
             (low, high), at = bounds[contact.name], finger.joint_position(contact.joint)
             over_length = worst(low - at, at - high) / length
             yield Check(f"position along the finger, {contact.name}", over_length, LIMIT, "1", f"{length:.4g} m")
-    # Curvatures where they may be greatest: at ends of panels, on both sides, and densely between.
-    places = (finger.rod.edges, False), (finger.rod.edges, True), (finger.rod.nodes, False)
-    allowed, depth = finger.finger.strain_limit, finger.profile.half_depth
+    allowed, depth, s = finger.finger.strain_limit, finger.profile.half_depth, finger.rod.edges
     if allowed is not None and depth is not None:
-        strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for s, side in places]
+        # Where the curvature may be greatest: densely, on both sides of every end of a panel.
+        strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for side in (False, True)]
         value = float(np.max(np.concatenate(strains))) / allowed - 1
         yield Check(f"bending strain, {finger.name}", value, LIMIT, "1", f"{allowed:.4g}")
     bends = float(np.abs(finger.lengths[:, None] * finger.shape.curvatures).max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.check import CONES, LIMIT, Check, worst
 from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.certificate.postures import YIELDS
-from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.state_search import StateSearch, search_states
 
 Array = NDArray[Any]
@@ -20,16 +21,22 @@ Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | N
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:
     """The checks of what is stored with ``held.`` before its name, one for each set of friction states."""
-    given = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
-    if not given:
+    given, frictional = _given(grasp, arrays), _frictional(grasp)
+    if not given and not grasp.scene.state_columns:
         return
-    frictional = [finger for finger in grasp.fingers if finger.setup.friction_states]
+    wrong = _misfits(grasp, given)
+    yield Check("arrays of friction states that are missing or do not fit", float(wrong), 0.0)
+    if wrong:
+        return
     states = np.concatenate([given[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
     yield Check("friction states within their range", float(np.abs(states).max() - 1.0), LIMIT)
-    slid = np.concatenate([pulled_states(finger.setup, finger.shape) for finger in frictional])
-    pulled = np.where(slid < 0.0, -1.0, 1.0)
-    missing = [not (states == way * pulled).all(axis=1).any() for way in (1.0, -1.0)]
-    yield Check("pulled and released fingers that are not among the friction states", float(sum(missing)), 0.0)
+    pulled = [np.where(pulled_states(f.setup, f.shape) < 0.0, -1.0, 1.0) for f in frictional]
+    ways = (
+        np.concatenate([w * own for w, own in zip(way, pulled, strict=True)])
+        for way in product((1.0, -1.0), repeat=len(pulled))
+    )
+    missing = sum(not (states == way).all(axis=1).any() for way in ways)
+    yield Check("pulled and released fingers that are not among the friction states", float(missing), 0.0)
     for k, (_, own) in enumerate(held_postures(grasp, arrays)):
         value = worst(*_parts(grasp, own, recompute).values())
         yield Check(f"held with friction states, {k + 1}", value, 1.0, "1", "limits")
@@ -37,15 +44,36 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
 
 def held_postures(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> Iterator[tuple[Array, Mapping[str, Any]]]:
     """Sets of friction states (K,) that are stored, and the arrays of their postures."""
-    given = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
-    reached = {key: value for key, value in arrays.items() if not key.startswith("held.")}
-    names = [finger.name for finger in grasp.fingers if finger.setup.friction_states]
+    given = _given(grasp, arrays)
     for k in range(len(given["object.pose"]) if given else 0):
-        own = {**reached, **{key: value[k] for key, value in given.items()}}
+        own = {**arrays, **{key: value[k] for key, value in given.items()}}
         # Contacts without a name are clear here, as the penetrations show.
         on = own["contact_names"] != ""
-        own |= {key: value[on] for key, value in own.items() if key.startswith("contact_")}
-        yield np.concatenate([own[f"{name}.friction_states"] for name in names]), own
+        own |= {key: own[key][on] for key in OF_CONTACTS}
+        yield np.concatenate([own[f"{finger.name}.friction_states"] for finger in _frictional(grasp)]), own
+
+
+def _given(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> dict[str, Array]:
+    """What is stored with ``held.`` before its name, without it; a finger may have that name."""
+    reached = {f"held.{key}" for key in (*OF_FINGER, "family") if "held" in grasp.scene.named_fingers}
+    held = (key for key in arrays if key.startswith("held.") and key not in reached)
+    return {key.removeprefix("held."): np.asarray(arrays[key]) for key in held}
+
+
+def _frictional(grasp: RecomputedGrasp) -> list[RecomputedFinger]:
+    return [finger for finger in grasp.fingers if finger.setup.friction_states]
+
+
+def _misfits(grasp: RecomputedGrasp, given: Mapping[str, Array]) -> int:
+    """How many arrays of postures are missing, unknown, or of another number of postures, contacts or states."""
+    names = given.get("contact_names", np.zeros(0))
+    count = {f"{finger.name}.friction_states": finger.setup.friction_states for finger in _frictional(grasp)}
+    expected = {"object.pose", *OF_CONTACTS, *count, *(f"{f.name}.{key}" for f in grasp.fingers for key in OF_FINGER)}
+    wrong = len(expected ^ given.keys()) + (names.ndim != 2 or 0 in names.shape or not count)
+    for key, value in given.items():
+        shared = names.shape if key in OF_CONTACTS else (*names.shape[:1], *([count[key]] if key in count else ()))
+        wrong += value.shape[: len(shared)] != shared or (key != "contact_names" and value.dtype.kind not in "fiub")
+    return wrong
 
 
 def searched(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> StateSearch | None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import CONES, Check
 from continuum_grasp.grasp.certificate.postures import Posture, Postures
-from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp, known_contacts
+from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, RecomputedGrasp, known_contacts
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 
 Array = NDArray[Any]
@@ -290,7 +290,7 @@ class _Search:
 
 def _without(arrays: Arrays, contact: int) -> dict[str, Array]:
     """A posture's arrays without one of its contacts."""
-    return {k: np.delete(v, contact, axis=0) if k.startswith("contact_") else v for k, v in arrays.items()}
+    return {k: np.delete(v, contact, axis=0) if k in OF_CONTACTS else v for k, v in arrays.items()}
 
 
 def _with(arrays: Arrays, name: str, point: Array, normal: Array, at: float, part: int) -> dict[str, Array]:

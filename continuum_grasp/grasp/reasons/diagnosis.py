@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
@@ -248,7 +248,7 @@ class Repairs:
 
     def _holds(self, relaxation: Relaxation, amount: float, arrays: Mapping[str, Array]) -> bool:
         """Whether the certificate confirms the grasp, but for what the relaxation excuses."""
-        failed = certify(relaxation.relaxed(self.scene, amount), arrays).failed
+        failed = certify_reached(relaxation.relaxed(self.scene, amount), arrays).failed
         return all(relaxation.excuses is not None and relaxation.excuses(check.name) for check in failed)
 
     def _depth(self, relaxation: Relaxation, arrays: Mapping[str, Array]) -> float:
@@ -258,7 +258,7 @@ class Repairs:
         if relaxation.excuses is None:
             return 0.0
         lengths = {setup.name: setup.finger.rod.length for setup in self.scene.setups}
-        failed = [check for check in certify(self.scene, arrays).failed if relaxation.excuses(check.name)]
+        failed = [check for check in certify_reached(self.scene, arrays).failed if relaxation.excuses(check.name)]
         return max((check.value * lengths[check.name.split(", ")[-1]] for check in failed), default=0.0)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
@@ -172,7 +172,7 @@ def _holds(scene: GraspScene, search: Search, relaxed: _Relaxed) -> bool:
     eased, excuses = scene, [limit.excuses for limit in relaxed.amounts if limit.excuses is not None]
     for limit, amount in relaxed.amounts.items():
         eased = limit.relaxed(eased, amount * (1.0 + limit.spare))
-    failed = certify(eased, search.solver(relaxed.attempt.start).arrays(scene, relaxed.attempt)).failed
+    failed = certify_reached(eased, search.solver(relaxed.attempt.start).arrays(scene, relaxed.attempt)).failed
     return all(any(excuse(check.name) for excuse in excuses) for check in failed)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.certificate.certificate import Certificate, certify
+from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.values import contact_features
 from continuum_grasp.grasp.robust.errors import InError, corners
@@ -107,7 +107,7 @@ def find_robust(
             break
         arrays, optimal = new, attempt.status is nlp.Status.SOLVED
     active = np.array([every[k] for k in chosen]).reshape(len(chosen), every[0].size)
-    return Found(arrays, certify(scene, arrays), optimal, iterations, active, touching, responses, first)
+    return Found(arrays, certify_reached(scene, arrays), optimal, iterations, active, touching, responses, first)
 
 
 def _solved(

@@ -1,0 +1,149 @@
+"""The limits by which the search chooses among starts and grasps: each decides otherwise on either side of it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from continuum_grasp.grasp import search as module
+from continuum_grasp.grasp.exploration import Basin
+from continuum_grasp.grasp.search import Search, branch_of
+from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.nlp import Budget
+from tests import certificate_cases as cases
+
+TENSION, MOST = 10.0, 60.0
+NONE = 1e-4 * MOST
+"""Tension that counts as none [N]: 1e-4 of the greatest of the finger."""
+
+
+class Grasp(SimpleNamespace):
+    """One of its own, whatever others hold."""
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
+
+def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0):
+    contact = SimpleNamespace(normal_angle=angle, part=0)
+    return SimpleNamespace(
+        label="scan", estimate=estimate, imbalance=imbalance, tensions={"finger": tensions},
+        contacts={"finger.tip": contact}, fingers={"finger": SimpleNamespace(sides=(1,))},
+    )  # fmt: skip
+
+
+def start_with_label():
+    return Start("scan", (0.0, 0.0, 0.0), {}, {})
+
+
+def grasp(tension=TENSION, objective=1.0, optimal=True, press=1.0):
+    arrays = {"finger.tensions": np.array([tension, 0.0]), "contact_forces": np.array([[press, 0.0, 0.0]])}
+    attempt = SimpleNamespace(objective=objective, optimal=optimal, converged=True, start=start())
+    return Grasp(attempt=attempt, arrays=arrays, acceptable=True, solver=None)
+
+
+def searching(*grasps, elements=2, **changes):
+    """A search that has these grasps, and the starts that it goes on to solve from."""
+    scene = cases.squeezed_disc()[0].changed({"fidelity.elements": elements, **changes})
+    search, solved = Search(scene, Budget()), []
+    search.good, search.tried = list(grasps), list(grasps)
+    search.attempt = lambda start, **options: solved.append(start)
+    return search, solved
+
+
+def retried(basin):
+    search, solved = searching(grasp())
+    search.basins = [basin]
+    search._retry(1)
+    return bool(solved)
+
+
+def solved(basin, *grasps, **more):
+    search, starts = searching(*grasps, **more)
+    search._solve(basin, 0)
+    return bool(starts)
+
+
+def unsolved(imbalance, elements):
+    """Whether a basin is tried after two others led to nothing."""
+    search, starts = searching(elements=elements)
+    search.tried = [grasp(), grasp()]
+    search._solve(Basin(start(imbalance=imbalance)), 0)
+    return bool(starts)
+
+
+def keeps(tension):
+    search, _ = searching(found := grasp(tension))
+    return search._keeps_promise(found, Basin(start(estimate=TENSION)))
+
+
+def proven(press):
+    search, _ = searching(grasp(press=press), objective="least_normal_force")
+    search.__dict__["bound"] = 1.0
+    return search.proven
+
+
+LIMITS = [
+    ("estimate of a basin that is solved", 1.1 * TENSION, lambda e: solved(Basin(start(estimate=e)), grasp())),
+    ("estimate of a basin that is solved again", 1.05 * TENSION, lambda e: retried(Basin(start(estimate=e)))),
+    ("estimate of a basin that is open", 0.98 * TENSION - NONE,
+     lambda e: searching(grasp())[0].is_open(Basin(start(estimate=e)))),
+    ("tension of a start that is worth a try", 1.5 * TENSION,
+     lambda t: searching(grasp())[0]._promises(start(tensions=(0.5 * t, 0.5 * t)))),
+    ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, keeps),
+    ("imbalance of a basin", 0.01, lambda off: unsolved(off, 2)),
+    ("imbalance of a basin of more elements", 0.06, lambda off: unsolved(off, 3)),
+    ("press above what is proven", 1.0 + 1e-3, proven),
+    ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
+     lambda cost: module._least([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
+    ("difference of estimates of one basin", 1.0 / (1.0 - 5e-3), lambda e: module._same(start(1.0), start(e))),
+    ("turn of contacts of one branch", 0.4, lambda a: branch_of(start(angle=a)) == branch_of(start())),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_the_search_decides_otherwise_on_either_side_of_a_limit(limit, decides):
+    # Some limits are one and a part of a thousand.
+    assert decides((1.0 - 1e-6) * limit)
+    assert not decides((1.0 + 1e-6) * limit)
+
+
+def test_a_basin_far_from_balance_is_tried_first_alone():
+    search, starts = searching()
+    for count in (1, 2):
+        search._solve(Basin(start(imbalance=0.5)), 0)
+        search.tried.append(grasp())
+        assert len(starts) == count
+    search._solve(Basin(start(imbalance=0.5)), 0)
+    assert len(starts) == 2
+
+
+def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
+    search, starts = searching(objective="greatest_friction_margin")
+    monkeypatch.setattr(search, "run_before", lambda before: before.good.extend(grasp(objective=k) for k in range(5)))
+    monkeypatch.setattr(module, "start_from", lambda scene, arrays: arrays)
+    search._from_least_tension()
+    assert len(starts) == 3
+
+
+@pytest.mark.parametrize(("better", "passed"), [(0, 1), (3, 4), (40, 12)])
+def test_contacts_pass_on_to_the_next_face_as_long_as_that_helps(monkeypatch, better, passed):
+    """Each pass improves the objective by a part, up to as many as help; twelve passes go around any box."""
+    search, _ = searching(grasp(objective=100.0))
+    search.best.attempt.start, search.best.attempt.features = start_with_label(), {}
+    tried = []
+
+    def attempt(start, **options):
+        tried.append(grasp(objective=100.0 - min(len(tried) + 1, better)))
+        tried[-1].attempt.start, tried[-1].attempt.features = start, {}
+        search.good.append(tried[-1])
+        return tried[-1]
+
+    search.attempt = attempt
+    monkeypatch.setattr(module, "neighbors", lambda *_: iter([({}, None)]))
+    search.slide()
+    assert len(tried) == passed
+    assert search.best.attempt.objective == 100.0 - min(better, 12)
