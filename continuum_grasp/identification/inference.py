@@ -41,9 +41,6 @@ _SERIES = 30
 _APART = 8.0
 """Variance between sets of a group per variance within [1] from which it is reported: Fisher's ratio, which
 two independent sets of six repeats exceed in 2 % of cases."""
-_LITTLE = 0.6
-"""Misfit per range of what was measured [1] from which it is reported: the best constant has 0.29 where measurements
-are spread evenly, and 0.5 where half of them are at either end."""
 
 
 class Inference(NamedTuple):
@@ -215,7 +212,6 @@ def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
         *(_outliers(problem, weighted) if freedom >= 5 else ()),
         *_series(problem, weighted),
         *_sets(problem, weighted),
-        *_misfits(problem, solution.predictions),
         *doubts_of_laws(problem, solution.predictions),
     ]
 
@@ -230,23 +226,6 @@ def _outliers(problem: Problem, weighted: Array) -> list[str]:
         return []
     first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
-
-
-def _misfits(problem: Problem, predictions: Array) -> list[str]:
-    """Groups of which the model explains little: wrong units, signs or conditions do that."""
-    found = []
-    for group, entries in problem.groups.items():
-        members = problem.fitted & entries
-        values = problem.measured[members]
-        if values.size <= 2:  # which say nothing of a spread
-            continue
-        left, spread = float(np.sqrt(np.mean((predictions[members] - values) ** 2))), float(np.ptp(values))
-        if spread > 0.0 and left > _LITTLE * spread:
-            found.append(
-                f"{group}: the model is off by {left:.2g} r.m.s. where the measurements spread over {spread:.2g}: "
-                "check units, signs and conditions of the data"
-            )
-    return found
 
 
 def _sets(problem: Problem, weighted: Array) -> list[str]:
