@@ -21,9 +21,6 @@ FALSE_ALARMS = 2e-3
 """Probability with which noise alone makes a single verdict [1]: the four of them then make one in 1 % of data sets."""
 _CLEAR = 10.0
 """Swing per standard deviation of the noise [1], below which a swing is left out: its logarithm is off by 0.1."""
-_NEAR = 0.5
-"""Part of the way to the middle between two extremes on which a parabola is fitted [1]: a quarter of a swing to each
-side, where it is off by 0.003 of a sine's amplitude."""
 _ROUNDING = 1e-9
 """Least variance of a logarithm per that of the others, and least variance [1], of paths without noise."""
 _MOVES = 0.3
@@ -121,7 +118,7 @@ class _Extremes(NamedTuple):
 
 
 def _extremes(values: Array, at: Array, least: float) -> _Extremes | None:
-    """Extremes between which a path swings by ``least`` or more, each the vertex of a parabola about it.
+    """Extremes between which a path swings by ``least`` or more, each that of a sine through what is about it.
 
     The greatest of noisy samples would be too great, by as much for small swings as for large ones.
     """
@@ -140,17 +137,20 @@ def _extremes(values: Array, at: Array, least: float) -> _Extremes | None:
     middle = 0.5 * (at[turns[:-1]] + at[turns[1:]])
     edges = np.concatenate([[2.0 * at[turns[0]] - middle[0]], middle, [2.0 * at[turns[-1]] - middle[-1]]])
     for k, before, after in zip(turns, edges[:-1], edges[1:], strict=True):
-        near = np.flatnonzero((at >= at[k] - _NEAR * (at[k] - before)) & (at <= at[k] + _NEAR * (after - at[k])))
+        near = np.flatnonzero((at >= before) & (at <= after))
         near = np.arange(max(0, min(near[0], k - 2)), min(len(at), max(near[-1], k + 2) + 1))
-        scale = float(np.ptp(at[near]))
-        basis = np.vander((at[near] - at[k]) / scale, 3, increasing=True)
-        (c, b, a), inverse = np.linalg.lstsq(basis, values[near], rcond=None)[0], np.linalg.inv(basis.T @ basis)
-        vertex = float(np.clip(-b / (2.0 * a), basis[:, 1].min(), basis[:, 1].max()))
-        scatter += float(np.sum((basis @ (c, b, a) - values[near]) ** 2))
-        freedom += len(near) - _OF_PARABOLA
-        row = np.array([1.0, vertex, vertex**2])
-        slope = np.array([0.0, 1.0, 2.0 * vertex]) * scale / (2.0 * a)
-        rows.append((row @ (c, b, a), at[k] + scale * vertex, row @ inverse @ row, slope @ inverse @ slope))
+        pulsation = math.pi / (after - before)
+        phase = pulsation * (at[near] - at[k])
+        basis = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=1)
+        weights, inverse = np.linalg.lstsq(basis, values[near], rcond=None)[0], np.linalg.inv(basis.T @ basis)
+        size, turned = float(np.hypot(*weights[1:])), float(np.arctan2(weights[2], weights[1]))
+        if abs(turned) > 0.5 * math.pi:  # a minimum
+            size, turned = -size, float(np.arctan2(-weights[2], -weights[1]))
+        scatter += float(np.sum((basis @ weights - values[near]) ** 2))
+        freedom += len(near) - 3
+        row = np.array([1.0, math.cos(turned), math.sin(turned)])
+        slope = np.array([0.0, -math.sin(turned), math.cos(turned)]) / (size * pulsation)
+        rows.append((weights[0] + size, at[k] + turned / pulsation, row @ inverse @ row, slope @ inverse @ slope))
     value, instant, value_var, at_var = np.array(rows).T
     variance = scatter / freedom
     return _Extremes(value, instant, variance * value_var, variance * at_var, freedom)
@@ -164,19 +164,24 @@ def _swings(problem: Problem, predictions: Array) -> list[str]:
         if one.unit != "m":
             continue
         least = max(_SMALLEST * float(np.ptp(one.measured)), _CLEAR * _noise(one))
-        measured, predicted = (_extremes(values, one.at, least) for values in (one.measured, one.predicted))
+        # found by half of it: one that noise hides would merge its neighbors, and pass for one of thrice their time
+        measured, predicted = (_extremes(values, one.at, 0.5 * least) for values in (one.measured, one.predicted))
         if measured is None or predicted is None:
             continue
-        size = np.log(np.abs(np.diff(measured.value)))[:-1]
+        every = np.abs(np.diff(measured.value))
+        clear = np.minimum(every[:-1], every[1:]) >= least
+        if not clear.any():
+            continue
+        size = np.log(every[:-1])[clear]
         # A model that is damped too much ends earlier; its last swing stands for those that would follow.
-        like = np.minimum(np.arange(len(size)), len(predicted.value) - 3)
+        like = np.minimum(np.flatnonzero(clear), len(predicted.value) - 3)
         sizes, freedom = [*sizes, *size], freedom + measured.freedom
         for of_sizes in (True, False):
             law = [
                 own.compared(own.value if of_sizes else own.at, own.value_var if of_sizes else own.at_var, of_sizes)
                 for own in (measured, predicted)
             ]
-            excess, covariance = law[0][0] - law[1][0][like], law[0][1]
+            excess, covariance = law[0][0][clear] - law[1][0][like], law[0][1][np.ix_(clear, clear)]
             floor = _ROUNDING * max(float(np.trace(covariance)) / len(size), _ROUNDING)
             white = np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(size))))
             trends[of_sizes].append((white @ size, white @ excess, white.sum(axis=1, keepdims=True)))
