@@ -109,7 +109,9 @@ class Fit(Result):
         Dimension("measurement", "measured numbers, set by set", "measurement_names"),
         Dimension("set_parameter", "what each set has of its own", "set_names"),
     )
-    texts: ClassVar[tuple[File, ...]] = (File("identified_finger.yaml", "identification.fit:finger_text", needs="usable"),)
+    texts: ClassVar[tuple[File, ...]] = (
+        File("identified_finger.yaml", "identification.fit:finger_text", needs="usable"),
+    )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("residuals", "plotting.identification:plot_residuals"),
         Picture("predictions", "plotting.identification:plot_all_predictions", panels=True),

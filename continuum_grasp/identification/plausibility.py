@@ -36,8 +36,8 @@ noise is not stated: measured rods and robots are met to 0.02, and noise of 0.02
 _BEYOND = 5.0
 """The same in stated standard deviations [1], which normal noise does not reach."""
 _STATED = 0.2
-"""Least misfit that is refused where the noise is stated, per that where it is not [1]: models of real fingers are off by
-a hundredth of their length however well a camera sees."""
+"""Least misfit that is refused where the noise is stated, per that where it is not [1]: models of real fingers
+are off by a hundredth of their length however well a camera sees."""
 _UNEXPLAINED = 0.5
 """Misfit per scatter of the measurements about their means [1] from which slips are tried although it is small."""
 _BETTER = 3.0
@@ -99,11 +99,15 @@ def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, buil
             f"{worst.what}: the model is off by {worst.rms:.3g} {worst.unit} r.m.s., "
             + (f"at most {worst.limit:.2g} {worst.unit} is plausible" if above else "which a slip in the data explains")
         )
-    warnings = () if texts else tuple(
-        f"{one.what}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter by "
-        f"{one.scatter:.2g}: check units, signs and conditions of the data"
-        for one in doubtful
-        if one.rms > one.scatter
+    warnings = (
+        ()
+        if texts
+        else tuple(
+            f"{one.what}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter by "
+            f"{one.scatter:.2g}: check units, signs and conditions of the data"
+            for one in doubtful
+            if one.rms > one.scatter
+        )
     )
     return Verdict("; ".join(texts), causes, warnings)
 
@@ -199,9 +203,11 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
                 total = math.inf
             tried[slip.words, concerned] = total, new
     worst = max(left, key=lambda one: one.rms / one.limit, default=None)
+    ranked = sorted(tried.items(), key=lambda one: one[1][0])[:_REFITTED]
     trials = [
         (slip, concerned, partial(build, new, unknowns))
-        for (slip, concerned), (_, new) in sorted(tried.items(), key=lambda one: one[1][0])[:_REFITTED]
+        for (slip, concerned), (total, new) in ranked
+        if total <= _BETTER * ranked[0][1][0]
     ]
     found = [one for one in (_refitted(*trial, before, worst, len(given)) for trial in trials) if one is not None]
     if not found and any(entry.quantity in ("x", "y") for entry in problem.entries):

@@ -91,7 +91,13 @@ def with_readings(data: Poses | TipPath, change: Callable[[Sequence[Reading]], S
         return replace(data, measured=tuple(change(data.measured)))
     # x and y are readings as all others: of the same place and deviation
     return replace(
-        data, x=None, y=None, at=None, sigma=None, measured=tuple(change(data.readings)), before=tuple(change(data.before))
+        data,
+        x=None,
+        y=None,
+        at=None,
+        sigma=None,
+        measured=tuple(change(data.readings)),
+        before=tuple(change(data.before)),
     )
 
 
@@ -114,7 +120,7 @@ def _channels(data: Data, scene: Scene) -> Mapping[str, str]:
     """Inputs and forces that data or scene give values, with their units."""
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
     model = FingerModel(plain, input_rates=False)
-    units = {name: unit for name, unit in map(split_unit, (*model.u_names, *model.w_names))}
+    units = dict(map(split_unit, (*model.u_names, *model.w_names)))
     conditions = () if isinstance(data, TipPath) else data.conditions
     commanded = [split_unit(label)[0] for label in model.u_names] if scene.actuation is not None else []
     return {name: unit for name, unit in units.items() if name in conditions or name in commanded}
