@@ -5,7 +5,6 @@ A model with twice the elements says whether the model's own error matters besid
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Whether measurements can be those of the finger at all, and which slip of units, signs or columns explains them if not.
+"""Whether measurements can be those of the finger at all, and which slip of units, signs or columns explains them.
 
 A search always finds parameters. Measurements beyond the finger's length, or that the best parameters miss by far, are
 of another frame, unit or finger than the scene says: the fit is refused, and the usual slips are tried one by one.
@@ -44,9 +44,12 @@ _BETTER = 3.0
 """Misfit without a slip per that with it [1] from which the slip is named as the cause."""
 _ALIKE = 1.5
 """Misfit per least one [1] up to which another slip explains the data as well."""
+_NOTHING = 0.01
+"""Misfit with a slip per that without it [1] below which no slip explains the data better than another."""
 _REFITTED = 4
 """Slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a minute."""
 _OF_BASE = ("base_angle", "base_x", "base_y")
+"""Targets of unknowns that say where the base is."""
 _BEND = 2.0
 """Bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]."""
 
@@ -215,7 +218,7 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
         moved = _refitted("the base is elsewhere", (), elsewhere, before, worst, len(given))
         found = [] if moved is None else [moved]
     least = min((total for total, _ in found), default=0.0)
-    return tuple(text for total, text in found if total <= _ALIKE * least)
+    return tuple(text for total, text in found if total <= max(_ALIKE * least, _NOTHING * before))
 
 
 def _refitted(
