@@ -210,7 +210,7 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
     trials = [
         (slip, concerned, partial(build, new, unknowns))
         for (slip, concerned), (total, new) in ranked
-        if total <= _BETTER * ranked[0][1][0]
+        if total <= max(_BETTER * ranked[0][1][0], _NOTHING * before)
     ]
     found = [one for one in (_refitted(*trial, before, worst, len(given)) for trial in trials) if one is not None]
     if not found and any(entry.quantity in ("x", "y") for entry in problem.entries):
