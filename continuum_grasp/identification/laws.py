@@ -158,7 +158,9 @@ def _extremes(values: Array, at: Array, least: float) -> _Extremes | None:
 
 def _swings(problem: Problem, predictions: Array) -> list[str]:
     """Paths on which small swings lose another share, or take another time, than the model's do beside large ones."""
-    sizes, found, freedom = [], [], 0
+    sizes: list[float] = []
+    found: list[str] = []
+    freedom = 0
     trends: dict[bool, list[tuple[Array, Array, Array]]] = {True: [], False: []}
     for one in _series(problem, predictions, paths=True):
         if one.unit != "m":
@@ -177,11 +179,14 @@ def _swings(problem: Problem, predictions: Array) -> list[str]:
         like = np.minimum(np.flatnonzero(clear), len(predicted.value) - 3)
         sizes, freedom = [*sizes, *size], freedom + measured.freedom
         for of_sizes in (True, False):
-            law = [
+            logarithms = [
                 own.compared(own.value if of_sizes else own.at, own.value_var if of_sizes else own.at_var, of_sizes)
                 for own in (measured, predicted)
             ]
-            excess, covariance = law[0][0][clear] - law[1][0][like], law[0][1][np.ix_(clear, clear)]
+            excess, covariance = (
+                logarithms[0][0][clear] - logarithms[1][0][like],
+                logarithms[0][1][np.ix_(clear, clear)],
+            )
             floor = _ROUNDING * max(float(np.trace(covariance)) / len(size), _ROUNDING)
             white = np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(size))))
             trends[of_sizes].append((white @ size, white @ excess, white.sum(axis=1, keepdims=True)))
@@ -220,8 +225,8 @@ def _noise(one: _Series) -> float:
 
 def _change(sets: list[tuple[Array, Array, Array]], span: float, freedom: int) -> float | None:
     """How a logarithm changes from the largest swings to the smallest, where it does so surely and by much."""
-    together = tuple(np.concatenate(parts) for parts in zip(*sets, strict=True))
-    slope = _trend([together], freedom)
+    x, y, beside = (np.concatenate(parts) for parts in zip(*sets, strict=True))
+    slope = _trend([(x, y, beside)], freedom)
     change = None if slope is None else -slope * span
     return change if change is not None and abs(change) >= _MATTERS else None
 

@@ -109,7 +109,7 @@ def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, buil
             f"{one.what}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter by "
             f"{one.scatter:.2g}: check units, signs and conditions of the data"
             for one in doubtful
-            if one.rms > one.scatter
+            if one.rms > max(one.scatter, _STATED * one.limit)
         )
     )
     return Verdict("; ".join(texts), causes, warnings)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -187,7 +187,7 @@ def _commanded(stem: str, factor: float) -> Undo:
     return undo
 
 
-def _actuated(scene: Scene, change: Callable[[list], list]) -> Scene:
+def _actuated(scene: Scene, change: Callable[[list[Any]], list[Any]]) -> Scene:
     if scene.actuation is None:
         return scene
     key, given = scene.actuation.given
@@ -195,7 +195,7 @@ def _actuated(scene: Scene, change: Callable[[list], list]) -> Scene:
     return scene.changed({"actuation": {key: values[0] if key == "tip_moment" else values}})
 
 
-def _times(factor: float, value: float | dict) -> float | dict:
+def _times(factor: float, value: Any) -> Any:
     if isinstance(value, (int, float)):
         return factor * value
     return {**value, "values": [factor * one for one in value["values"]]}
