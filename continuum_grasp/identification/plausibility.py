@@ -75,7 +75,7 @@ class Misfit(NamedTuple):
     @property
     def doubtful(self) -> bool:
         """Whether slips are to be tried."""
-        return self.rms > min(self.limit, _UNEXPLAINED * self.scatter)
+        return self.rms > min(self.limit, max(_UNEXPLAINED * self.scatter, _STATED * self.limit))
 
 
 class Verdict(NamedTuple):
@@ -109,7 +109,7 @@ def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, buil
             f"{one.what}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter by "
             f"{one.scatter:.2g}: check units, signs and conditions of the data"
             for one in doubtful
-            if one.rms > max(one.scatter, _STATED * one.limit)
+            if one.rms > one.scatter
         )
     )
     return Verdict("; ".join(texts), causes, warnings)

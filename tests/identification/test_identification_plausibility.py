@@ -92,9 +92,13 @@ def test_bends_are_refused_from_a_share_of_their_range_on(quantity, values, limi
 
 
 def test_slips_are_tried_from_half_the_scatter_on():
-    small = Misfit("set", "positions", "m", 0.999e-3, 1.0, 2e-3)
+    small = Misfit("set", "positions", "m", 0.999e-3, 4e-3, 2e-3)
     assert not small.doubtful
     assert small._replace(rms=1.001e-3).doubtful
+    # and from a fifth of what is refused on, where the measurements hardly differ
+    repeats = small._replace(limit=5e-3, scatter=0.0)
+    assert not repeats.doubtful
+    assert repeats._replace(rms=1.001e-3).doubtful
 
 
 @pytest.mark.parametrize(
