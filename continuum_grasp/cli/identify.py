@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.simulate import FingerScene
 
+_FAILED = 1
+"""Exit status where the data are implausible."""
 _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
 
@@ -44,6 +46,10 @@ def identify(
             "--holdout", metavar="FILE", help="Log of a controller on which a residual is tried alone; repeatable."
         ),
     ] = None,
+    accept_implausible: Annotated[
+        bool,
+        typer.Option("--accept-implausible", help="Write the finger although the data cannot be those of this finger."),
+    ] = False,
     out: Out = None,
     changes: Set = None,
     pictures: Pictures = True,
@@ -85,8 +91,8 @@ def identify(
     from continuum_grasp.identification import identify as run
 
     with output.busy("identifying") as report:
-        fit = run(scene, data or (), progress=report)
-    applied = [(path, fit.apply(target)) for path, target in targets]
+        fit = run(scene, data or (), accept_implausible=accept_implausible, progress=report)
+    applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
     files = output.save(fit, folder, pictures)
     files += [_written(changed, folder, path) for path, changed in applied]
     if "fidelity" in fit.statistics:
@@ -115,6 +121,9 @@ def identify(
     output.statistics({"singular values": " ".join(f"{v:.3g}" for v in fit.singular_values), **statistics})
     own = {"status": fit.status, "folder": folder, "files": files, "warnings": fit.warnings, "statistics": statistics}
     output.result(**own, **fit.summary())
+    if fit.reason:
+        output.warn([fit.verdict])
+        raise typer.Exit(_FAILED)
 
 
 def _written(scene: FingerScene, folder: Path, config: Path) -> Path:

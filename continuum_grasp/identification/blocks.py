@@ -39,6 +39,8 @@ class Entry:
     """Row, or instant [s]: where it is drawn."""
     series: str = ""
     """Entries of one block and one series follow each other: one reading, row by row or instant by instant."""
+    quantity: str = ""
+    """What was measured: that of its reading, frequency or decay rate."""
 
 
 class Block:
@@ -93,9 +95,11 @@ class _RowsBlock(Block):
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         raise NotImplementedError
 
-    def _enter(self, row: int, what: str, group: str, unit: str, value: float, sigma: float | None = None) -> None:
+    def _enter(
+        self, row: int, what: str, quantity: str, group: str, unit: str, value: float, sigma: float | None = None
+    ) -> None:
         number, fitted = row + 1, bool(self._fitted[row])
-        entry = Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number), what)
+        entry = Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number), what, quantity)
         self.entries.append(entry)
 
 
@@ -117,7 +121,7 @@ class PosesBlock(_RowsBlock):
                 group = f"{one.kind} of poses"
                 if one.sigma is not None:  # a reading of known deviation is a group of its own
                     group = f"{data.name}: {what}"
-                self._enter(row, what, group, unit, np.asarray(one.values)[row], one.sigma)
+                self._enter(row, what, one.quantity, group, unit, np.asarray(one.values)[row], one.sigma)
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         y, by_q, by_z, by_past = (np.array(v) for v in self._observe(resting.q, resting.z, resting.history))
@@ -143,7 +147,7 @@ class VibrationBlock(_RowsBlock):
             for quantity, unit, numbers in columns:
                 if numbers is not None:
                     what = f"{quantity} of mode {mode}"
-                    self._enter(row, what, what, unit, np.asarray(numbers)[row])
+                    self._enter(row, what, quantity, what, unit, np.asarray(numbers)[row])
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         z, q = resting.z, resting.q

@@ -61,8 +61,15 @@ class Fit(Result):
     scene : Scene
     set_names : tuple of str
         Name, set and unit of what each set has of its own: parameters that are estimated per set, and estimated starts.
-    status : str
-        ``converged``; failures raise ``SolverError``.
+    status : {"converged", "implausible"}
+        The latter where the measurements cannot be those of this finger: they lie beyond its length, or the best
+        parameters miss them by far. Failures of the search raise ``SolverError``.
+    reason : str
+        Why the measurements are implausible; empty where they are not.
+    causes : tuple of str
+        Slips in the data that were tried and explain them, with the misfit that is left.
+    accepted : bool
+        Whether estimates may be used although they are implausible.
     warnings : tuple of str
     statistics : mapping
     """
@@ -102,7 +109,9 @@ class Fit(Result):
         Dimension("measurement", "measured numbers, set by set", "measurement_names"),
         Dimension("set_parameter", "what each set has of its own", "set_names"),
     )
-    texts: ClassVar[tuple[File, ...]] = (File("identified_finger.yaml", "identification.fit:finger_text"),)
+    texts: ClassVar[tuple[File, ...]] = (
+        File("identified_finger.yaml", "identification.fit:finger_text", needs="usable"),
+    )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("residuals", "plotting.identification:plot_residuals"),
         Picture("predictions", "plotting.identification:plot_all_predictions", panels=True),
@@ -126,12 +135,28 @@ class Fit(Result):
     set_values: Array = field(default_factory=lambda: np.zeros(0))
     set_deviations: Array = field(default_factory=lambda: np.zeros(0))
     status: str = "converged"
+    reason: str = ""
+    causes: tuple[str, ...] = ()
+    accepted: bool = False
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> float:
         """Estimate of a parameter by its name."""
         return float(self.values[self.names.index(name)])
+
+    @property
+    def usable(self) -> bool | None:
+        """True where the estimates may be used; None where the measurements are implausible, and not accepted."""
+        return True if self.accepted or self.status == "converged" else None
+
+    @property
+    def verdict(self) -> str:
+        """Status, why, and likely causes, in a sentence; empty where the measurements are plausible."""
+        if not self.reason:
+            return ""
+        causes = " or ".join(self.causes) or "none of the usual slips of axes, signs, columns and units explains it"
+        return f"{self.status}: {self.reason}; likely cause: {causes}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -204,8 +229,10 @@ class Fit(Result):
         Raises
         ------
         InputError
-            If the scene does not take a value.
+            If the scene does not take a value, or the measurements are implausible and that was not accepted.
         """
+        if not self.usable:
+            raise InputError(f"{self.verdict}; correct the data, or accept implausible ones", key="data")
         changed: Any = self.scene if scene is None else scene
         for (target, factor, added), value in zip(self.targets, self.values, strict=True):
             if target == DELAY and getattr(changed, "estimator", None) is not None:
@@ -238,6 +265,8 @@ class Fit(Result):
             "correlation": self.correlation,
             "singular_values": self.singular_values,
             "freedom": self.freedom,
+            "reason": self.reason,
+            "causes": list(self.causes),
             "errors": [dict(vars(one)) for one in self.errors],
             "holdout_errors": [dict(vars(one)) for one in self.holdout_errors],
             "sets": [

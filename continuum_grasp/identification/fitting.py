@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
@@ -14,12 +15,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import ContinuumGraspError, InputError
+from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.inference import doubts, infer, model_error_warnings
 from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
@@ -43,6 +45,7 @@ def identify(
     *,
     parameters: Sequence[Estimate | str] | None = None,
     loss: str | None = None,
+    accept_implausible: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Fit:
     """Estimate parameters of a scene by least squares through its model.
@@ -62,6 +65,8 @@ def identify(
         What to estimate; the scene's ``estimate`` where not given.
     loss : {"squares", "huber"}, optional
         The scene's, or squares, where not given.
+    accept_implausible : bool
+        Whether the estimates may be used although the measurements cannot be those of this finger.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
@@ -74,7 +79,8 @@ def identify(
     InputError
         If scene, parameters or data are wrong or do not fit together.
     SolverError
-        If the search does not converge, or the model has no shape or motion at the start.
+        If the search does not converge, or the model has no shape or motion at the start. Where a slip in the data
+        explains that, the status is ``implausible``.
 
     Examples
     --------
@@ -99,15 +105,35 @@ def identify(
         raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
     unknowns = read_unknowns(scene, chosen)
     given = [(one, _resolved(one.scene or scene)[0]) for one in _measurements(scene, data)]
-    problem = Problem([_block(own, one, unknowns) for one, own in given], unknowns, used_loss)
-    solution = problem.solve(progress or (lambda share: None))
+
+    def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
+        return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
+
+    problem = build(given, unknowns)
+    try:
+        solution = problem.solve(progress or (lambda share: None))
+    except (SolverError, NumericalError) as error:
+        causes = explain(problem, given, build)
+        if not causes:
+            raise
+        text = f"the parameters were not found; likely cause: {' or '.join(causes)}"
+        raise SolverError(text, status=IMPLAUSIBLE, advice="correct the data or the scene") from error
     statistics = {
         "iterations": solution.iterations,
         "evaluations": solution.evaluations,
         "total_s": perf_counter() - started,
         **({"fidelity": note} if note else {}),
     }
-    return _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), statistics)
+    fit = _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), statistics)
+    verdict = judge(problem, solution.predictions, solution.sigma, given, build)
+    return replace(
+        fit,
+        status=IMPLAUSIBLE if verdict.reason else fit.status,
+        reason=verdict.reason,
+        causes=verdict.causes,
+        accepted=accept_implausible,
+        warnings=(*fit.warnings, *verdict.warnings),
+    )
 
 
 def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:

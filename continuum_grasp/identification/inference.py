@@ -5,7 +5,6 @@ A model with twice the elements says whether the model's own error matters besid
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.identification.correlated import middle
-from continuum_grasp.identification.laws import doubts_of_laws
+from continuum_grasp.identification.laws import FALSE_ALARMS, doubts_of_laws, surely
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
 
@@ -33,17 +32,11 @@ _ALIKE = 0.99
 times as wide as with the other known."""
 _TINY = 1e-300
 """In place of zero in a denominator."""
-_SIGNIFICANT = 2.5
-"""Correlation of successive residuals, in standard deviations of that of noise [1], from which it is reported: noise
-exceeds it in 0.6 % of paths."""
+_OF_MEDIAN = 0.37
+"""Degrees of freedom of the median of absolute residuals per residual [1]: its efficiency for normal noise (P. J.
+Rousseeuw, C. Croux, 1993, doi:10.1080/01621459.1993.10476408)."""
 _SERIES = 30
 """Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
-_APART = 8.0
-"""Variance between sets of a group per variance within [1] from which it is reported: Fisher's ratio, which
-two independent sets of six repeats exceed in 2 % of cases."""
-_LITTLE = 0.6
-"""Misfit per range of what was measured [1] from which it is reported: the best constant has 0.29 where measurements
-are spread evenly, and 0.5 where half of them are at either end."""
 
 
 class Inference(NamedTuple):
@@ -215,7 +208,6 @@ def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
         *(_outliers(problem, weighted) if freedom >= 5 else ()),
         *_series(problem, weighted),
         *_sets(problem, weighted),
-        *_misfits(problem, solution.predictions),
         *doubts_of_laws(problem, solution.predictions),
     ]
 
@@ -224,7 +216,7 @@ def _outliers(problem: Problem, weighted: Array) -> list[str]:
     """Fitted entries far from what the rest says."""
     sizes = np.abs(weighted[problem.fitted])
     scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
-    limit = max(4.0, 1.5 + math.sqrt(2.0 * math.log(sizes.size)))  # that normal noise rarely reaches
+    limit = surely(_OF_MEDIAN * sizes.size, chances=sizes.size)
     far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
     if not far.size:
         return []
@@ -232,25 +224,10 @@ def _outliers(problem: Problem, weighted: Array) -> list[str]:
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
 
 
-def _misfits(problem: Problem, predictions: Array) -> list[str]:
-    """Groups of which the model explains little: wrong units, signs or conditions do that."""
-    found = []
-    for group, entries in problem.groups.items():
-        members = problem.fitted & entries
-        values = problem.measured[members]
-        if values.size <= 2:  # which say nothing of a spread
-            continue
-        left, spread = float(np.sqrt(np.mean((predictions[members] - values) ** 2))), float(np.ptp(values))
-        if spread > 0.0 and left > _LITTLE * spread:
-            found.append(
-                f"{group}: the model is off by {left:.2g} r.m.s. where the measurements spread over {spread:.2g}: "
-                "check units, signs and conditions of the data"
-            )
-    return found
-
-
 def _sets(problem: Problem, weighted: Array) -> list[str]:
     """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
+    from scipy.special import fdtri
+
     found = []
     which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
     # instants of a path are no repeats; `_series` judges them
@@ -266,7 +243,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
         mean = sum(float(one.sum()) for one in sets) / count
         between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
         within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
-        if between > _APART * within:
+        if between > within * float(fdtri(len(sets) - 1, count - len(sets), 1.0 - FALSE_ALARMS)):
             found.append(
                 f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
                 "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
@@ -276,7 +253,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
 
 def _series(problem: Problem, weighted: Array) -> list[str]:
     """Paths whose residuals hang together: then they are the model's error rather than noise."""
-    found = []
+    found, paths = [], sum(block.moves for block in problem.blocks)
     for block, part in zip(problem.blocks, problem.parts, strict=True):
         own, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
         if not block.moves or own.size < _SERIES * count:
@@ -284,7 +261,7 @@ def _series(problem: Problem, weighted: Array) -> list[str]:
         before, after = own[:-count] - own.mean(), own[count:] - own.mean()
         # of each coordinate with itself one instant later
         share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > _SIGNIFICANT / np.sqrt(own.size):
+        if share > surely(own.size, chances=paths) / np.sqrt(own.size):
             found.append(
                 f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
                 "next): the model misses something, for which the intervals are wider, as if it were noise; more "

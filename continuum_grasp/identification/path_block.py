@@ -155,7 +155,8 @@ def _entries(readings: Sequence[Reading], t: Array, data: TipPath) -> list[Entry
             unit, what = UNIT_OF[one.quantity], one.what
             group = f"{one.kind} on paths" if one.sigma is None else f"{data.name}: {one.kind}"
             value = float(np.asarray(one.values)[k])
-            found.append(Entry(f"{what} at {at:g} s", group, unit, value, data.fitted, one.sigma, float(at), what))
+            label = f"{what} at {at:g} s"
+            found.append(Entry(label, group, unit, value, data.fitted, one.sigma, float(at), what, one.quantity))
     return found
 
 

@@ -92,6 +92,15 @@ class Problem:
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
 
+    def of(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> Problem:
+        """The problem of other sets, with the same loss."""
+        return Problem(blocks, unknowns, self._loss)
+
+    @property
+    def robust(self) -> bool:
+        """Whether outliers are expected."""
+        return self._loss == "huber"
+
     @property
     def fingers(self) -> list[Finger]:
         """Of all sets, those whose laws predict them."""
@@ -252,10 +261,10 @@ class Problem:
             freedom = float(np.sum(1.0 - leverage[used]))
             if freedom > 0.5:
                 # exact data must not weigh infinitely
-                found[members] = np.maximum(self._spread(residuals[used], freedom), 1e-6 * first[members])
+                found[members] = np.maximum(self.spread(residuals[used], freedom), 1e-6 * first[members])
         return found
 
-    def _spread(self, residuals: Array, freedom: float) -> float:
+    def spread(self, residuals: Array, freedom: float) -> float:
         """Standard deviation: of all residuals, or from their median where outliers are expected."""
         if self._loss == "huber" and residuals.size >= 5:
             # 1.4826 makes the median of sizes the standard deviation of normal noise

@@ -105,10 +105,13 @@ class File:
     maker : str
         ``"module:function"`` below ``continuum_grasp``, which is given the result and returns the text. It is a name
         because results lie below what describes and draws them, and matplotlib is loaded late.
+    needs : str
+        Attribute of the result without which, or where it is empty, there is no such text; none where not given.
     """
 
     name: str
     maker: str
+    needs: str = ""
 
 
 @dataclass(frozen=True)

@@ -242,7 +242,14 @@ class Result(Summarized):
         return files + self._write(self.pages, target, pictures=drawn)
 
     def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:
-        return [write_text(maker_of(file.maker)(self, **options), folder / file.name) for file in files]
+        written = []
+        for file in files:
+            if file.needs and not _is_there(getattr(self, file.needs)):
+                # what an earlier run wrote there is not of this one
+                (folder / file.name).unlink(missing_ok=True)
+            else:
+                written.append(write_text(maker_of(file.maker)(self, **options), folder / file.name))
+        return written
 
     def _shown_pairs(self) -> Mapping[str, str]:
         count = len(self.warnings)

@@ -121,10 +121,12 @@ def test_known_deviations_weight_unlike_data():
     assert both.values == pytest.approx(alone.values, rel=1e-3)
 
 
-def test_data_in_another_unit_are_doubted():
+@pytest.mark.slow
+def test_data_in_another_unit_are_refused():
     data = Poses([Reading("y", 1e3 * tip_data()[:, 1])], {"load_1_y": -LOADS})
     fit = cg.identify(loaded_scene(), data, parameters=["bending_stiffness"])
-    assert any("check units, signs and conditions" in warning for warning in fit.warnings)
+    assert fit.status == "implausible"
+    assert any("positions are in mm, read as m" in cause for cause in fit.causes)
 
 
 def test_unknown_deviations_come_from_the_residuals():

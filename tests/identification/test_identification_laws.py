@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import continuum_grasp as cg
 from continuum_grasp.identification import Poses, Reading, fit_damped_sine
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.laws import doubts_of_laws
+from continuum_grasp.identification.laws import _change, _trend, doubts_of_laws
 from continuum_grasp.identification.problem import Problem
 from tests.identification_cases import ROD, STIFFNESS
+from tests.marks import few
 from tests.rods import rod_scene
 
 PULSATION = 20.0
@@ -63,8 +65,42 @@ def test_damping_that_depends_on_the_amplitude_is_reported(law, words, seed):
     t, x = oscillation(**law)
     block = Moved(t, x + 2e-5 * np.random.default_rng(seed).standard_normal(x.size))
     found = [one for one in doubts_of_laws(Problem([block], [], "squares"), block.predicted) if "damping" in one]
-    assert len(found) == (words is not None)
+    assert bool(found) == (words is not None)
     assert all(words in one for one in found)
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-3])
+@pytest.mark.parametrize("seeds", few([15, 300], 1))
+def test_noise_alone_makes_no_law_wrong_and_does_not_hide_a_drag(seeds, noise):
+    """At most one false alarm in a hundred; nine of ten drags are noticed."""
+    for law, least, most in (({"linear": 0.03, "drag": 0.0}, 0.0, 0.01), ({"linear": 0.005, "drag": 12.0}, 0.9, 1.0)):
+        t, x = oscillation(dry=0.0, **law)
+        found = 0
+        for seed in range(seeds):
+            block = Moved(t, x + noise * np.random.default_rng(seed).standard_normal(x.size))
+            found += bool(doubts_of_laws(Problem([block], [], "squares"), block.predicted))
+        assert least * seeds <= found <= most * seeds
+
+
+@pytest.mark.parametrize(("share", "reported"), [(0.999, False), (1.001, True)])
+@pytest.mark.parametrize("noise", [0, 40])
+def test_a_trend_is_sure_from_student_s_t_on(share, reported, noise):
+    """Ten points whose deviations are one, or estimated; t is that which two in a thousand exceed."""
+    x, ones = np.linspace(-1.0, 1.0, 10), np.ones((10, 1))
+    rest = np.where(np.arange(10) % 4 % 3 == 0, 1.0, -1.0)
+    basis = np.linalg.qr(np.stack([ones[:, 0], x], axis=1))[0]
+    rest -= basis @ (basis.T @ rest)
+    freedom = noise or 8
+    rest *= np.sqrt(8.0 if not noise else 4.0) / np.linalg.norm(rest)
+    slope = share * scipy.stats.t.isf(1e-3, freedom) / np.linalg.norm(x)
+    assert (_trend([(x, slope * x + rest, ones)], noise) is not None) == reported
+
+
+@pytest.mark.parametrize(("share", "reported"), [(0.999, False), (1.001, True)])
+def test_a_change_matters_from_a_tenth_on(share, reported):
+    x = 1e3 * np.linspace(0.0, 1.0, 6)
+    found = _change([(x, -share * 1e-4 * x, np.ones((6, 1)))], 1e3, 0)
+    assert (found is not None) == reported
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,162 @@
+"""Data that cannot be those of the finger are refused, and the slip is named; thresholds; good data pass."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.identification import Poses, Reading
+from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.plausibility import Misfit, judge, misfits
+from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.slips import slips_of, try_undo
+from tests.identification.test_identification_doubts import ONE
+from tests.identification_cases import LENGTH, ROD, elastica, loaded_scene
+from tests.marks import few
+from tests.rods import rod_scene
+
+LOADS = np.array([0.0, 0.05, 0.1, 0.2])
+SCENE = rod_scene(ROD, "arc", 1)
+
+
+def tips() -> np.ndarray:
+    """Tip x and y of the exact rod, and its bend."""
+    return np.array([elastica(load) for load in LOADS])
+
+
+class Missed(Block):
+    """A set whose predictions are given, of readings of the scene."""
+
+    def __init__(self, poses: Poses, sigma: float | None = None, finger: Any = SCENE.finger) -> None:
+        self.name, self.finger = poses.name, finger
+        rows = np.stack([np.asarray(one.values) for one in poses.measured], axis=1)
+        self.entries = [
+            Entry(
+                f"{one.what}, row {k + 1}", one.kind, "m", float(value), True, sigma, float(k), one.what, one.quantity
+            )
+            for k, row in enumerate(rows)
+            for one, value in zip(poses.measured, row, strict=True)
+        ]
+
+    def predict(self, values):
+        return np.full(len(self.entries), np.nan), np.ones((len(self.entries), 1))
+
+
+def _fails(*_: Any) -> Problem:
+    raise SolverError("no search here", status="none")
+
+
+def reason_of(poses: Poses, off: float, sigma: float | None = None, loss: str = "squares") -> str:
+    """Why readings are refused whose predictions are off by so much."""
+    problem = Problem([Missed(poses, sigma)], [ONE], loss)
+    noise = np.full(problem.measured.size, 1e-6 if sigma is None else sigma)
+    return judge(problem, problem.measured + off, noise, [(poses, SCENE)], _fails).reason
+
+
+@pytest.mark.parametrize(
+    ("sigma", "limit"),
+    [(None, 0.05 * LENGTH), (0.004 * LENGTH, 0.02 * LENGTH), (1e-5, 0.01 * LENGTH)],
+    ids=["a twentieth of the length", "five stated deviations", "a hundredth of the length"],
+)
+def test_misfits_are_refused_from_a_share_of_the_length_on(sigma, limit):
+    poses = Poses([Reading("x", 0.5 * LENGTH * np.array([0.2, 0.6, 1.0]))])
+    assert not reason_of(poses, 0.999 * limit, sigma)
+    assert "is plausible" in reason_of(poses, 1.001 * limit, sigma)
+
+
+@pytest.mark.parametrize("at", [None, 0.1])
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-0.6, 0.8)])
+def test_points_beyond_the_reach_are_refused(at, way):
+    reach = (LENGTH if at is None else at) + 0.05 * LENGTH
+    for share, refused in ((0.999, False), (1.001, True)):
+        points = np.outer([0.3, 0.2, share], way) * reach
+        poses = Poses([Reading("x", points[:, 0], at), Reading("y", points[:, 1], at)])
+        found = reason_of(poses, 0.0)
+        assert bool(found) == refused
+        assert not refused or "row 3" in found
+        # of a robust loss one reading is an outlier
+        assert not reason_of(poses, 0.0, loss="huber")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "values", "limit"), [("bend", [0.2, 0.5, 1.0], 0.1), ("bend", [0.0, 1.0, 4.0], 0.2)]
+)
+def test_bends_are_refused_from_a_share_of_their_range_on(quantity, values, limit):
+    (found,) = misfits(Problem([Missed(Poses([Reading(quantity, values)]))], [ONE], "squares"), np.zeros(3))
+    assert found.limit == pytest.approx(limit)
+
+
+def test_slips_are_tried_from_half_the_scatter_on():
+    small = Misfit("set", "positions", "m", 0.999e-3, 4e-3, 2e-3)
+    assert not small.doubtful
+    assert small._replace(rms=1.001e-3).doubtful
+    # and from a fifth of what is refused on, where the measurements hardly differ
+    repeats = small._replace(limit=5e-3, scatter=0.0)
+    assert not repeats.doubtful
+    assert repeats._replace(rms=1.001e-3).doubtful
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    few(
+        [
+            (lambda x, y, load: (x, -y, load), "y points down"),
+            (lambda x, y, load: (1e3 * x, 1e3 * y, load), "positions are in mm, read as m"),
+            (lambda x, y, load: (y, x, load), "columns of x and y are swapped"),
+            (lambda x, y, load: (x + 0.1, y - 0.15, load), "the base is elsewhere"),
+            (lambda x, y, load: (x, y, -load), "load_y has the other sign"),
+        ],
+        0,
+    ),
+)
+def test_slips_are_named(change, words):
+    x, y, load = change(*tips()[:, :2].T, -LOADS)
+    scene = loaded_scene(2, finger={"base": {"angle": -np.pi / 2}})
+    fit = cg.identify(
+        scene, Poses([Reading("x", x), Reading("y", y)], {"load_1_y": load}), parameters=["bending_stiffness"]
+    )
+    assert fit.status == "implausible"
+    assert any(cause.startswith(words) for cause in fit.causes)
+    with pytest.raises(InputError, match="implausible"):
+        fit.apply()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_bends_of_the_other_sign_are_named_and_written_only_when_asked_for(side, tmp_path):
+    """Bends M L / EI of a rod under moments at its tip, and of its mirror image."""
+    moments = side * np.array([0.01, 0.02, 0.03])
+    scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
+    data = Poses([Reading("bend", -moments * LENGTH / ROD["bending_stiffness"])], {"tip_moment": moments})
+    fit = cg.identify(scene, data, parameters=["bending_stiffness"], accept_implausible=True)
+    assert fit.status == "implausible"
+    expected = {"bend has the other sign in the data", "tip_moment has the other sign"}
+    assert {cause.split(":")[0] for cause in fit.causes} == expected
+    for accepted in (True, False):  # what the first run wrote does not stay
+        replace(fit, accepted=accepted).save(tmp_path)
+        assert (tmp_path / "identified_finger.yaml").exists() == accepted
+
+
+@pytest.mark.parametrize("seeds", few([1, 300], 1))
+def test_good_data_are_not_refused(seeds):
+    """Noise of a hundredth of the length, far more than a camera has."""
+    clean, scene = tips(), rod_scene(ROD, "matched_clothoid", 1, loads=loaded_scene(1).loads)
+    for seed in range(seeds):
+        x, y, _ = (clean + 0.01 * LENGTH * np.random.default_rng(seed).standard_normal(clean.shape)).T
+        data = Poses([Reading("x", x), Reading("y", y)], {"load_1_y": -LOADS})
+        assert cg.identify(scene, data, parameters=["bending_stiffness"]).status == "converged"
+
+
+def test_an_undone_slip_done_twice_is_the_data():
+    """Signs, swaps and turns by 180 degrees are their own inverses."""
+    poses = Poses([Reading("x", [0.1, 0.2]), Reading("y", [0.3, -0.1])], {"load_1_y": [1.0, 2.0]})
+    scene = loaded_scene(1)
+    for slip in slips_of([(poses, scene)]):
+        if any(word in slip.words for word in ("other sign", "swapped", "180", "points")):
+            twice = try_undo(slip, *try_undo(slip, poses, scene))
+            assert [list(one.values) for one in twice[0].measured] == [list(one.values) for one in poses.measured]
+            assert list(twice[0].conditions["load_1_y"]) == [1.0, 2.0]
