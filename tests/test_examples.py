@@ -158,6 +158,7 @@ SCRIPTS = {
 """Print what a shell offers for the words of t."""
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_shells_complete(shell, tmp_path):
     if shutil.which(shell) is None:

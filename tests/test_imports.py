@@ -219,6 +219,7 @@ def test_the_package_itself_loads_nothing_but_its_own_beginnings():
         assert loaded == {"continuum_grasp._lazy"}
 
 
+@pytest.mark.deep
 def test_nothing_but_the_command_line_prints():
     wrong = []
     for file in FILES:
@@ -232,6 +233,7 @@ def test_nothing_but_the_command_line_prints():
     assert not wrong
 
 
+@pytest.mark.deep
 def test_input_is_not_checked_by_assert():
     wrong = [
         f"{file.relative_to(PACKAGE)}:{node.lineno}"

@@ -74,6 +74,7 @@ def test_words_that_are_replaced_do_not_occur(pattern):
     assert not found, f"write {REPLACED[pattern]} instead:\n" + "\n".join(found)
 
 
+@pytest.mark.deep
 def test_spelling_is_american():
     found = uses(BRITISH)
     assert not found, "\n".join(found)

@@ -32,6 +32,7 @@ def rows(report, model):
     return [dict(zip(columns, row, strict=True)) for row in report.choices.rows if row[0] == model]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("family", "expected"), [("arc", 2.0), ("clothoid", 4.0)])
 @pytest.mark.parametrize("column", ["tip / L", "frequency 1"])
 def test_errors_fall_at_the_familys_order(report, family, expected, column):
@@ -80,6 +81,7 @@ def test_the_pace_is_that_of_the_classical_method(release):
     assert steps[1] / steps[0] == pytest.approx(4.0, rel=0.35)
 
 
+@pytest.mark.deep
 def test_the_reference_knows_its_error(release):
     reference = reference_motion(release, find_truth(release))
     assert 0.0 < reference.error < 1e-5

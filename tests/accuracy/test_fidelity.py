@@ -39,6 +39,7 @@ def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("seed", "tolerance"), few([(seed, (2e-2, 5e-3, 1e-3)[seed % 3]) for seed in range(15)], 6))
 def test_the_choice_keeps_the_tolerance(seed, tolerance):
     """Measured again by the public way, against the exact rod at other places and its frequencies."""
@@ -62,6 +63,7 @@ GRADED = {
 }
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("case", few(GRADED, 2))
 def test_the_choice_keeps_the_tolerance_of_a_graded_rod(case):
     keys = {"gravity": (0.0, 0.0), **GRADED[case]}
@@ -79,6 +81,7 @@ def check(chosen, tolerance):
         assert found == pytest.approx(natural_frequencies(moving.finger, rod)[0], rel=tolerance)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("seed", few([1, 4, 8, 12, 20], 2))
 def test_nothing_cheaper_would_have_done(seed):
     assert cheaper(choose_fidelity(random_scene(seed), 5e-3)) == ""
@@ -118,6 +121,7 @@ def test_elements_that_are_fixed_stay(elements):
     assert lengths == pytest.approx((0.12,) * 5 if elements == 5 else elements)
 
 
+@pytest.mark.deep
 def test_modes_are_held_to_the_tolerance_though_nothing_moves():
     """Hertz of the weightless clamped rod: 3.5160 and 22.0345 over 2 pi, times sqrt(EI / rho A L^4)."""
     still = rod_scene(UNIT, None, None, gravity=(0.0, 0.0), fidelity={"bending_range": None, "tolerance": 0.01})
@@ -144,6 +148,7 @@ def test_many_contacts_get_an_element_each():
     assert chosen.best.choice.elements == 21
 
 
+@pytest.mark.deep
 def test_two_frequencies_cost_more_than_one():
     moving = scene(time={"duration": 1.0, "step": 0.01})
     both = moving.model_copy(update={"fidelity": moving.fidelity.model_copy(update={"frequencies": 2})})

@@ -28,6 +28,7 @@ def plant():
     return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene)
 
 
+@pytest.mark.deep
 def test_pads_are_where_the_mission_has_contacts(plant):
     of, scene, text = plant
     root = ET.fromstring(text)
@@ -47,6 +48,7 @@ def test_pads_are_where_the_mission_has_contacts(plant):
     assert joints == ["object_x", "object_y", "object_angle", "object_z"]
 
 
+@pytest.mark.deep
 def test_a_block_lies_with_its_corners_where_its_outline_has_them():
     """Its flat faces and rounds, seen from four sides, against the support function of the rounded box."""
     mission = load(MUG.with_name("turn_block.yaml"))

@@ -70,6 +70,7 @@ def test_a_drive_lags_by_its_own_time():
         assert acting == pytest.approx(1.0 + risen * (PULL - 1.0), rel=1e-4)
 
 
+@pytest.mark.deep
 def test_wires_and_sensors_fail_as_they_say():
     right, plant = usual()
     names = [name.split(" ")[0] for name in plant.sensors.names]

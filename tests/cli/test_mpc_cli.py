@@ -58,6 +58,7 @@ def done(config):
     return folder, json.loads(result.stdout)
 
 
+@pytest.mark.deep
 def test_files_are_those_that_are_listed(done):
     folder, found = done
     made = {path.stem for path in map(Path, found["files"]) if path.is_file()}

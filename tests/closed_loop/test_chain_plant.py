@@ -192,6 +192,7 @@ def test_a_conduit_takes_its_share_before_the_finger():
     assert angle == pytest.approx(np.log(1.0 + 0.1 * OFFSET / STIFFNESS * arriving * LENGTH) / 0.1, rel=1e-4)
 
 
+@pytest.mark.deep
 def test_it_presses_an_object_as_a_plant_of_elements_does():
     """Without friction of tendons, under gravity in the plane; both come to rest."""
     around = {

@@ -105,6 +105,7 @@ def test_tensions_stay_at_their_limit():
     assert np.linalg.norm(found.tip[-1] - found.tip_reference[-1]) < 0.02
 
 
+@pytest.mark.deep
 def test_a_spirob_goes_where_its_tension_bends_it():
     """At rest the tip is where int T e / EI ds bends it: the setpoint is that of 0.7 N, by another quadrature."""
     found = checked(run("spirob", 1.1, "plant.noise=0.0", "reference.tip=[-0.0371, 0.2389]"))
@@ -115,6 +116,7 @@ def test_a_spirob_goes_where_its_tension_bends_it():
     assert found.disturbance[-1, 0] == pytest.approx(0.1, abs=0.05)
 
 
+@pytest.mark.deep
 def test_the_load_on_a_taper_is_found():
     """Across the straight finger; what pulls along it does not show."""
     same = ["plant.noise=0.0", "plant.stiffness=1.0", "plant.damping=1.0", "parameters=[]", "reference.tip=[0.0, 0.25]"]
@@ -138,6 +140,7 @@ def test_three_tendons_take_middle_and_tip_to_setpoints():
     assert found.u.shape[1] == 3
 
 
+@pytest.mark.deep
 def test_zones_are_avoided():
     found = checked(run("keep_out", 1.5, ARCS, "controller.bounds.keep_out.wall.clearance=0.005"))  # arcs err by more
     assert found.tip[:, 0].min() > -0.10 + 0.006
@@ -152,6 +155,7 @@ def test_a_moment_lifts_the_rod():
     assert np.linalg.norm(found.tip[-10:] - found.tip_reference[-10:], axis=1).max() < 0.015
 
 
+@pytest.mark.deep
 def test_winches_follow_although_friction_is_half_as_much_again():
     found = checked(run("winches", 1.0))
     assert found.scene.plant.tendon_friction == pytest.approx(1.5 * found.scene.finger.tendon_friction)
@@ -160,6 +164,7 @@ def test_winches_follow_although_friction_is_half_as_much_again():
     assert "tripped" not in found.health
 
 
+@pytest.mark.deep
 def test_a_servo_turns_the_tip_to_its_angle_and_holds_it():
     found = checked(run("motor_servo", 1.0))
     angle = [name.startswith("tip_angle") for name in found.r_names].index(True)
@@ -182,6 +187,7 @@ def test_without_scenarios_the_late_camera_makes_it_swing():
     assert rms(late_camera("controller.scenarios=[]", "controller.supervisor=false")) > 0.008
 
 
+@pytest.mark.deep
 def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
     """The tip follows as if all were known, and no sensor contradicts the model any longer."""
     quick = (ARCS, "controller.horizon.stages=20")
@@ -199,12 +205,14 @@ def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
     assert adapted.details()["adapted"]["bending_stiffness"]["observability"] == "observed"
 
 
+@pytest.mark.deep
 def test_a_learned_residual_brings_the_tip_nearer_on_tendons_with_friction():
     scene = load((FOLDER / "learned_friction").with_suffix(".yaml"), ["duration=1.5"])
     learned, plain = (checked(run_closed_loop(one)) for one in (scene, scene.changed({"fidelity.residual": None})))
     assert rms(learned.tracked[:, :2] - learned.r[:, :2]) < 0.95 * rms(plain.tracked[:, :2] - plain.r[:, :2])
 
 
+@pytest.mark.deep
 def test_a_bar_is_turned_by_30_degrees_and_left_alone():
     found = checked(run("turn_bar", 5.5))
     angle = np.degrees(found.object_pose[:, 2])

@@ -186,6 +186,7 @@ def test_tensions_alone_show_the_lag_alone():
         assert one.std == pytest.approx(one.initial_std, rel=1e-6)
 
 
+@pytest.mark.deep
 def test_errors_of_random_plants_are_as_large_as_stated():
     """Plants of the stated spread, with the noise that the filter reckons with."""
     estimator, rng = hand((0.2, 0.001, 0.25)), np.random.default_rng(3)
@@ -370,6 +371,7 @@ def test_compilers_have_nothing_to_say(precision, tmp_path):
     assert not done.stderr
 
 
+@pytest.mark.deep
 def test_commands_report_what_is_adapted():
     control = controller()
     control.reset()

@@ -101,6 +101,7 @@ def test_a_push_is_detected_early(pushed, back, speed):
     assert all(feels.forces[place, 0] - 0.005 < force < feels.forces[place, 1] + 0.005 for force, feels in strong)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_blow_is_detected_in_time(way):
     """Three times the threshold at once, and as the loop of friction is widest: within 50 ms."""
@@ -111,6 +112,7 @@ def test_a_blow_is_detected_in_time(way):
     assert next(t for t, force, feels in rows if force and feels.detected) <= 0.8 + 0.05
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("stiffness", "friction", "dry", "payload"),
     [(0.8, 0.15, 1.3, 0.002), (1.2, 0.05, 0.7, 0.0), (1.2, 0.15, 1.3, 0.002)],
@@ -120,6 +122,7 @@ def test_wrong_models_raise_no_alarm(stiffness, friction, dry, payload):
     assert {feels.contact for _, _, feels in rows} == {Contact.FREE}
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("arrangement", ["one_pulley", "per_tendon"])
 def test_two_tendons_raise_no_alarm_at_the_ends_of_all_errors(arrangement):
     """Under gravity with a payload, on motors whose commands are held; what is small on a pulley is the difference."""
@@ -189,6 +192,7 @@ def test_two_places_that_motors_feel_alike_cannot_be_distinguished():
     assert residuals[0] == pytest.approx(residuals[1], abs=0.15)
 
 
+@pytest.mark.deep
 def test_after_a_contact_the_history_is_not_known():
     own = detector(bending_stiffness=0.02, tendon_friction=0.1)
     rows = trial(own, plant(0.1), speed=1.0)
@@ -244,6 +248,7 @@ def test_the_estimator_reports_it_along():
     assert first.z.tolist() == again.z.tolist()
 
 
+@pytest.mark.deep
 def test_a_controller_reports_it_as_the_detector_does():
     controller, alone = Controller(scene(), deadline=math.inf), ContactDetector(scene())
     for k in range(8):

@@ -52,6 +52,7 @@ def state(plant):
     return plant.x
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("error", few([0.1, -0.1, 0.0], 1))
 @pytest.mark.parametrize("make", [{}, {"controller": {"period": 0.005}}, {"estimator": {"delay": 0.02}}])
 def test_the_tip_has_no_offset(make, error):
@@ -264,6 +265,7 @@ def test_what_was_applied_is_what_the_estimator_counts_with():
     assert found.estimate.p == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.deep
 def test_whatever_is_given_commands_stay_finite_and_within_their_limits():
     rng = np.random.default_rng(7)
     values = np.array([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e12, 1e-320, 0.0])

@@ -67,6 +67,7 @@ def test_its_gradient_is_that_of_finite_differences():
     assert np.array(gradient).ravel() == pytest.approx(difference, rel=1e-6, abs=1e-7)
 
 
+@pytest.mark.deep
 def test_the_tip_turns_to_its_setpoint_and_stays():
     """Arcs in a plane without gravity: the angle is tip moment times length per EI, whatever the elements."""
     run = run_closed_loop(swing_scene(**TURNED, duration=2.0))

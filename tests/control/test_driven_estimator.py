@@ -78,6 +78,7 @@ def test_no_correction_takes_friction_states_beyond_their_range():
     assert np.all(found.std[at] <= 1.0)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("guides", [0.1, 0.2])
 def test_lengths_and_tensions_alone_show_the_angle_of_the_tip(guides):
     """On a chain of guides with another friction: the angle to 0.03 rad of 1.2; without a model it is unknown."""
@@ -109,6 +110,7 @@ def test_lengths_and_tensions_alone_show_the_angle_of_the_tip(guides):
     assert np.abs(wrong[5:]).max() < 0.03
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["servos", "currents", "pulley"])
 def test_plants_measure_what_estimators_compare(name):
     key = "length" if name == "pulley" else "angle"

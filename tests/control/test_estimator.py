@@ -239,6 +239,7 @@ def seen(plant):
     return np.array([*plant.tip, *np.array(angles).ravel()])
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("error", few([-0.1, 0.1], 1))
 def test_an_unknown_tip_force_and_stiffness_are_found(error):
     estimator = rod()

@@ -74,6 +74,7 @@ def gap(stages, x, u):
     return np.abs(ends - x[1:])[:, :4].max()
 
 
+@pytest.mark.deep
 def test_full_steps_repeat_it():
     stages = controller().stages
     iteration = RealTimeIteration(stages)

@@ -156,6 +156,7 @@ def test_iterations_of_a_finger_end_at_the_optimum():
     np.testing.assert_allclose(x, found[0], atol=1e-6 * np.abs(found[0]).max())
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["winches", "servo"])
 def test_iterations_with_drives_and_tendon_friction_end_at_the_optimum(name):
     """No better cost is found by single shooting and the search of J. A. Nelder and R. Mead, without derivatives."""
@@ -205,6 +206,7 @@ CYCLING = np.array(
 """Bends, rates and moments from which full steps, all or most of them, end in cycles."""
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("k", few(range(len(CYCLING)), 1))
 def test_a_search_settles_where_full_steps_cycle(k):
     """At a minimum, where IPOPT stays."""

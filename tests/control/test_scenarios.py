@@ -166,6 +166,7 @@ def penalties(opti: ca.Opti, s: Stages, c: ca.MX, part: slice) -> ca.MX:
     return total / s.plants
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("plants", few([2, 3], 1))
 def test_iterations_converge_to_what_ipopt_finds(plants):
     s = stages(plants)
@@ -223,6 +224,7 @@ def _tensions(plant: Reality) -> tuple[float, float]:
     return 1.0 + max(pull, 0.0), 1.0 + max(-pull, 0.0)
 
 
+@pytest.mark.deep
 def test_equal_scenarios_command_what_one_does():
     """Also with an estimator of the stiffness, on which their factors act; whatever their weights."""
     estimator = {

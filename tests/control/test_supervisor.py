@@ -76,6 +76,7 @@ def first(found, *healths: str) -> float:
     return at[0] if at else math.inf
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "change",
     few(
@@ -152,6 +153,7 @@ REASONS = {
 }
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("fault", few(FAULTS, 3))
 def test_faults_are_reported_and_end_in_the_safe_state(fault):
     faults, reported, tripped = FAULTS[fault]
@@ -206,6 +208,7 @@ def glitches(plant, y):
     return y + (plant.rng.random() < 0.02) * np.array([0.03, -0.05, 0.0, 0.0])
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("sensors", few([outliers(0.01), glitches], 1))
 def test_single_outliers_cost_nothing(sensors):
     found = run(sensors=sensors)
@@ -214,6 +217,7 @@ def test_single_outliers_cost_nothing(sensors):
     assert any("outlier rejected" in word for words in found.anomalies for word in words)
 
 
+@pytest.mark.deep
 def test_all_sensors_may_be_gone_for_fifty_periods():
     def sensors(plant, y):
         return y * np.nan if plant.t < START + 0.5 - 1e-9 else y
@@ -252,12 +256,14 @@ def test_a_finger_that_rests_without_noise_is_not_frozen():
     assert set(found.health) == {"ok"}
 
 
+@pytest.mark.deep
 def test_without_a_supervisor_nothing_trips():
     found = run("controller.supervisor=false", sensors=swapped((0, 1)))
     assert set(found.health) == {"ok"}
     assert "safe_ramp" not in found.status
 
 
+@pytest.mark.deep
 def test_a_trip_stays_until_it_is_left_and_is_part_of_the_saved_state():
     control = controller()
     scene = control.scene

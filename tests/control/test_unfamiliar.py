@@ -29,6 +29,7 @@ def scenes():
     return [scene.changed({"fidelity.residual": one}) for one in (residual, None, elsewhere)]
 
 
+@pytest.mark.deep
 def test_beyond_the_logs_it_is_reported_and_the_command_is_that_without():
     own, plain, elsewhere = (Controller(scene, deadline=np.inf) for scene in scenes())
     state = np.array([2.0, 1.8, 5.0, 4.0, 0.012, 0.0])

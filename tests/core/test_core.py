@@ -700,6 +700,7 @@ def test_a_refused_source_leaves_nothing(builds):
     assert list(cache_folder().iterdir()) == []
 
 
+@pytest.mark.deep
 @needs_compiler
 def test_processes_may_build_the_same_at_once(builds):
     code = (

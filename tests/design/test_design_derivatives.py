@@ -209,6 +209,7 @@ def test_the_tension_per_offset_is_known_in_closed_form():
     assert here.slopes["tension"][0] / 0.002 == pytest.approx(-(left - right) / 0.005, rel=1e-7)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("scene", "changes", "count"),
     [
@@ -241,6 +242,7 @@ def test_grasps_that_hold_for_many_postures_are_differentiated(scene, changes, c
     assert here.slopes["tension"][0] / 0.002 == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.deep
 def test_a_design_says_that_other_friction_states_decide_elsewhere():
     """More friction of the tendons: the cell from which on they slide back is another one."""
     found = cg.optimize_design(

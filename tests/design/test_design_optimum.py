@@ -100,6 +100,7 @@ def test_errors_of_manufacture(moment):
     assert other.cost == pytest.approx(moment / (e + d) + 2.0 * LEAST + 1e4 * e, rel=1e-8)
 
 
+@pytest.mark.deep
 def test_grasps_may_be_lost_on_the_way(moment):
     """Below M / 59 N the tendons are too weak: minimizing the offset alone ends just above."""
     found = designed(minimize="e", variables={OFFSET: {"min": 0.001, "max": 0.006, "name": "e"}})

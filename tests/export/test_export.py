@@ -52,6 +52,7 @@ def test_the_manifest_says_what_is_there(name, real, packages):  # noqa: F811
     assert manifest["configuration"]["finger"]["rod"]["length"] > 0
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("target", ["host", "wasm"])
 def test_made_again_every_byte_is_the_same(target, tmp_path):
     """In another process, folder and order of hashes, too."""

@@ -22,6 +22,7 @@ STACK = {"float": 1200, "double": 2000}
 """Bytes of the largest frame of a function on x86-64."""
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811

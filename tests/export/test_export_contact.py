@@ -69,6 +69,7 @@ def felt(struct) -> np.ndarray:
     ).copy()
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings):
     real, _, finger, library = made

@@ -76,6 +76,7 @@ def reference(finger, rows):
 # The C.
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("compiler", few(COMPILERS, 1))
 @pytest.mark.parametrize(("name", "real"), few([("given", "double"), ("observed", "float"), ("adapting", "double")], 1))
 def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
@@ -113,6 +114,7 @@ def test_threads_do_not_meet(packages, tmp_path):  # noqa: F811
     assert "0 cases failed" in run(program)
 
 
+@pytest.mark.deep
 @needs("gcc", "nm")
 @pytest.mark.parametrize(("name", "real"), few(CASES, 1))
 def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
@@ -170,6 +172,7 @@ def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
 # Numbers, against the Python controller and estimator, whose C comes from CasADi and uses vector lanes.
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), few([("observed", "double"), ("given", "float"), ("given", "double")], 1))
 def test_the_controller_is_that_of_python(name, real, libraries):
@@ -204,6 +207,7 @@ def test_the_controller_is_that_of_python(name, real, libraries):
     assert Status.PREVIOUS_PLAN in seen or name == "observed"
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize("name", few(["servo", "winches", "currents"], 1))
 def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
@@ -224,6 +228,7 @@ def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
     assert min(moved) < -0.01
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_a_controller_of_scenarios_is_that_of_python(tmp_path):
     """In closed loop on a fourth plant; and its own vectors to the bit."""
@@ -251,6 +256,7 @@ def test_a_controller_of_scenarios_is_that_of_python(tmp_path):
         plant.advance(command.u, control.period)
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), [*(("observed", real) for real in REALS), *few([("adapting", "double")], 0)])
 def test_the_estimator_is_that_of_python(name, real, libraries):
@@ -267,6 +273,7 @@ def test_the_estimator_is_that_of_python(name, real, libraries):
         assert np.allclose(values(found), expected.z, rtol=limit, atol=limit * np.abs(expected.z).max())
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_settings_that_are_changed_are_those_of_python(libraries):
     finger, library = libraries("given", "double")
@@ -452,6 +459,7 @@ def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa:
     assert control.code < Code.WARN_PREVIOUS_PLAN
 
 
+@pytest.mark.deep
 @needs("gcc")
 @pytest.mark.parametrize("stages", few([4, 6, 7], 1))
 def test_a_plan_is_not_read_past_its_end(stages, tmp_path):
@@ -548,6 +556,7 @@ def test_prototypes_are_separated_from_types():
     assert declared == functions
 
 
+@pytest.mark.deep
 def test_the_error_of_a_controller_is_found_at_limits_that_round_and_refused(tmp_path):
     """In single precision 0.2 is above itself: the reference in double must not refuse it, and so be zero."""
     single = scene("given").finger.model_copy(update={"tendons": None})

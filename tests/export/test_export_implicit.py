@@ -17,6 +17,7 @@ from tests.simulation.test_winches import PASSIVE, SERVO, model
 STIFF = {"axial_stiffness": 1e5, "series_stiffness": 1e5}
 
 
+@pytest.mark.deep
 @needs("gcc")
 @pytest.mark.parametrize(("name", "real"), [("winches", "double"), ("winches", "float")])
 def test_every_vector_to_the_bit(name, real, tmp_path):
@@ -57,6 +58,7 @@ def test_steps_have_order_two_and_long_ones_stay(tmp_path):
         library.implicit_step(package.State(), package.Input(*u), package.Forces(), 5.1e-3)
 
 
+@pytest.mark.deep
 def test_many_elements_are_refused(tmp_path):
     given = cg.FingerModel(cg.Finger(**PASSIVE), family="arc", elements=40)
     with pytest.raises(InputError, match="take fewer elements, or explicit steps"):

@@ -20,6 +20,7 @@ CONFIG = Path(__file__).parents[2] / "configs/mpc/learned_friction.yaml"
 STATE = np.array([2.0, 1.8, 5.0, 4.0, 0.012, 0.0])
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_commands_and_anomalies_are_those_of_python(tmp_path):
     scene = load(CONFIG).changed({"estimator": None, "controller.horizon.stages": 6})

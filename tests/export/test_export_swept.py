@@ -39,6 +39,7 @@ def package(tmp_path_factory):
     return made
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("case", "compiler"), [(0, "gcc"), (0, "clang"), (1, "gcc"), (2, "clang"), (3, "gcc")])
 def test_every_vector_to_the_bit_without_a_warning(compiler, case, package, tmp_path):
     if shutil.which(compiler) is None:

@@ -41,6 +41,7 @@ def rows_of(text: str):
     return head, np.array([[float(v) for v in line.split(",")] for line in lines])
 
 
+@pytest.mark.deep
 @needs("cmake", "make", "cc", "pkg-config")
 def test_pkg_config_finds_it(installed, tmp_path):
     pc = next(installed.rglob("finger.pc"))
@@ -68,6 +69,7 @@ target_link_libraries(whole finger::finger)
     assert not list(tmp_path.rglob("finger_test_vectors*"))
 
 
+@pytest.mark.deep
 @needs("cmake", "make", "cc")
 def test_options_by_cmake(packages, tmp_path):  # noqa: F811
     run("cmake", "-S", packages("contact", "float"), "-B", tmp_path, "-DFINGER_FAST=ON", "-DBUILD_SHARED_LIBS=ON")
@@ -149,6 +151,7 @@ def test_the_skeletons_of_controllers_are_c(name, real, packages, tmp_path):  # 
     assert "project(finger_control_node " in (package / "examples/ros2_control/CMakeLists.txt").read_text()
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), [("observed", "float")])
 def test_the_control_loop_commands_as_python_does(name, real, packages, tmp_path):  # noqa: F811

@@ -57,6 +57,7 @@ def release():
     return cg.load("configs/simulate/nitinol_release_020g.yaml")
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("factor", [1, 2])
 def test_a_release_is_that_of_simulate_to_the_order_of_the_method(release, factor, tmp_path):
     plant = plant_of_scene(release.changed({"fidelity": {"family": "clothoid", "elements": 3}}))
@@ -104,6 +105,7 @@ def test_a_hand_pushes_where_it_is(release, tmp_path):
     assert tip_of(arrays)[1] == pytest.approx(0.02 * rod.length**3 / 3.0 / rod.stiffness, rel=2e-2)
 
 
+@pytest.mark.deep
 def test_the_same_bits_in_webassembly(tmp_path):
     plant = plant_of_scene(cg.load("configs/simulate/close_on_mug.yaml"))
     library, arrays = native(plant, tmp_path)
@@ -140,6 +142,7 @@ console.log(JSON.stringify({ codes, bits }));
         assert [int(v) for v in found["bits"][name]] == array.view(np.uint64).tolist(), name
 
 
+@pytest.mark.deep
 def test_the_controller_of_a_page_is_that_of_a_package(tmp_path):
     scene = loop_scene(6)
     cg.export_c(scene, tmp_path, what=["mpc"], target="wasm")
@@ -154,6 +157,7 @@ def test_the_controller_of_a_page_is_that_of_a_package(tmp_path):
     assert own == packaged
 
 
+@pytest.mark.deep
 def test_the_plant_of_a_loop_is_that_of_closed_loops(tmp_path):
     scene = cg.load("configs/mpc/steady_tip.yaml", ["plant.noise=0"])
     plant, sensors = plant_of_loop(scene)
@@ -222,6 +226,7 @@ def test_a_notebook_shows_a_run_without_a_file(tmp_path):
     assert page.save(tmp_path / "deep" / "page.html").file.read_text() == page.text
 
 
+@pytest.mark.deep
 def test_a_loop_is_played_back_with_what_its_controller_knew():
     scene = cg.load("configs/mpc/unknown_payload.yaml", ["duration=0.2", "controller.horizon.stages=8"])
     run = cg.run_closed_loop(scene)

@@ -73,6 +73,7 @@ def drag(page, start, end):
         page.mouse.move(*on_screen(page, (1.0 - share) * np.array(start) + share * np.array(end)))
 
 
+@pytest.mark.deep
 def test_the_tip_follows_a_dragged_target(opened):
     page = stopped(opened("steady_tip"))
     page.evaluate("page.advance(1500)")
@@ -193,6 +194,7 @@ def test_fifty_frames_a_second_leave_half_of_a_core(opened, name):
     assert spent / frames < 0.5 / 50.0
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_is_outside_of_a_narrow_page(opened, scheme):
     page = opened("close_on_mug", viewport={"width": 420, "height": 800}, color_scheme=scheme)

@@ -20,6 +20,7 @@ def grasp(name: str, *changes: str) -> GraspResult:
     return cg.optimize_grasp(cg.load(f"configs/grasp/{name}.yaml", list(changes)))
 
 
+@pytest.mark.deep
 def test_tips_touch_where_circles_do() -> None:
     result = grasp("pinch")
     path = closing_path(result.scene, result.arrays, steps=200)
@@ -43,6 +44,7 @@ def test_tips_touch_where_circles_do() -> None:
     assert path.status is ClosingStatus.REACHED
 
 
+@pytest.mark.deep
 def test_places_press_within_their_cones_and_slide_at_their_edge() -> None:
     result = grasp("mug")
     path = closing_path(result.scene, result.arrays)
@@ -55,6 +57,7 @@ def test_places_press_within_their_cones_and_slide_at_their_edge() -> None:
     assert path.distance < 0.01 * result.scene.setups[0].finger.rod.length
 
 
+@pytest.mark.deep
 def test_work_is_stored_or_lost_to_friction() -> None:
     """Over the path the tendons' work is elastic energy and friction, better so the finer the steps."""
     result = grasp("mug", "contacts.friction=0.4")
@@ -79,6 +82,7 @@ def test_work_is_stored_or_lost_to_friction() -> None:
     assert all(-2e-3 < part < 0.1 for part in missing)
 
 
+@pytest.mark.deep
 def test_an_object_slides_on_a_table_under_its_friction() -> None:
     result = grasp("pinch_above")
     path = closing_path(result.scene, result.arrays, table_friction=0.2)
@@ -108,6 +112,7 @@ def test_a_round_foot_resists_turning_by_two_thirds_of_its_radius() -> None:
     assert (taken[1] - taken[0]) / 0.1 == pytest.approx(0.3 * scene.weight * 2.0 / 3.0 * radius, rel=1e-6)
 
 
+@pytest.mark.deep
 def test_a_finger_that_meets_a_peg_lies_round_it() -> None:
     radius, center = 0.005, (0.130, 0.0)
     peg = f"{{type: point, position: [{center[0]}, {center[1]}], radius: {radius}, touch: off}}"
@@ -120,6 +125,7 @@ def test_a_finger_that_meets_a_peg_lies_round_it() -> None:
     assert away.min() == pytest.approx(radius + half, rel=1e-4)
 
 
+@pytest.mark.deep
 def test_a_finger_in_the_object_is_opened_by_the_other_tendon() -> None:
     result = grasp("preshaped")
     path = closing_path(result.scene, result.arrays)
@@ -137,6 +143,7 @@ def test_what_cannot_be_closed() -> None:
     assert failed.closing is None
 
 
+@pytest.mark.deep
 def test_a_scene_that_asks_has_a_way_in(tmp_path: object) -> None:
     result = grasp("pinch", "closing={steps: 20}")
     assert result.closing is not None

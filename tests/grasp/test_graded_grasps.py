@@ -37,6 +37,7 @@ def tapered():
     return optimize_grasp(mug(TAPER, TAPERED_TENDONS, **TAPERED_MUG))
 
 
+@pytest.mark.deep
 def test_equal_sections_give_the_uniform_fingers_grasp():
     """Sections that differ by less than rounding matters take the graded statics, cut at both jumps."""
     uniform = load(PINCH).changed({"fidelity.accuracy": 1e-10, "fidelity.elements": 2})
@@ -60,6 +61,7 @@ def test_equal_sections_give_the_uniform_fingers_grasp():
         )
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "scene",
     [
@@ -122,6 +124,7 @@ def test_another_stiffness_or_tendon_fails_the_certificate(tapered):
         assert not certify(scene, tapered.arrays)["finger equilibrium, finger"].passed
 
 
+@pytest.mark.deep
 def test_the_exact_rod_confirms_fingers_whose_tendons_end_inside():
     scene = load(PINCH)
     changes = {}

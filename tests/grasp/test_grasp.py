@@ -75,6 +75,7 @@ RANDOM = [10, 21, 23, 24, 27, 29, 30, 40, 43, 52, 58, 60]
 """Seeds of scenes of all shapes and families that have a grasp."""
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("seed", few(RANDOM, 3))
 def test_random_scenes_against_linear_programming(seed):
     scene = one_finger(seed)
@@ -121,6 +122,7 @@ def test_mirrored_scene_gives_the_mirrored_grasp(mug):
     assert tips[1] * [1, -1] == pytest.approx(tips[0], abs=1e-5)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("family", ["arc", "clothoid"])
 def test_tendons_with_friction_are_certified_too(family):
     free = optimize_grasp(make_scene(family, UPRIGHT))
@@ -148,6 +150,7 @@ def test_problem_is_square_enough_with_one_contact_off(off):
     assert f"finger.{off}" not in result.arrays["contact_names"]
 
 
+@pytest.mark.deep
 def test_same_seed_same_result():
     scene = make_scene("arc", UPRIGHT, solver=GraspSolver(effort="thorough", random_seed=5))
     first, second = optimize_grasp(scene), optimize_grasp(scene)

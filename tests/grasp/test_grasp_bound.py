@@ -168,6 +168,7 @@ def test_linear_programming_over_sampled_places(seed):
     assert bound >= found.x[-1] * (1.0 - 5e-3)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("angles", [[0.0, math.pi], [0.3, 0.3 + math.pi]])
 def test_no_grasp_needs_less(angles):
     """What the search finds is verified by code of its own, and never below the bound."""

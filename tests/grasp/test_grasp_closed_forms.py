@@ -101,6 +101,7 @@ def test_squeeze_against_a_palm_in_the_plane():
     assert found["palm.1"] + found["palm.2"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("gravity", [OUT, planar(0.0, -1.0)], ids=["out_of_plane", "planar"])
 @pytest.mark.parametrize("friction", few([0.2, 0.8], 1))
 def test_squeeze_between_two_tips(gravity, friction):
@@ -136,6 +137,7 @@ def star(start, radius=0.04):
     return [finger((reach * math.cos(a), reach * math.sin(a)), a + math.pi) for a in angles]
 
 
+@pytest.mark.deep
 def test_three_tips_share_a_weight_across():
     """At 120 degrees balance against tilting leaves m g / 3 each, so N = m g / (3 mu)."""
     found = normal_forces(solve(star(0.3), disc(), OUT))
@@ -143,6 +145,7 @@ def test_three_tips_share_a_weight_across():
     assert max(found.values()) == pytest.approx(WEIGHT / (3 * FRICTION), rel=1e-6)
 
 
+@pytest.mark.deep
 def test_three_tips_without_friction():
     """On the faces of a triangle that stands on its corner: those at -30 and -150 degrees carry 2 N sin 30 = m g, the
     one on top nothing. Stable it is only where that one presses, too.
@@ -191,6 +194,7 @@ def wedge(half_angle, mass=MASS):
     return body, 0.5 * wide, 0.5 * high
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("degrees", [5.0, 15.0])
 @pytest.mark.parametrize("down", [-1.0, 1.0])
 def test_a_wedge_between_two_tips(degrees, down):

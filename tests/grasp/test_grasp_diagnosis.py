@@ -46,6 +46,7 @@ def test_no_mass_at_all_is_no_repair(family, friction):
     assert all(one.needed > 0.1 * one.limit for one in named if one.name == "mass")
 
 
+@pytest.mark.deep
 def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     """Two contacts bear the weight: finger at the normal n, palm at m. Of all shares that add up to the weight W,
     equal ones leave the least moment, R W |n + m| / 2; the arc that touches the mug fixes n.

@@ -218,6 +218,7 @@ def test_tendons_of_one_pulley_go_together(pretension):
     assert "tendons of one pulley, finger" in {check.name for check in certify(found.scene, changed).failed}
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "drive",
     [
@@ -242,6 +243,7 @@ def test_a_grasp_holds_whatever_the_friction_states(drive):
         assert value < LIMITS[name], name
 
 
+@pytest.mark.deep
 def test_tendons_that_slid_back_may_bend_a_finger_far():
     """Torque motors, friction 0.15: released, elements bend by more than pi, which no limit of the scene forbids."""
     drive = MOTOR.replaced(torque_max=0.56)
@@ -287,6 +289,7 @@ def test_sensitivities_of_grasps_with_drives_are_those_of_grasps_solved_anew(dri
         assert found[name] == pytest.approx(value, rel=3e-4 if name == "object along y" else 1e-4), name
 
 
+@pytest.mark.deep
 def test_too_much_friction_of_tendons_is_reported_with_how_much_less_is_enough():
     """Torque motors, friction 0.2: released, no posture balances; what the reason names holds, half way back not."""
     drive = MOTOR.replaced(torque_max=0.8)
@@ -305,6 +308,7 @@ def test_too_much_friction_of_tendons_is_reported_with_how_much_less_is_enough()
     assert not found(0.5 * (0.2 + reason.needed)).solved
 
 
+@pytest.mark.deep
 def test_a_posture_of_friction_states_that_is_changed_is_refused():
     found = optimize_grasp(mug(LENGTH_DRIVE, 0.1))
     last = len(found.arrays["held.object.pose"])

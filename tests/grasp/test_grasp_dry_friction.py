@@ -126,6 +126,7 @@ def test_a_free_rod_bends_as_its_branches_let_it(family, tension):
 # -- grasps -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_a_grasp_holds_whatever_the_friction_moments_and_names_the_worst():
     found = held()
     assert found.status is Status.OPTIMAL
@@ -145,6 +146,7 @@ def test_a_grasp_holds_whatever_the_friction_moments_and_names_the_worst():
     assert found.arrays["held.finger.friction_states"].shape[1] == 4 * 2 * 2
 
 
+@pytest.mark.deep
 def test_no_vertex_of_all_states_is_worse_than_what_the_search_found():
     """Of a grasp whose pulled and released states lead to a vertex that is not the worst."""
     found = optimize_grasp(mug(((0.02, 0.005),)))
@@ -188,6 +190,7 @@ def simulated(scene, arrays):
     return model, u, np.concatenate([force for force, _ in values])
 
 
+@pytest.mark.deep
 def test_histories_of_a_simulation_end_where_the_grasp_says():
     """Random ways of the tensions: what friction they leave is among the states for which the grasp holds."""
     found = held()
@@ -224,6 +227,7 @@ def bent(model, q, u):
     return np.array(model.sliding()(q, u, [])).ravel()
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("seed", "share"), few([(1007, 0.03), (1004, 0.05), (1000, 0.1), (1001, 0.1)], 1))
 def test_random_grasps_hold_by_code_of_another_hand(seed, share):
     scene = scene_of("one", seed)
@@ -243,6 +247,7 @@ def test_random_grasps_hold_by_code_of_another_hand(seed, share):
         assert value < LIMITS[name], name
 
 
+@pytest.mark.deep
 def test_errors_of_the_object_and_friction_states_together():
     errors = {"position": 0.0005, "friction": 0.05, "draws": 20}
     found = optimize_grasp(mug(((0.02, 0.004),), robust=errors, **{"fidelity.elements": 2}))

@@ -82,6 +82,7 @@ def sticks(stiffness, moment, *names, friction=0.0):
     return {f"{finger}.{key}": value for finger in fingers for key, value in given.items()}
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("config", "changes", "led"),
     few(
@@ -115,6 +116,7 @@ def test_a_chain_of_guides_rests_where_the_grasp_says(config, changes, led):
                 assert np.linalg.norm(place - there) < 2e-3 * setup.finger.rod.length
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("seed", "friction"), few([(1001, 0.08), (1004, 0.02), (1000, 0.07), (1007, 0.03)], 2))
 def test_random_grasps_hold_by_code_of_another_hand_where_pulled_and_released_would_not_do(seed, friction):
     scene = scene_of("one", seed)

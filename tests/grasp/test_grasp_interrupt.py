@@ -64,6 +64,7 @@ def test_before_any_grasp_the_command_says_so_and_exits_with_130(tmp_path):
     assert not folder.exists()
 
 
+@pytest.mark.deep
 def test_after_a_grasp_that_is_the_result(tmp_path):
     thorough = ("--set", "solver.effort=thorough")
     done = python(CLI.format(run=2), CONFIGS / "mug.yaml", *thorough, "--out", tmp_path / "run")

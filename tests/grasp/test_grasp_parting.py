@@ -57,6 +57,7 @@ def arrays(both):
     return both[1]
 
 
+@pytest.mark.deep
 def test_a_chain_of_guides_rests_on_the_station_that_closes():
     """Of a finger straight at rest and without weight: a chain of hinges with the exact law bears a state's forces."""
     changes = {"stations": 4, "middle_range": [0.06, 0.12]}
@@ -87,6 +88,7 @@ def test_a_chain_of_guides_rests_on_the_station_that_closes():
     assert closed == [3, 2]  # with the tip
 
 
+@pytest.mark.deep
 def test_a_station_closes_in_a_state_and_is_clear_in_others(found):
     sets = {frozenset(response.begin.contacts) for response in found.responses}
     assert found.holds
@@ -105,6 +107,7 @@ def test_with_the_contacts_of_the_grasp_alone_a_state_has_no_posture(scene, foun
     assert responder.to(other.error).holds
 
 
+@pytest.mark.deep
 def test_each_state_is_verified_with_its_contacts(scene, arrays):
     certificate = certify(scene, arrays)
     assert certificate.passed

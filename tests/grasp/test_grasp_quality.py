@@ -208,6 +208,7 @@ def test_tilt_counts_where_it_is_asked_for():
     assert greatest_mass(free, arrays) > greatest_mass(rough(0.5, gravity=UPRIGHT), arrays) > 0.0
 
 
+@pytest.mark.deep
 def test_random_balances_as_scipy_finds_them():
     rng = np.random.default_rng(11)
     for _ in range(25):

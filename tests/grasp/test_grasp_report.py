@@ -401,6 +401,7 @@ def run_grasp(name, folder):
     return done, yaml.safe_load((folder / "result.yaml").read_text(encoding="utf-8"))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("name", "normal"),
     few(

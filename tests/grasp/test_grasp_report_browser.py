@@ -131,6 +131,7 @@ def each(measured):
     return [(" ".join(map(str, case)), found) for case, found in measured.items()]
 
 
+@pytest.mark.deep
 def test_nothing_is_cut_or_outside(measured):
     assert len(measured) == 8 * 4
     for case, found in each(measured):

@@ -37,6 +37,7 @@ def opposed(robust, normal_force_max=30.0):
     return scene.replaced(contacts=contacts, robust=robust)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("friction", "mass"), few([(0.2, 0.1), (0.2, 0.0), (0.0, 0.1)], 1))
 def test_opposed_contacts_press_as_the_worst_friction_and_mass_ask(friction: float, mass: float) -> None:
     found = optimize_grasp(opposed(Robust(friction=friction, mass=mass, draws=5)))
@@ -60,6 +61,7 @@ def test_bounds_that_cannot_be_borne_come_with_the_part_that_can() -> None:
     assert 0.5 - 1 / 16 <= reason.needed <= 0.5 + 1e-9
 
 
+@pytest.mark.deep
 def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
     bounds = Robust(position=0.001, radius=0.03, friction=0.1, mass=0.05, draws=20)
     scene = make_scene("arc", max_tension=90.0)
@@ -80,6 +82,7 @@ def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
     assert found.robustness.nominal.retensioned == 1.0
 
 
+@pytest.mark.deep
 def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of("one", 365)
     bounds = Robust(position=0.02 * scene.object.size, radius=0.03, friction=0.15, mass=0.1, draws=20)

@@ -78,6 +78,7 @@ def reserve(tensions: NDArray, guess: NDArray, radius: float, y: float, friction
     return float(best.x[9]) if best.status == 0 else -np.inf
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("count", few([40, 300], 1))
 def test_as_many_plants_hold_as_reported(count: int) -> None:
     found = optimize_grasp(load(CONFIGS / "mug_arcs.yaml").replaced(robust=BOUNDS))

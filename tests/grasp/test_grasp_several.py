@@ -35,6 +35,7 @@ def scene_of(fingers, body, friction, most, **more):
     )
 
 
+@pytest.mark.deep
 def test_fingers_may_wrap_from_either_side():
     """A multi-start of random postures, and of random changes of the best, found 181.2 N, with fingers that pass the
     object on their right; with both on their left the least is 231.7 N.

@@ -85,6 +85,7 @@ def test_the_forces_of_the_reserve_are_its_slopes():
 # -- postures ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "scene",
     few(
@@ -137,6 +138,7 @@ def stated(grasp, states):
 # -- search -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_the_search_is_reported(found):
     search = found.certificate.search
     assert found.solved
@@ -159,6 +161,7 @@ def test_a_worst_vertex_that_is_not_stored_is_found_again(found):
     np.testing.assert_array_equal(search.states, worst.error[OBJECT:])
 
 
+@pytest.mark.deep
 def test_vertices_that_the_optimizer_misses_become_part_of_its_problem(found, monkeypatch):
     monkeypatch.setattr("continuum_grasp.grasp.robust.search.descended", lambda *_: iter(()))
     again = optimize_grasp(sticking())

@@ -76,6 +76,7 @@ def _moment_of_weight(result: GraspResult, middles: Array, gravity: Array) -> Ar
     return np.asarray(np.where(s > middles[:, None], arms, 0.0) @ share)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("which", ["wrapped", "bent"])
 def test_the_bending_moment_is_that_of_the_forces_beyond(which: str, request: pytest.FixtureRequest) -> None:
     by_shape, by_forces = _statics(request.getfixturevalue(which))
@@ -110,6 +111,7 @@ def test_the_certificate_refuses_what_is_changed(wrapped: GraspResult, what: str
     assert not certify(wrapped.scene, arrays).passed
 
 
+@pytest.mark.deep
 def test_what_half_the_distance_changes_is_what_that_scene_has(wrapped: GraspResult) -> None:
     scene = _mug(**(PLACES | {"stations": 7}))
     denser = optimize_grasp(scene).tension
@@ -119,6 +121,7 @@ def test_what_half_the_distance_changes_is_what_that_scene_has(wrapped: GraspRes
     assert denser <= wrapped.tension
 
 
+@pytest.mark.deep
 def test_a_first_station_within_the_palm_is_no_obstacle(wrapped: GraspResult) -> None:
     # The finger, 6 mm to either side, comes out of the palm; its second station is where the first of `wrapped` is.
     found = optimize_grasp(_mug(stations=5, middle_range=(0.004, 0.116)))

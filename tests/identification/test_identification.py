@@ -111,6 +111,7 @@ def test_holdout_is_predicted_and_not_fitted():
     assert fit.to_pandas("measurement")["fitted"].sum() == fit.fitted.sum()
 
 
+@pytest.mark.deep
 def test_known_deviations_weight_unlike_data():
     """Angles with a tenth of the weight change the estimate as weighted least squares of both estimates says."""
     tips = tip_data(noise=1e-3, seed=3)
@@ -121,7 +122,7 @@ def test_known_deviations_weight_unlike_data():
     assert both.values == pytest.approx(alone.values, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_data_in_another_unit_are_refused():
     data = Poses([Reading("y", 1e3 * tip_data()[:, 1])], {"load_1_y": -LOADS})
     fit = cg.identify(loaded_scene(), data, parameters=["bending_stiffness"])
@@ -142,6 +143,7 @@ def test_unknown_deviations_come_from_the_residuals():
     assert fit.sigma[1] == pytest.approx(5e-2, rel=0.35)
 
 
+@pytest.mark.deep
 def test_one_wrong_reading_is_named_and_does_not_pull_a_robust_fit():
     tips = tip_data(noise=5e-4, seed=1)
     tips[1, 1] += 0.06
@@ -166,6 +168,7 @@ def test_intervals_from_poses_cover_the_truth_at_their_rate():
 # -- vibrations ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_stiffness_and_damping_from_closed_forms():
     """Kelvin-Voigt damping gives the decay rate eta omega^2 / (2 EI)."""
     eta = 3e-5
@@ -191,6 +194,7 @@ def test_repeats_that_agree_better_than_their_sets_are_named():
     assert cg.identify(bare_scene(), alike, parameters=["bending_stiffness"]).warnings == ()
 
 
+@pytest.mark.deep
 def test_frequencies_tell_stiffness_over_density_only():
     data = Frequencies([1, 2, 1, 2], [1.001 * frequency(1), frequency(2), frequency(1), 0.998 * frequency(2)])
     both = cg.identify(bare_scene(), data, parameters=["bending_stiffness", "linear_density"])
@@ -204,6 +208,7 @@ def test_frequencies_tell_stiffness_over_density_only():
     assert one.warnings == ()
 
 
+@pytest.mark.deep
 def test_a_parameter_without_effect_is_said_so():
     fit = cg.identify(loaded_scene(), poses(tip_data(1e-3)), parameters=["bending_stiffness", "material_damping"])
     assert any("cannot see material_damping" in warning for warning in fit.warnings)
@@ -212,6 +217,7 @@ def test_a_parameter_without_effect_is_said_so():
     assert np.isnan(fit.correlation[0, 1])
 
 
+@pytest.mark.deep
 def test_as_many_numbers_as_parameters_leave_no_uncertainty_to_tell():
     fit = cg.identify(bare_scene(), Frequencies([1], [frequency(1)]), parameters=["bending_stiffness"])
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
@@ -219,6 +225,7 @@ def test_as_many_numbers_as_parameters_leave_no_uncertainty_to_tell():
     assert any("nothing is left" in warning for warning in fit.warnings)
 
 
+@pytest.mark.deep
 def test_a_bound_that_is_reached_is_named():
     limited = Estimate(name="bending_stiffness", max=0.9 * STIFFNESS)
     fit = cg.identify(loaded_scene(), poses(tip_data()), parameters=[limited])

@@ -106,6 +106,7 @@ def test_ring_downs_become_frequencies(tmp_path):
     assert data.decay_rate == pytest.approx([0.2, 0.2], rel=1e-4)
 
 
+@pytest.mark.deep
 def test_frequencies_are_read_by_mode(tmp_path):
     rows = [f"{mode},{2.0 * math.pi * frequency(mode):.9f}" for mode in (1, 2)]
     (tmp_path / "f.csv").write_text("\n".join(["mode,frequency [rad/s]", *rows]) + "\n")
@@ -233,6 +234,7 @@ def run(*arguments):
     return CliRunner().invoke(app, ["identify", *map(str, arguments)])
 
 
+@pytest.mark.deep
 def test_command_saves_draws_and_prints(written, tmp_path):
     file, data = written
     out = tmp_path / "run"
@@ -310,6 +312,7 @@ def test_measurements_do_not_count_twice(written, tmp_path, again):
     assert "given twice" in done.stderr
 
 
+@pytest.mark.deep
 def test_what_a_tolerance_chose_is_reported(written, tmp_path):
     file, data = written
     changes = ("--set", "fidelity={tolerance: 0.001}", "--out", tmp_path / "run")

@@ -60,6 +60,7 @@ def read(*readings: tuple[str, int], count: int) -> list[Reading]:
     return [Reading(quantity, np.zeros(count), of=of) for quantity, of in readings]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("scene", "names", "readings"),
     [
@@ -130,6 +131,7 @@ def guided(friction: float, **keys) -> MovingFinger:
     )
 
 
+@pytest.mark.deep
 def test_a_slow_loop_of_the_chain_of_guides_gives_its_friction_and_elasticity():
     chain = guided(0.15, density=1e-9, damping=1e-12, tip_mass=0.0, time_step=1.0)
     taut = 6.0 * (1 / 3.3e4 + LENGTH / 1e4)
@@ -166,6 +168,7 @@ def test_a_slow_loop_of_the_chain_of_guides_gives_its_friction_and_elasticity():
     assert apart.errors[2].rms > 20.0 * fit.errors[2].rms
 
 
+@pytest.mark.deep
 def test_intervals_of_friction_and_pretension_cover_the_truth():
     scene = driven(WINCHES, "lengths", []).changed({"fidelity.elements": 1})
     wound = np.array([2e-3, 6e-3, 3e-3, 1e-3, 5e-3, 2e-3])
@@ -209,6 +212,7 @@ def test_the_other_winch_pays_out_what_its_tendon_needs(side):
     assert pulled.tensions[side] > 2.0 * WINCHES["pretension"]
 
 
+@pytest.mark.deep
 def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
     """The deviations beforehand are those of a fit to readings with that noise, and hold for many repeats."""
     measured = [{"quantity": "tension", "column": "T", "sigma": 0.1}]
@@ -252,6 +256,7 @@ def test_a_design_needs_readings_of_known_scatter():
 # -- what reads the result --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_simulation_and_closed_loop_read_what_was_identified(tmp_path):
     """A pull of commanded tensions with delay: the finger of the fit in a simulation, its delay in the estimator."""
     tendons = {"offset": OFFSET, "max_tension": 40.0, "time_constant": 0.03}

@@ -56,6 +56,7 @@ def path() -> TipPath:
     )
 
 
+@pytest.mark.deep
 def test_derivatives_of_motions_through_stops_are_those_of_differences(path):
     scene = hanging()
     block = PathBlock(scene, path, read_unknowns(scene, NAMES))

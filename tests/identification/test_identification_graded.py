@@ -54,6 +54,7 @@ def poses(modulus):
     return Poses([Reading("x", tips[:, 0]), Reading("y", tips[:, 1])], {"load_1_y": -LOADS})
 
 
+@pytest.mark.deep
 def test_density_of_a_stepped_rod_from_its_frequencies():
     """A rod that is lighter by a factor rings faster by its root."""
     scene = rod_scene(STEPPED, elements=6, gravity=(0.0, 0.0))
@@ -67,6 +68,7 @@ def test_density_of_a_stepped_rod_from_its_frequencies():
     assert again["linear_density"] == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.deep
 def test_modulus_and_stiffness_of_a_cone_from_its_shapes():
     data = poses(2.6e6)
     modulus = cg.identify(cone_scene(), data, parameters=["youngs_modulus"])

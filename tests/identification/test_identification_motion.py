@@ -104,6 +104,7 @@ def test_finer_truth_is_recovered_from_a_far_start():
     assert any("hang together in time" in warning for warning in fit.warnings)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("elements", "said"), [(2, True), (3, False)])
 def test_an_error_of_the_model_below_the_noise_is_said(elements, said):
     """Two matched clothoids move the modulus by several deviations, though noise of 1 mm hides what they miss."""
@@ -144,6 +145,7 @@ def test_a_mass_that_was_not_fitted_is_predicted_within_the_noise():
     assert fit.sigma[0] == pytest.approx(2e-3, rel=0.1)
 
 
+@pytest.mark.deep
 def test_tip_mass_and_stiffness_from_one_path():
     (data,) = paths(2, 1e-3, (2, "matched_clothoid"), grams=(20,))
     fit = cg.identify(scene_of(0), data, parameters=[*NAMES, Estimate(name="tip_mass", start=0.01)])

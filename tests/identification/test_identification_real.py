@@ -118,6 +118,7 @@ def test_handbook_values_give_each_orientation_within_one_percent():
     assert sum(int(np.sum(np.abs(values) < 0.01)) for values in found.values()) >= 48  # of 54; the worst is 1.1 %
 
 
+@pytest.mark.deep
 def test_horizontal_predicts_hanging_and_standing(ring_downs):
     found = shares(ring_downs)
     assert ring_downs["youngs_modulus"] == pytest.approx(190e9, rel=0.01)  # of a handbook: 190 to 205 GPa
@@ -168,6 +169,7 @@ def test_tendon_steps_tell_a_deadband_and_no_friction():
 # -- Notched nitinol wrist of the COMET lab: a scene that no configuration describes -----------------------------------
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("stiffness", few([1e-5, 1e-4], 1))
 @pytest.mark.parametrize("friction", few([0.0, 1.0], 1))
 def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness, friction):
@@ -204,6 +206,7 @@ def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(
 # -- robots with friction that holds, slack, and materials that soften -------------------------------------------------
 
 
+@pytest.mark.deep
 def test_loops_of_the_probe_have_their_width():
     """Dry friction and slack: the first loop is fitted, the second predicted."""
     folder = FOLDER / "tee_probe_hysteresis"

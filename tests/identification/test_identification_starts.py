@@ -46,6 +46,7 @@ def motion() -> cg.Trajectory:
     return cg.simulate(swinging(time={"duration": 0.5, "step": 0.002, "method": "reference"}))
 
 
+@pytest.mark.deep
 def test_a_measured_start_is_the_state_that_the_samples_show(motion):
     """The parabola through seven samples misses the rates by the third derivative, a percent of the fast mode's."""
     first, scene = 50, swinging()
@@ -57,6 +58,7 @@ def test_a_measured_start_is_the_state_that_the_samples_show(motion):
     assert qd == pytest.approx(motion.x[first, n : 2 * n], abs=0.05 * np.abs(motion.x[:, n : 2 * n]).max())
 
 
+@pytest.mark.deep
 def test_an_estimated_start_leaves_the_stiffness_to_the_motion(motion):
     """A hold-out has its start estimated too, and nothing else."""
     first, scene = 50, swinging()
@@ -71,6 +73,7 @@ def test_an_estimated_start_leaves_the_stiffness_to_the_motion(motion):
     assert fit.errors[0].rms < 1e-5
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("start", ["measured", "estimated"])
 def test_derivatives_from_starts_that_are_read(motion, start):
     scene = swinging()
@@ -100,6 +103,7 @@ def pulled(family: str, late: float = 0.0, lag: float | None = 0.03, **keys) -> 
     )
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
 def test_lag_and_delay_of_a_drive_from_one_pull(family):
     """The simulation lags by the model's own states; the delay is a shift of its command."""
@@ -145,6 +149,7 @@ def test_the_body_at_the_tip_from_two_frequencies():
     assert applied.rotary_inertia == fit["tip_body_inertia"]
 
 
+@pytest.mark.deep
 def test_each_set_has_a_clamp_of_its_own():
     """Two weighings of the exact rod between which its clamp has turned: one stiffness, two angles."""
     loads, angles, sets = [0.0, 0.1, 0.2], [0.05, -0.08], []

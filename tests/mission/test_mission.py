@@ -368,6 +368,7 @@ def test_outcomes_are_counted_and_written(tmp_path):
 # -- end to end -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_a_short_mission_holds_and_lets_go(held, assignment):
     run = held.run
     assert held.verdict.succeeded
@@ -384,6 +385,7 @@ def test_a_short_mission_holds_and_lets_go(held, assignment):
     assert np.all((run.u <= run.u_max + 1e-9) & (run.u >= run.u_min - 1e-9))
 
 
+@pytest.mark.deep
 def test_it_is_saved_reported_and_drawn(held, tmp_path):
     held.save(tmp_path)
     stored, report = read_run(tmp_path), held.report()
@@ -553,6 +555,7 @@ def test_what_makes_no_mission_is_named(change, said):
         load(MUG, [change])
 
 
+@pytest.mark.deep
 def test_without_a_grasp_there_is_no_mission(grasp, assignment):
     from continuum_grasp.grasp.values import Status
 

@@ -48,6 +48,7 @@ def carried(grasp, friction):
 # -- before the run ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_a_mission_within_its_certificate_is_not_warned_of(grasp):
     """Up to the very plant that was certified: 0.33 kg and friction of 0.45, pulled as much as it resists."""
     assert found(grasp) == {}
@@ -224,6 +225,7 @@ def test_corners_of_a_support_hold_together(grasp):
     assert slip.certified_normal_force == grasp.contact("palm").normal_force
 
 
+@pytest.mark.deep
 def test_where_tensions_would_be_chosen_anew_a_mission_pulls_with_what_locked_tendons_resist():
     """A grasp with least tension has a contact on its cone; its certificate answers a pull by other tensions."""
     path = str(MUG.parent.parent / "grasp/mug_handle.yaml")

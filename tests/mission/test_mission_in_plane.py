@@ -39,6 +39,7 @@ def assignment(grasp):
     return assign(load(CUP, QUICK), grasp)[0]
 
 
+@pytest.mark.deep
 def test_a_table_in_the_plane_presses_along_its_normal_and_moves_along_it(assignment):
     """A disc 2 mm deep in a slope of 30 degrees: k d along the normal; the table lower by 5 mm: nothing."""
     angle, radius, law = np.radians(60.0), 0.03, ContactLaw(stiffness=900.0, friction=0.0, rounding=1e-6)
@@ -76,6 +77,7 @@ def test_height_is_measured_against_gravity(assignment):
     assert object_height(assignment.mission, pose) == pytest.approx([0.2, 0.15])
 
 
+@pytest.mark.deep
 def test_weight_in_the_plane_is_compared_with_what_the_grasp_carries(grasp):
     """A weight that is added in the plane is a pull downwards: the same as the certificate resists along it."""
     assert check_mission(load(CUP), grasp=grasp) == ()
@@ -137,6 +139,7 @@ def tip_stiffness(one, grasp):
     return 2.0 * step / (tip(step) - tip(-step))
 
 
+@pytest.mark.deep
 def test_how_far_a_pull_lowers_an_object_between_two_fingertips(stacked):
     """As two springs at the tensions of the grasp, each in series with its pad."""
     fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
@@ -152,6 +155,7 @@ def test_how_far_a_pull_lowers_an_object_between_two_fingertips(stacked):
     assert heavier == pytest.approx(lowered(stacked, own, pull[:1], mass, 2000.0)[0])
 
 
+@pytest.mark.deep
 def test_winches_hold_as_firmly_as_their_cables(stacked):
     """Next to rigid cables hold as the certificate has it; the spring of both, 2 k of one pulley, is in between."""
     pull, mass = np.array([[0.0, -1.0, 0.0]]), stacked.scene.object.mass
@@ -169,6 +173,7 @@ def test_winches_hold_as_firmly_as_their_cables(stacked):
     assert certified < 0.5 * given[1] + 0.5 * certified < given[1] < away
 
 
+@pytest.mark.deep
 def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_it(stacked):
     (warned,) = check_mission(load(PINCH, [DOWN]), grasp=stacked)
     assert (warned.name, warned.key, warned.resisted) == ("sinking", "pull_share", 0.005)

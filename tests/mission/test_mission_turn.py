@@ -51,6 +51,7 @@ def table(assignment):
 # -- what is to be done -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_the_controller_knows_the_object_before_its_turn_and_what_holds_it(assignment, grasp):
     control, mission = assignment.control, assignment.mission
     assert control.object.position == mission.turn.position
@@ -131,6 +132,7 @@ def test_several_fingers_do_not_turn():
         load(pinch, [camera, "turn={angle: 0.5, position: [0.08, 0.0]}", "estimator.disturbances.object_position=null"])
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("position", "said"),
     few(
@@ -223,6 +225,7 @@ def turned(assignment):
     return MissionRunner([assignment]).run()
 
 
+@pytest.mark.deep
 def test_a_block_is_turned_in_two_strokes_then_grasped_held_and_released(turned, table):
     verdict = turned.verdict
     assert turned.outcome == "turned, held and released"

@@ -89,6 +89,7 @@ def test_shape_converges_with_the_order_that_it_states():
     assert math.log2(coarse / fine) == pytest.approx(6.0, abs=1.0)
 
 
+@pytest.mark.deep
 def test_simulation_without_damping_conserves_energy_and_draws(tmp_path):
     undamped = FINGER.model_copy(update={"damping": Damping()})
     timing = {"duration": 0.1, "step": 0.01, "method": "reference"}
@@ -104,6 +105,7 @@ def test_a_tolerance_chooses_it_and_is_satisfied():
     assert chosen.best.shape <= 1e-3
 
 
+@pytest.mark.deep
 def test_a_controller_reaches_the_target(tmp_path):
     scene = rod_scene(
         finger=FINGER,

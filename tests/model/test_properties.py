@@ -137,6 +137,7 @@ def loaded(text: str):
             return error
 
 
+@pytest.mark.deep
 @settings(max_examples=60, **STEADY)
 @given(scenes())
 def test_right_scenes_load_and_come_back(data):
@@ -243,6 +244,7 @@ def moving(draw):
     return model, q, qd, np.concatenate([q, qd, drive]), u, rng.uniform(-1.0, 1.0, model.nw)
 
 
+@pytest.mark.deep
 @settings(max_examples=60, **STEADY)
 @given(moving())
 def test_the_mass_matrix_is_symmetric_and_positive(case):
@@ -255,6 +257,7 @@ def test_the_mass_matrix_is_symmetric_and_positive(case):
     assert np.isfinite(core.forward_dynamics(x, u, w)).all()
 
 
+@pytest.mark.deep
 @settings(max_examples=60, **STEADY)
 @given(moving())
 def test_velocity_products_are_quadratic_in_the_rates(case):

@@ -38,6 +38,7 @@ def given():
     return [jnp.array(v) for v in (0.1 * rng.normal(size=(3, 4)), 0.01 * rng.normal(size=(4, 1)), MODEL.p_nominal)]
 
 
+@pytest.mark.deep
 def test_gradients(operators):
     x, u, p = given()
     test_util.check_grads(operators.tip, (x[:, :2], u[0], p), order=2, modes=("fwd", "rev"))
@@ -54,6 +55,7 @@ def test_second_derivatives_of_rollouts(operators):
     test_util.check_grads(end, (x, u, p), order=2, eps=1e-5, atol=1e-3, rtol=1e-3)
 
 
+@pytest.mark.deep
 def test_transformations_agree(operators):
     x, u, p = given()
 

@@ -30,6 +30,7 @@ def given():
     return [torch.tensor(value, requires_grad=True) for value in values]
 
 
+@pytest.mark.deep
 def test_gradients(operators):
     x, u, p = given()
     q = x[:, :2].detach().requires_grad_()
@@ -48,6 +49,7 @@ def test_second_derivatives_of_rollouts(operators):
     assert torch.autograd.gradgradcheck(end, (x[:1].detach().requires_grad_(), u, p), eps=1e-7, atol=1e-4)
 
 
+@pytest.mark.deep
 def test_transformations_agree(operators):
     x, u, p = (value.detach() for value in given())
 

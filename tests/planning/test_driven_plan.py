@@ -63,6 +63,7 @@ CASES = [(0.0, "winches", 1), (0.25, "winches", 1), (0.15, None, 1), (0.15, "ser
 CASES += [(0.1, "winches", 2), (0.3, "winches", 2)]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("friction", "drive", "cells"), few(CASES, 2))
 def test_plan_takes_the_tip_to_its_goal_and_holds_it(friction, drive, cells):
     asked, (first, last) = scene(friction, drive, {"friction_cells": cells}), ENDS[drive]
@@ -94,6 +95,7 @@ BENT = [
 ]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("friction", "cells", "family", "history", "first", "last"), few(BENT, 1))
 def test_plan_of_a_bent_finger_turns_friction_around(friction, cells, family, history, first, last):
     asked = scene(
@@ -126,6 +128,7 @@ OTHERS = [
 ]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("friction", "drive", "last"), few(OTHERS, 2))
 def test_plan_of_one_pulley_and_of_motors_without_servo(friction, drive, last):
     asked = scene(friction, drive, {"friction_cells": 1}, fidelity=ARCS)
@@ -174,6 +177,7 @@ def test_curvature_of_an_objective_of_inputs_needs_no_other_states(objective, fo
     assert np.allclose(of_inputs, of_all, rtol=1e-12, atol=1e-12 * np.abs(of_all).max())
 
 
+@pytest.mark.deep
 def test_iterations_do_not_depend_on_rounding():
     """Of winches without friction: starts that differ by shares of 1e-12 to 1e-3."""
     search = Search(scene())
@@ -188,6 +192,7 @@ def test_iterations_do_not_depend_on_rounding():
     assert np.ptp([attempt.objective for attempt in found]) <= 1e-4 * found[0].objective
 
 
+@pytest.mark.deep
 def test_plan_that_a_fine_simulation_does_not_reproduce_is_none():
     asked = scene()
     found = cg.plan(asked)

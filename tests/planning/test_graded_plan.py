@@ -14,6 +14,7 @@ from continuum_grasp.scene.plan import PlanScene
 SPIROB = Path(__file__).parents[2] / "configs/mpc/spirob.yaml"
 
 
+@pytest.mark.deep
 def test_the_last_tensions_of_a_taper_hold_it_where_they_bend_it():
     """At rest and without weight the angle along the finger is int T e / EI ds, by a quadrature of its own here."""
     goal = {"end": "held", "tip": {"value": (-0.0371, 0.2389), "weight": 1e6}}

@@ -118,6 +118,7 @@ def test_shooting_and_collocation_agree(kind):
     assert collocated.tip == pytest.approx(shot.tip, abs=2e-4)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("kind", few(["tracking", "weighted", "least_effort", "linear"], 2))
 def test_gauss_newton_finds_the_same_plan(kind):
     exact, rough = (plan(two_arcs(**(KINDS[kind] | {"solver": {"hessian": h}}))) for h in ("exact", "gauss_newton"))
@@ -128,6 +129,7 @@ def test_gauss_newton_finds_the_same_plan(kind):
 # -- what a plan keeps -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("make", "bounds"),
     [
@@ -235,6 +237,7 @@ def test_known_loads_bend_the_plan():
 # -- failures ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("changes", "texts"),
     [
@@ -311,6 +314,7 @@ def test_a_busy_machine_gives_the_same_plan_bit_by_bit(monkeypatch, changes, sta
     assert (calm.message, calm.violated, calm.iterations) == (busy.message, busy.violated, busy.iterations)
 
 
+@pytest.mark.deep
 def test_interrupt_gives_what_there_is():
     scene = two_arcs(
         intervals=150, bounds={"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.29), "radius": 0.01}}}

@@ -142,6 +142,7 @@ def test_declared_arrays_have_a_name_dimensions_and_a_meaning(result: type[Resul
         assert one.meaning
 
 
+@pytest.mark.deep
 def test_saved_results_have_the_declared_shapes(tmp_path: Path) -> None:
     import continuum_grasp as cg
 
@@ -214,6 +215,7 @@ def test_what_stands_in_for_a_summary_that_fails() -> None:
     assert repr(Broken(np.zeros(1))).endswith("no summary  ValueError: no such array")
 
 
+@pytest.mark.deep
 def test_nothing_is_written_to_see_a_picture(
     several: list[Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

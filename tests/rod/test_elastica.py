@@ -435,6 +435,7 @@ def test_the_finger_model_agrees_with_the_elastica(without_compiler):  # noqa: F
     assert order(errors)[0] > 3.2  # 3.4: the short elements, which are not halved, have a share of their own
 
 
+@pytest.mark.deep
 def test_wrong_questions_are_refused():
     scene = unit(force(1.0, (0.0, 1.0)))
     for keys, message in [

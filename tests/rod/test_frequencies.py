@@ -58,6 +58,7 @@ def test_a_mass_inside_counts_with_the_square_of_the_mode():
     assert (exact(scene, 1)[0] / bare - 1.0) / mass == pytest.approx(-0.5 * mode(at) ** 2, rel=1e-4)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("angle", "keys"),
     few(

@@ -129,6 +129,7 @@ def test_refused_with_position(text, line, column, words):
     assert words in str(error)
 
 
+@pytest.mark.deep
 def test_aliases_are_capped_in_number_and_in_growth():
     with pytest.raises(InputError, match="more than 100 aliases"):
         parse_yaml("a: &a 1\nb: [" + ",".join(["*a"] * 101) + "]")

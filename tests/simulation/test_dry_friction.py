@@ -69,6 +69,7 @@ def test_a_finger_without_it_pays_nothing():
     assert plain.instructions == given.instructions < sticks.instructions <= given.instructions + 17 * 8
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("family", "elements"), MODELS)
 def test_loops_of_a_moment_are_those_of_the_law(family, elements):
     moments = way(0.0, 1.0, -0.4, 0.6, -0.4, -0.8, 1.0)
@@ -87,6 +88,7 @@ def test_loops_of_a_moment_are_those_of_the_law(family, elements):
     assert work > 0.0
 
 
+@pytest.mark.deep
 def test_nested_loops_close_and_small_cycles_do_not_ratchet():
     """Under a force across the tip, where every cell has another moment."""
     load = {"kind": "force", "at": LENGTH, "force": (1.0, 0.0)}
@@ -126,6 +128,7 @@ def test_energy_falls_by_what_damping_and_sliding_take(family, elements):
             assert float(slope(state).full().ravel() @ rate) == pytest.approx(-lost, rel=1e-9)
 
 
+@pytest.mark.deep
 def test_a_swing_loses_what_coulomb_friction_takes():
     """One arc: potential energy EI k^2 L/2 falls by L M (k_1 + k_2 - 2 M/k) from turn to turn, whatever the inertia.
 
@@ -165,6 +168,7 @@ def test_quadratic_damping_takes_more_of_larger_swings():
     assert cg.modes(made).damping_ratios == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.deep
 def test_quadratic_damping_is_resolved_although_the_start_is_at_rest():
     """Implicit steps that it throws off are made shorter."""
     tips = {}
@@ -202,6 +206,7 @@ def test_slow_motions_follow_the_loop_at_any_rate():
         assert tips == pytest.approx(np.array(at_turns), abs=0.005 * LENGTH * 4.0 / duration)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("elements", [4, 16])
 def test_releases_are_those_of_a_chain_of_hinges(elements):
     """Hanging, let go from an even bend with a body at the tip; sixteen elements by sweeps and implicit steps."""

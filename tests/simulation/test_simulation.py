@@ -78,6 +78,7 @@ def smoothstep(t, end):
 # order, conservation, symmetry
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("family", "explicit", "implicit"),
     [
@@ -201,6 +202,7 @@ def fine_release(tip_mass: float):
     return simulate(nitinol("clothoid", 8, tip_mass=tip_mass, method="rk4"))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("family", "elements"), few(RELEASES, 2))
 def test_release_has_the_errors_of_the_table(family, elements):
     for tip_mass, expected in zip((0.0, 0.02, 0.05), RELEASES[family, elements], strict=True):
@@ -227,6 +229,7 @@ def pulled(family, elements, moment, ramp, push=0.0, step=1e-3):
     )
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("case", "bounds"),
     few(
@@ -308,6 +311,7 @@ def test_work_and_energy_under_a_moving_moment():
 # inputs and loads that vary
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("family", FAMILIES)
 def test_moving_inputs_and_forces_against_an_independent_integration(family):
     """Smooth samples are the quintic that they say they are, at order 4 too."""
@@ -394,6 +398,7 @@ def tip_of(found, k):
     return np.array(model.tip(curvatures, np.zeros(model.nu), [])).ravel()
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 2))
 def test_a_tension_step_ends_in_equilibrium(family):
     """Within a microsecond; through the lag every family takes it."""
@@ -413,6 +418,7 @@ def test_a_tension_step_ends_in_equilibrium(family):
 # hard cases
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_very_short_element(family, monkeypatch):
     """1 % of the length, no damping: modes of tens of kilohertz, and a motion that is hardly disturbed by them."""
@@ -545,6 +551,7 @@ def test_what_was_computed_is_saved(tmp_path, without_compiler):  # noqa: F811
         assert np.all(np.isfinite(saved["tip"]))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("method", few(["auto", "rodas", "reference", "rk4"], 3))
 def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
     pushed = {"times": [0.0, 0.05, 0.06], "values": [[0.0, 0.0], [0.0, 0.0], [0.0, 1e12]]}

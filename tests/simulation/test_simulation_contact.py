@@ -223,6 +223,7 @@ def test_stiffer_contacts_come_to_the_rigid_answer_with_order_one():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("method", ["rodas", "reference"])
 def test_methods_agree_where_the_finger_hits_and_slides(method):
     keys = {"friction": 0.3, "family": "matched_clothoid", "duration": 0.5}
@@ -244,6 +245,7 @@ def test_a_stiffer_contact_is_given_more_steps():
 # a grasp
 
 
+@pytest.mark.deep
 def test_a_grasp_that_was_found_holds_in_motion():
     """Posture and tensions of the optimizer, let go with contacts that have yet to be pressed in."""
     grasp = optimize_grasp(ROOT / "configs/grasp/mug.yaml")
@@ -286,6 +288,7 @@ def test_without_tension_the_same_mug_drops():
 # what is stored, and what is refused
 
 
+@pytest.mark.deep
 def test_results_have_the_contacts(tmp_path):
     found = simulate(
         load(ROOT / "configs/simulate/swing_against_disc.yaml", {"time.duration": 0.3, "time.step": 0.002})

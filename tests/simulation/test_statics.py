@@ -277,6 +277,7 @@ def critical_follower(family: str, elements: int, damping: float, low: float, hi
     return low
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("family", "elements", "error", "error_damped"),
     [("arc", 8, 5e-2, 3e-2), ("clothoid", 2, 6e-3, 2e-2), ("matched_clothoid", 4, 2e-2, 5e-3)],
@@ -369,6 +370,7 @@ def test_bends_beyond_the_range_are_said_and_far_beyond_it_are_refused(family):
     assert caught.value.status == "beyond the bending range"
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid"], 1))
 def test_a_loaded_preshape_with_jumps_converges_like_one_without(family):
     """Fourth order, as the curvature jumps where the rest curvature does; the truth is the elastica."""

@@ -115,6 +115,7 @@ def test_a_path_of_equilibria_remembers():
     assert bends[8] == pytest.approx(0.04428778, abs=1e-5)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("friction", "most"), [(0.1, (0.012, 0.006)), (0.3, (0.035, 0.026))])
 def test_loops_are_those_of_a_chain_of_guides(friction, most):
     """With inner loops; the greatest difference of the bend per its range, at one and at two cells per element."""
@@ -171,6 +172,7 @@ SCENE = {"gravity": [0.0, 0.0], "fidelity": {"family": "clothoid"}}
 RISING = {"times": [0.0, 0.3, 0.6], "values": [0.0, 22.0, 10.0]}
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("lag", [None, 0.02])
 def test_a_motion_ends_where_its_history_says_and_does_not_creep(lag):
     scene = cg.Scene(
@@ -201,6 +203,7 @@ def test_what_starts_at_rest_stays_there_whatever_its_history():
     assert 1.5 * y - 0.5 * y**3 == pytest.approx([0.9, -0.5, 0.3, 0.9])
 
 
+@pytest.mark.deep
 def test_wound_up_tendons_do_not_creep():
     to = [{"times": [0.0, 0.3, 0.6], "values": [0.0, s * 0.012, s * 0.007]} for s in (1.0, -1.0)]
     keys = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
@@ -240,6 +243,7 @@ def test_mirrored_fingers_move_alike():
     assert ends[0] == pytest.approx(-ends[1], abs=1e-8)
 
 
+@pytest.mark.deep
 def test_implicit_steps_of_milliseconds_follow():
     def end(**time):
         given = {"tensions": [RISING, 0.0]}

@@ -62,6 +62,7 @@ CASES = {
 }
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("case", few(CASES, 3))
 def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
     family, elements, step = CASES[case]
@@ -80,6 +81,7 @@ def test_ten_seconds_without_damping_keep_the_tolerance():
     assert true_error(found, integrated(found.scene, found.t)) <= found.time_error <= 1e-4
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("method", "steps"), [("rk4", (2e-3, 1e-3, 5e-4)), ("rodas", (2e-3, 1e-3, 5e-4))])
 def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_compiler):  # noqa: F811
     """Between once and eight times the true one; the tolerance of the warning lies between the second and the third."""
@@ -105,6 +107,7 @@ def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_
     assert "time.method: auto" in warning
 
 
+@pytest.mark.deep
 def test_a_stiff_scene_is_controlled_too():
     """Implicit steps, against the variable-step method."""
     keys = {"duration": 0.2, "tip_mass": 0.02, "finger": {"damping": {"material": 8e-3}}}
@@ -130,6 +133,7 @@ def test_loads_and_inputs_that_vary_are_followed_within_the_tolerance(interpolat
     assert true_error(found, exact.x[::100]) <= found.time_error <= 1e-4
 
 
+@pytest.mark.deep
 def test_contacts_are_followed_within_the_tolerance():
     changes = {"time.duration": 0.4, "time.step": 0.002}
     config = ROOT / "configs/simulate/swing_against_disc.yaml"

@@ -164,6 +164,7 @@ def test_mirrored_windings_move_mirrored():
     assert ends[0] == pytest.approx(-ends[1], abs=1e-7)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("cable", [1e4, 1e5])
 @pytest.mark.parametrize("friction", [0.0, 0.15])
 def test_implicit_steps_of_milliseconds_follow_stiff_cables(cable, friction):
@@ -178,6 +179,7 @@ def test_implicit_steps_of_milliseconds_follow_stiff_cables(cable, friction):
         assert found == pytest.approx(exact[:: round(step / 1e-3)], abs=error * LENGTH)
 
 
+@pytest.mark.deep
 def test_dry_friction_with_a_memory_holds_a_load_without_current():
     """What is wound up stays where it is when the torque ceases; by the velocity alone it creeps."""
     worm = {"coulomb_friction": 0.05, "viscous_friction": 1e-3, "pretension": 0.5}

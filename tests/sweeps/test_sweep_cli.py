@@ -42,6 +42,7 @@ def swept(tmp_path_factory):
     return config, folder / "out", json.loads(found.stdout)
 
 
+@pytest.mark.deep
 def test_rows_are_what_the_optimizer_finds(swept):
     _, folder, _ = swept
     table = sweep_table(folder)

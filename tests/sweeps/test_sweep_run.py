@@ -75,6 +75,7 @@ def test_failures_are_rows(tmp_path):
     assert table["finger.base.position"][0] == "[0.04,0.0]"
 
 
+@pytest.mark.deep
 def test_a_scene_that_ends_its_process_is_a_row_and_no_other_is_lost(tmp_path, monkeypatch):
     monkeypatch.setenv(LOG, str(tmp_path / "log"))
     values = [1.0 + k for k in range(40)]
@@ -87,6 +88,7 @@ def test_a_scene_that_ends_its_process_is_a_row_and_no_other_is_lost(tmp_path, m
     assert calls(tmp_path / "log")[DEADLY] == 4  # each twice
 
 
+@pytest.mark.deep
 def test_the_same_rows_whoever_does_the_work(tmp_path):
     config = masses(20)
     made = [
@@ -129,6 +131,7 @@ def test_lines_tell_whether_they_are_whole():
         assert decode(line[:k] + bytes([line[k] ^ 1]) + line[k + 1 :]) is None
 
 
+@pytest.mark.deep
 def test_a_killed_sweep_goes_on_and_does_nothing_twice(tmp_path, monkeypatch):
     monkeypatch.setenv(LOG, str(tmp_path / "log"))
     folder = tmp_path / "out"
@@ -179,6 +182,7 @@ def alive(pid):
         return False
 
 
+@pytest.mark.deep
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_ctrl_c_stops_and_says_how_to_go_on(tmp_path):
     config = tmp_path / "sweep.yaml"
