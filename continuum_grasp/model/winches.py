@@ -72,6 +72,17 @@ class Winch:
         """Whether it winds up or pays out each tendon."""
         return (1.0, -1.0)[: len(self.tendons)]
 
+    @property
+    def has_play(self) -> bool:
+        """Whether a gear leaves it a play."""
+        return self._gear is not None
+
+    @property
+    def held_stiffness(self) -> float:
+        """Torque per angle of a motor whose taut cables are held, in series with its gear [N m/rad]."""
+        cables = len(self.tendons) * self.radius**2 * float(self.stiffness)
+        return cables if self._gear is None else 1.0 / (1.0 / cables + 1.0 / self._gear[0])
+
     def of_its(self, values: Sequence[Scalar]) -> list[Scalar]:
         """Those of its tendons, of values per tendon."""
         return [values[k] for k in self.tendons]

@@ -155,8 +155,11 @@ class _Run:
         bent[1:, : self._model.n] = shapes[1:4]
         radius = max(self._radius(shapes, np.zeros_like(shapes)), self._of_contacts(pressed_radius, bent))
         asked = self._time.method
-        # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them.
-        self._implicit_substeps = self._wanted(self._of_contacts(contact_frequency, bent))
+        # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them, and
+        # those of gears to meet their flanks.
+        flanks = [winch for winch in self._model.structure.winches if winch.has_play]
+        met = [math.sqrt(winch.held_stiffness / float(winch.inertia)) for winch in flanks]
+        self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
         if self._model.friction_names:
             self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))
         if asked == "reference":
