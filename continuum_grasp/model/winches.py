@@ -126,7 +126,7 @@ class Winch:
         self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
     ) -> Scalar:
         """Position of what winds up tendons that pull as soon as they are taut."""
-        return states[0] if self._gear is None else self._balanced_behind(self._gear, states[0], compliances, paths)
+        return states[0] if self._gear is None else self._balanced(self._gear, states[0], compliances, paths)[0]
 
     def drum_rate(
         self,
@@ -179,8 +179,8 @@ class Winch:
         if not isinstance(drive, MotorDrive) or drive.position_gain is None:
             return found
         paths = [y - c * tension for y, c, tension in zip(drawn, compliances, tensions, strict=True)]
-        angle = self._balanced_behind(self._servo, command, compliances, paths)
-        return ca.if_else(ca.fabs(self._servo_torque(command, angle)) < drive.torque_max, angle, found)
+        angle, torque = self._balanced(self._servo, command, compliances, paths)
+        return ca.if_else(ca.fabs(torque) < drive.torque_max, angle, found)
 
     def at(self, position: Scalar, tensions: Sequence[Scalar], command: Scalar | None) -> list[Scalar]:
         """States at rest where what winds up is, under tensions [N] and a command; None: one that leads there."""
@@ -294,13 +294,8 @@ class Winch:
         drive = self.drive
         if not isinstance(drive, MotorDrive) or drive.position_gain is None:
             return self.torque(command)
-        wanted = self._servo_torque(command, self._balanced_behind(self._servo, command, compliances, paths))
+        wanted = self._balanced(self._servo, command, compliances, paths)[1]
         return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
-
-    def _servo_torque(self, command: Scalar, angle: Scalar) -> Scalar:
-        """Torque of a servo without bounds [N m] at rest where its drum is: servo and gear, one behind the other."""
-        gain, half = self._servo
-        return gain * _beyond(command - angle, half)
 
     @property
     def _servo(self) -> tuple[float, float]:
@@ -311,45 +306,39 @@ class Winch:
         yields = 1.0 / drive.position_gain + (1.0 / drive.gear_stiffness if drive.gear_stiffness else 0.0)
         return 1.0 / yields, 0.5 * drive.backlash
 
-    def _balanced_behind(
-        self,
-        gear: tuple[float, float],
-        command: Scalar,
-        compliances: Sequence[Scalar],
-        paths: Sequence[Scalar],
-    ) -> Scalar:
-        """Angle [rad] at which the tensions balance a torque towards a command, of a gain [N m/rad] beyond half a play.
+    def _balanced(
+        self, gear: tuple[float, float], command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]
+    ) -> tuple[Scalar, Scalar]:
+        """Angle [rad] at which the tensions balance a torque towards a command, and that torque [N m].
 
-        In the play the drum is where the tensions balance, as far as the flanks let it.
+        It has a gain [N m/rad] beyond half a play [rad]; within, the drum is where the tensions balance.
         """
-        gain, half = gear
-        if not half:
-            return self._balanced(gain, command, compliances, paths)
-        free = self._balanced(0.0, command, compliances, paths)
-        away = free - command
-        flanked = self._balanced(gain, command + _within(away, half), compliances, paths)
-        return ca.if_else(ca.fabs(away) < half, free, flanked)
+        (gain, half), flank = gear, command
+        if half:
+            flank += _within(-self._short(0.0, command, compliances, paths), half)
+        short = self._short(gain, flank, compliances, paths)
+        return flank - short, gain * short
 
-    def _balanced(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Angle [rad] at which the tensions balance a torque of a gain [N m/rad] towards a command.
+    def _short(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Angle short of a command [rad] at which the tensions balance a torque of a gain [N m/rad] towards it.
 
         Their torque grows with the angle by straight pieces, with one tendon taut, both or none.
         """
         radius, slopes = self.radius, [self.radius**2 / c for c in compliances]
-        turns = [(path - self.start) / radius for path in paths]  # at which each is just taut
-        first = (gain * command + slopes[0] * turns[0]) / (gain + slopes[0])
-        if len(turns) == 1:
-            return ca.fmin(command, first)
-        low, high = ca.fmin(turns[0], -turns[1]), ca.fmax(turns[0], -turns[1])
-        second = (gain * command - slopes[1] * turns[1]) / (gain + slopes[1])
-        pulled = gain * command + slopes[0] * turns[0] - slopes[1] * turns[1]
-        taut = pulled / (gain + slopes[0] + slopes[1])
+        taut_at = [side * (path - self.start) / radius for side, path in zip(self.sides, paths, strict=True)]
+        pulled = [slope * (command - angle) for slope, angle in zip(slopes, taut_at, strict=True)]
+        alone = [pull / (gain + slope) for pull, slope in zip(pulled, slopes, strict=True)]
+        if len(alone) == 1:
+            return ca.fmax(alone[0], 0.0)
+        low, high = ca.fmin(*taut_at), ca.fmax(*taut_at)
+        both = sum(pulled) / (gain + sum(slopes))
         # None taut: all of the torque is that towards the command; without any, the command as far as none is, nor
         # begins to be.
         edge = ca.fmin(SOFT / radius, 0.5 * (high - low))
-        none = command if gain else ca.fmin(ca.fmax(command, low + edge), high - edge)
-        between = ca.if_else(ca.SX(turns[0]) < -turns[1], taut, none)
-        return ca.if_else(between < low, second, ca.if_else(between > high, first, between))
+        none = 0.0 if gain else command - ca.fmin(ca.fmax(command, low + edge), high - edge)
+        short = ca.if_else(ca.SX(taut_at[0]) < taut_at[1], both, none)
+        angle = command - short
+        return ca.if_else(angle < low, alone[1], ca.if_else(angle > high, alone[0], short))
 
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
         """Kinetic energy [J]."""
