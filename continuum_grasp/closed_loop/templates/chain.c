@@ -235,10 +235,9 @@ static void pull_geared(const tendon *t, const double *b, const double *drums, d
     stiff = (z != within ? 1.0 : LOOSE) * t->gear + by[0][0][N] + by[1][0][N];
     if (missing > 0.0) high = z;
     else low = z;
-    double next = z - missing / stiff;
-    if (!(next > low && next < high)) next = missing == 0.0 ? z : 0.5 * (low + high);
-    if (fabs(next - z) <= SAME) break;
-    z = next;
+    const double step = missing / stiff;
+    if (fabs(step) <= SAME) break;
+    z = z - step > low && z - step < high ? z - step : 0.5 * (low + high);
   }
   double moved[N + NX + 1];
   for (int i = 0; i < N; ++i) moved[i] = (by[0][0][i] - by[1][0][i]) / stiff;
@@ -466,6 +465,7 @@ static int stage(const chains *all, double part, const state *from, state *to, c
     for (int i = 0; i < NB; ++i) bent = fmax(bent, fabs(way[i])), work_along += right[i] * way[i];
     for (int r = 0; r < NX; ++r) moved = fmax(moved, fabs(way[NB + r]) / (1.0 + fabs(to->x[r])));
     if (!(bent < 1e6 && moved < 1e12)) return 0;
+    if (bent < ACCURACY) work_along = 0.0;  /* rounding, of bends that a motor in its play does not move */
     share = bent > FARTHEST ? FARTHEST / bent : 1.0;
     memcpy(before, to->b, sizeof to->b);
     memcpy(before + NB, to->x, NX * sizeof(double));
