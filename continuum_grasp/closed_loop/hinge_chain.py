@@ -178,6 +178,13 @@ class HingeChain:
             gives = np.zeros(self.hinges + 2)
             gives[: len(tendon.gives)] = tendon.gives
             friction = factors.get("tendon_friction", 1.0) * tendon.friction
-            own = [tendon.guides, float(tendon.wound), float(tendon.conduit > 0.0), friction, tendon.conduit, *tendon.gear]
+            own = [
+                tendon.guides,
+                float(tendon.wound),
+                float(tendon.conduit > 0.0),
+                friction,
+                tendon.conduit,
+                *tendon.gear,
+            ]
             parts += [own, tendon.arms, gives]
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])

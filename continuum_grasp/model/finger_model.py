@@ -251,9 +251,9 @@ class FingerModel(Functions):
     def stiffness_of_drives(self) -> ca.Function:
         """``(x, u, w, p) -> K, D, inertia, passive``: small motions of a finger with winches, at rest.
 
-        K (n + m, n + m) is that of the bending coordinates and the angles of motors, with friction that acts as it does;
-        D (m, m) and inertia (m) [kg m2] are those of these angles, without dry friction. ``passive`` (n, n) is K of the
-        bending coordinates without tendons.
+        K (n + m, n + m) is that of the bending coordinates and the angles of motors, with friction as it acts; D (m, m)
+        and inertia (m) [kg m2] are those of these angles, without dry friction. ``passive`` (n, n) is K of the bending
+        coordinates without tendons.
         """
         eq = self._equations
         angles, rates, torques, inertias = eq.motors

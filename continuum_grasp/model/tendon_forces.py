@@ -294,7 +294,10 @@ class TendonForces:
     @cached_property
     def stored_energy(self) -> Scalar:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
-        slacks, turned = zip(self._slack, self.compliances, strict=True), zip(self._pulls.winches, self.drums, strict=True)
+        slacks, turned = (
+            zip(self._slack, self.compliances, strict=True),
+            zip(self._pulls.winches, self.drums, strict=True),
+        )
         gears = sum((winch.gear_energy(states, drum) for (winch, states), drum in turned), 0.0)
         return sum((soft_integral(slack) / c for slack, c in slacks), gears)
 

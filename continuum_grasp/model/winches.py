@@ -314,9 +314,11 @@ class Winch:
         It has a gain [N m/rad] beyond half a play [rad]; within, the drum is where the tensions balance.
         """
         (gain, half), flank = gear, command
-        if half:
-            flank += _within(-self._short(0.0, command, compliances, paths), half)
+        away = -self._short(0.0, command, compliances, paths) if half else 0.0
+        flank += _within(away, half)
         short = self._short(gain, flank, compliances, paths)
+        if half:  # no torque in the play, nor its rounding
+            short = ca.if_else(ca.fabs(away) < half, 0.0, short)
         return flank - short, gain * short
 
     def _short(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:

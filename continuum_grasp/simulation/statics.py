@@ -228,7 +228,8 @@ def equilibrium_held(
     """Find the equilibrium of a finger whose motors stand at ``angles`` (motors,) [rad], under constant forces.
 
     Tendons are then as long as on winches that follow a length, behind a play where there is one, and have friction as
-    ``scene.initial`` says that the finger was bent. The input of the result is that which balances the tensions without dry friction of the motors.
+    ``scene.initial`` says that the finger was bent. The input of the result balances the tensions without
+    dry friction of the motors.
 
     Raises
     ------
@@ -276,7 +277,10 @@ def _locked(tendons: Any) -> Any:
     drive = tendons.drive
     if drive.gear_stiffness is not None:
         # A servo and a gear of twice the stiffness each yield together what the gear does.
-        stiffness, same = 2.0 * drive.gear_stiffness, {"rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
+        stiffness, same = (
+            2.0 * drive.gear_stiffness,
+            {"rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS},
+        )
         return tendons.replaced(drive=drive.replaced(position_gain=stiffness, gear_stiffness=stiffness, **same))
     same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
     # The time constant does not matter at rest.

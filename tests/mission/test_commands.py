@@ -67,7 +67,9 @@ def test_a_servo_turns_further_by_its_torque():
     gear = {"arrangement": "one_pulley", "backlash": 0.02, "gear_stiffness": 5.0, "pretension": 3.0}
     ahead = np.array([0.01 + 0.008 * 20.0 / 5.0])
     for way, pulled in ((1.0, [20.0, 0.0]), (-1.0, [0.0, 20.0])):
-        assert Commands(finger(**drive, **gear), S).of(pulled, way * BEND * S / LENGTH) == pytest.approx(way * (found + ahead))
+        assert Commands(finger(**drive, **gear), S).of(pulled, way * BEND * S / LENGTH) == pytest.approx(
+            way * (found + ahead)
+        )
 
 
 def test_torques_are_no_commands_of_a_mission():

@@ -90,7 +90,7 @@ def test_a_servo_over_a_gear_with_play_stays_at_rest(angle, arrangement):
     gear = {"backlash": 0.1, "gear_stiffness": 20.0}
     made = model({**MOTOR, **arrangement, **gear, "position_gain": 0.4, "coulomb_friction": 0.0})
     found = equilibrium_under(made, [angle], np.zeros(made.nw))
-    motor, _, drum = made.drives_at(found.q, [angle])
+    motor, _ = made.drives_at(found.q, [angle])
     torque = RADIUS * (found.tensions[0] - found.tensions[1])
     assert torque == pytest.approx(np.clip(0.4 * (angle - motor), -0.2, 0.2), abs=1e-9)
     x = [*found.q, *np.zeros(made.n), motor, 0.0]
@@ -99,9 +99,10 @@ def test_a_servo_over_a_gear_with_play_stays_at_rest(angle, arrangement):
 
 
 def drum_of(motion):
-    """Angle of the drum of a motion whose tendons both pull: half the difference of what is wound up."""
-    yielded = (3e-5 + LENGTH / 1e4) * np.subtract(*motion.tensions.T)
-    return (OFFSET * np.array([bend(motion.model, q) for q in motion.q]) + 0.5 * yielded) / RADIUS
+    """Angle of the drum of a motion with a pretension of 2 N, by the tendon that pulls harder."""
+    first, second = motion.tensions.T
+    longer = (3e-5 + LENGTH / 1e4) * np.where(first > second, first - 2.0, 2.0 - second)
+    return (OFFSET * np.array([bend(motion.model, q) for q in motion.q]) + longer) / RADIUS
 
 
 def test_a_servo_crosses_the_play_before_the_finger_bends_back():

@@ -1,4 +1,4 @@
-"""Gears with play: a drum without inertia is where gear and tendons balance, in motion, at rest and in small motions."""
+"""Gears with play: a drum without inertia is where gear and tendons balance."""
 
 from __future__ import annotations
 
