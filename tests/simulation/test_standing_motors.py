@@ -46,7 +46,7 @@ def test_the_bend_is_that_of_what_is_wound_up(drive, commands, scale):
 
 @pytest.mark.parametrize(("at", "stiffness"), [(0.3, 20.0), (-0.3, 20.0), (0.6, 2e4), (0.004, 20.0)])
 def test_before_a_gear_with_play_it_is_the_bend_of_the_drum(at, stiffness):
-    """phi = bend e / r + (C / 2) (T1 - T2) / r + r (T1 - T2) / k + half the play."""
+    """The angle is bend e / r + (C / 2) (T1 - T2) / r + r (T1 - T2) / k + half the play."""
     own = {**STEADY, "backlash": 0.01, "gear_stiffness": stiffness}
     found = cg.equilibrium(standing(own, [at], torques=[0.0]))
     difference = STIFFNESS / (OFFSET * LENGTH)
