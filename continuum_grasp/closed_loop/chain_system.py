@@ -21,7 +21,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
-from continuum_grasp.model.winches import winches_of
+from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -149,20 +149,22 @@ class ChainSystem:
         self._u, self._tension = ca.SX.sym("u", self.nu), ca.SX.sym("tension", len(self.tendons))
         self._loads = forces
 
-    @cached_property
-    def _split_states(self) -> list[list[Scalar]]:
-        found, at = list[list[Scalar]](), 0
+    def _of_winches(self, others: ca.SX | Array) -> list[tuple[Winch, list[Scalar]]]:
+        """The winches with their states."""
+        found, at = list[tuple[Winch, list[Scalar]]](), 0
         for winch in self.winches:
-            found.append([self._states[at + k] for k in range(winch.states)])
+            found.append((winch, [others[at + k] for k in range(winch.states)]))
             at += winch.states
         return found
 
     @cached_property
     def drums(self) -> ca.Function:
-        """``(others, u) -> drum``: what each tendon has at its drive: a length wound up [m], or a tension [N]."""
+        """``(others, u) -> drum``: what each tendon has at its drive: a length wound up [m] where a gear neither yields
+        nor has a play, or a tension [N].
+        """
         given: list[Scalar] = [] if self.winches else [self._u[j] for j in range(len(self.tendons))]
-        for winch, states in zip(self.winches, self._split_states, strict=True):
-            given += winch.wound(winch.drum(states))
+        for winch, states in self._of_winches(self._states):
+            given += winch.wound(states[0])
         return ca.Function("drums", [self._others, self._u], [column(given)], ["others", "u"], ["drum"])
 
     @cached_property
@@ -194,7 +196,7 @@ class ChainSystem:
             forces[k] += ca.vertcat(pair.force.x, pair.force.y, couple)
         rates: list[Scalar] = []
         taken = iter(ca.vertsplit(self._tension))
-        for k, (winch, states) in enumerate(zip(self.winches, self._split_states, strict=True)):
+        for k, (winch, states) in enumerate(self._of_winches(self._states)):
             rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
         if self._body is not None:
             given = [(pair.point, pair.force.scaled(-1.0)) for pair in self._pairs]
@@ -264,17 +266,24 @@ class ChainSystem:
     def tensions(self) -> ca.Function:
         """``(x, u, p) -> tensions``: of each tendon at its drive [N]."""
         (x, u, _), n = self._symbols, self.chain.hinges
-        drums = ca.vertsplit(self.drums(x[self.first_other : self.nx][: self._others.numel()], u))
-        found = []
-        for j, (tendon, drum) in enumerate(zip(self.tendons, drums, strict=True)):
-            if not tendon.wound:
-                found.append(drum)
-                continue
+        paths: list[Scalar] = []
+        for j, tendon in enumerate(self.tendons):
             own = x[2 * n + j * (n + 1) : 2 * n + (j + 1) * (n + 1)]
             stretched = ca.dot(ca.DM(tendon.gives[1:]), own[: tendon.guides])
-            away = drum - ca.dot(ca.DM(tendon.arms), x[:n]) - stretched
-            found.append(ca.fmax(away, 0.0) / float(tendon.gives[0]))
+            paths.append(ca.dot(ca.DM(tendon.arms), x[:n]) + stretched)
+        found = self._pulls(x[self.first_other :], u, [float(tendon.gives[0]) for tendon in self.tendons], paths)
         return self._function("tensions", [ca.vertcat(*found)], ["tensions"])
+
+    def _pulls(
+        self, others: ca.SX | Array, u: ca.SX | Array, compliances: Sequence[Scalar], paths: Sequence[Scalar]
+    ) -> list[Scalar]:
+        """Tensions at the drives [N] of tendons of compliances [m/N] that are drawn in by paths [m]."""
+        found: list[Scalar] = [] if self.winches else [u[j] for j in range(len(self.tendons))]
+        for winch, states in self._of_winches(others):
+            gives, drawn = winch.of_its(compliances), winch.of_its(paths)
+            wound = winch.wound(winch.drum_of_sharp_tendons(states, gives, drawn))
+            found += [ca.fmax(y - path, 0.0) / give for y, path, give in zip(wound, drawn, gives, strict=True)]
+        return found
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
         """Which way friction acts on a tendon between two positions [m]: its loss there per the greatest one."""
@@ -322,20 +331,21 @@ class ChainSystem:
         x[self.first_other : self.first_other + len(drives)] = drives
         if self._body is not None:
             x[self.object_states] = self._body.start
-        drums = np.array(self.drums(x[self.first_other :], u)).ravel()
         way = {"pulling": 1.0, "releasing": -1.0}.get(initial.reached_by or "", 0.0)
-        for j, tendon in enumerate(self.tendons):
+        passed = list[Array]()
+        for tendon in self.tendons:
             drawn = tendon.arms * q
             beyond = np.cumsum(drawn[::-1])[::-1] - 0.5 * drawn
             losses = way * np.sign(beyond) * tendon.friction * np.abs(q)
             if tendon.conduit:
                 losses = np.append(way * np.sign(drawn.sum()) * tendon.friction * tendon.conduit, losses)
-            shares = np.exp(-np.cumsum([0.0, *losses[: tendon.guides]]))
-            tension = drums[j]
-            if tendon.wound:
-                tension = max(drums[j] - float(drawn.sum()), 0.0) / float(tendon.gives @ shares)
+            passed.append(np.exp(-np.cumsum([0.0, *losses[: tendon.guides]])))
+        compliances = [float(tendon.gives @ shares) for tendon, shares in zip(self.tendons, passed, strict=True)]
+        paths = [float(tendon.arms @ q) for tendon in self.tendons]
+        tensions = self._pulls(x[self.first_other :], u, compliances, paths)
+        for j, (tendon, shares) in enumerate(zip(self.tendons, passed, strict=True)):
             at = 2 * self.n + j * (self.n + 1)
-            x[at : at + tendon.guides] = tension * shares[1:]
+            x[at : at + tendon.guides] = float(tensions[j]) * shares[1:]
         return x
 
 

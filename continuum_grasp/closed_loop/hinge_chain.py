@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.tendons import Tendon
@@ -34,7 +35,8 @@ class Guided:
     """A tendon and its guides from the drum on: that of a conduit, if any, then one per hinge up to its end.
 
     ``arms`` (N) [m] are what a bend of each hinge draws in, zero beyond its end; ``gives`` are the compliances [m/N]
-    of its pieces: to the first guide, from guide to guide, and to its end.
+    of its pieces: to the first guide, from guide to guide, and to its end; ``gear`` is the stiffness [N/m] and half the
+    play [m], in cable, of a gear before the pulley on which it is the first, else zeros.
     """
 
     arms: Array
@@ -42,6 +44,7 @@ class Guided:
     friction: float
     conduit: float
     wound: bool
+    gear: tuple[float, float]
 
     @property
     def guides(self) -> int:
@@ -147,7 +150,10 @@ class HingeChain:
         pieces = np.diff([0.0, *at, to]) / stiffness
         conduit = tendon.conduit_bend > 0.0
         gives = np.array([free, *pieces] if conduit else [free + pieces[0], *pieces[1:]])
-        return Guided(arms, gives, tendon.friction, tendon.conduit_bend, tendon.drive is not None)
+        drive, gear = tendon.drive, (0.0, 0.0)
+        if isinstance(drive, MotorDrive) and drive.gear_stiffness is not None and tendon is self.finger.tendon_list[0]:
+            gear = drive.gear_stiffness / drive.winch_radius**2, 0.5 * drive.backlash * drive.winch_radius
+        return Guided(arms, gives, tendon.friction, tendon.conduit_bend, drive is not None, gear)
 
     def numbers(self, gravity: tuple[float, float], places: Sequence[float], factors: Mapping[str, float]) -> Array:
         """All that the C of the motion needs to know of it: ``factors`` on what ``OF_FINGER`` names."""
@@ -172,6 +178,13 @@ class HingeChain:
             gives = np.zeros(self.hinges + 2)
             gives[: len(tendon.gives)] = tendon.gives
             friction = factors.get("tendon_friction", 1.0) * tendon.friction
-            own = [tendon.guides, float(tendon.wound), float(tendon.conduit > 0.0), friction, tendon.conduit, 0.0, 0.0]
+            own = [
+                tendon.guides,
+                float(tendon.wound),
+                float(tendon.conduit > 0.0),
+                friction,
+                tendon.conduit,
+                *tendon.gear,
+            ]
             parts += [own, tendon.arms, gives]
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])

@@ -188,9 +188,8 @@ class Prediction(Remade):
         reach = max(-least[number], most[number])
         if isinstance(drive, LengthDrive):
             return DriveState(state, follows, reach, drive.time_constant)
-        # The frequency of the drum on its servo and on cables that are held.
-        gain = (drive.position_gain or 0.0) + len(winch.tendons) * winch.radius**2 * float(winch.stiffness)
-        lag = math.sqrt(drive.inertia / gain)
+        # The frequency of the motor on its servo and on cables that are held.
+        lag = math.sqrt(drive.inertia / ((drive.position_gain or 0.0) + winch.held_stiffness))
         if not follows:
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)

@@ -223,12 +223,11 @@ class JointRange:
         )
 
 
-_DRIVE = r"(tension|length|motor_angle|drum_angle|torque|current|angle)_(\d+)"
+_DRIVE = r"(tension|length|motor_angle|torque|current|angle)_(\d+)"
 _PATTERNS = (
     (r"length_(\d+)", "cable that winch {0} winds up, from where it is at zero"),
     (r"motor_angle_(\d+)", "angle of motor {0}, at the drum"),
     (r"motor_friction_(\d+)", "which way dry friction of motor {0} acts, -1 to 1 where it slips"),
-    (r"drum_angle_(\d+)", "angle of the drum behind the play of gear {0}"),
     (r"torque_(\d+)", "of motor {0}, at the drum"),
     (r"current_(\d+)", "of motor {0}"),
     (r"angle_(\d+)", "where the servo of motor {0} turns its drum"),

@@ -52,7 +52,7 @@ class Driven:
         q = ca.SX.sym("q", model.n)
         history = ca.SX.sym("history", model.structure.friction_states + bool(model.friction_names))
         given = (history,) if model.friction_names else ()
-        parts = [ca.SX(model.drives_at_rest()(q, u, p, *given)[0])]
+        parts = [ca.SX(model.drives_at_rest()(q, u, p, *given))]
         if model.friction_names:
             # From shape to shape friction stays where it is, or slides.
             slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]

@@ -24,7 +24,7 @@ def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX,
     """
 
     def drives() -> tuple[ca.SX, ca.SX]:
-        return model.tensions_at_rest()(q, u, p, *history), model.drives_at_rest()(q, u, p, *history)[0]
+        return model.tensions_at_rest()(q, u, p, *history), model.drives_at_rest()(q, u, p, *history)
 
     return _observed(model, readings, q, u, p, drives)
 

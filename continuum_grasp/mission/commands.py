@@ -84,4 +84,5 @@ class Commands:
             for wound, (path, give) in zip(map(float, winch.wound(position)), own, strict=True)
         ]
         torque = winch.radius * sum(side * tension for side, tension in zip(winch.sides, held, strict=True))
-        return position + torque / (drive.position_gain or math.inf)
+        angle = float(ca.DM(winch.at(position, held, None)[0]))
+        return angle + torque / (drive.position_gain or math.inf)

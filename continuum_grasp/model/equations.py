@@ -25,6 +25,7 @@ from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_forces import Pulls, TendonForces
+from continuum_grasp.model.winches import soft
 from continuum_grasp.scene.graded_profile import line
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.profile import Curve
@@ -65,6 +66,7 @@ class Equations:
         self.u = ca.SX.sym("u", len(structure.u_names))
         self.w = ca.SX.sym("w", len(structure.w_names))
         self.s = ca.SX.sym("s")
+        self.pulled = ca.SX.sym("pulled")
         self.p = structure.parameters.symbol
 
     # -- input ---------------------------------------------------------------------------------------------------
@@ -405,14 +407,8 @@ class Equations:
     @cached_property
     def tendons(self) -> TendonForces:
         """Tendons that have a tension of their own, of a finger that moves."""
-        pulls = Pulls(self._own_tensions(self.drives))
-        if self._structure.winches:
-            moving = list(zip(self._structure.winches, self._winch_states, strict=True))
-            pulls = Pulls(wound=[y for winch, states in moving for y in winch.wound(winch.drum(states))])
-            tensions = self._tendons(pulls, self._of_tendons(self.z)).tensions
-            rates = [winch.drum_rate(states, [tensions[k] for k in winch.tendons]) for winch, states in moving]
-            every = [v for (winch, _), rate in zip(moving, rates, strict=True) for v in winch.wound_rates(rate)]
-            pulls = replace(pulls, rates=every)
+        moving = list(zip(self._structure.winches, self._winch_states, strict=True))
+        pulls = Pulls(winches=moving) if moving else Pulls(self._own_tensions(self.drives))
         return self._tendons(pulls, self._of_tendons(self.z))
 
     @cached_property
@@ -422,15 +418,13 @@ class Equations:
         commands = list(zip(winches, ca.vertsplit(self.u)[: len(winches)], strict=True))
         pulls = Pulls(self._own_tensions(self.commanded))
         if any(winch.follows for winch in winches):
-            pulls = Pulls((), [y for winch, command in commands for y in winch.wound(command)])
+            pulls = Pulls(winches=[(winch, [command]) for winch, command in commands])
         elif winches:
             pulls = Pulls(
                 lambda c, paths: [
                     tension
                     for winch, command in commands
-                    for tension in winch.tensions_at_rest(
-                        command, [c[k] for k in winch.tendons], [paths[k] for k in winch.tendons]
-                    )
+                    for tension in winch.tensions_at_rest(command, winch.of_its(c), winch.of_its(paths))
                 ]
             )
         return self._tendons(pulls, self._of_tendons(self.history), self.history[count] if count else None)
@@ -486,43 +480,43 @@ class Equations:
             found += [command.moment, 0.0] if source.time_constant is not None else []
         for k, winch in enumerate(self._structure.winches):
             at_rest = self.tendons_at_rest
-            tensions = [at_rest.tensions[tendon] for tendon in winch.tendons]
+            tensions = winch.of_its(at_rest.tensions)
             drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
-            compliances = [at_rest.compliances[tendon] for tendon in winch.tendons]
-            position = winch.position_at_rest(self.u[k], drawn, tensions, compliances)
+            position = winch.position_at_rest(self.u[k], drawn, tensions, winch.of_its(at_rest.compliances))
             found += winch.at(position, tensions, self.u[k])
         return found
 
     @property
-    def drives_drawn(self) -> ca.SX:
-        """States of winches at which (the first of) their tendons become taut, and what they are more per newton."""
-        rows: list[list[Scalar]] = []
+    def drives_drawn(self) -> list[Scalar]:
+        """States of winches where (the first of) their tendons have the tension ``pulled``."""
+        found: list[Scalar] = []
+        at_rest = self.tendons_at_rest
         for winch in self._structure.winches:
-            taut, pulled = (self.tendons_at_rest.drawn(winch.tendons[0], tension) for tension in (0.0, 1.0))
-            slope = (pulled - taut) / winch.radius
-            own: list[list[Scalar]] = [[winch.position([taut], [1.0]), slope]]
-            own += [[0.0, 0.0] for _ in range(winch.states - 1)]
-            rows += [*own[:-1], own[0]] if winch.has_backlash else own
-        return matrix(rows)
+            position = winch.position([at_rest.drawn(winch.tendons[0], self.pulled)], [1.0])
+            slacks = [y - at_rest.drawn(k, 0.0) for k, y in zip(winch.tendons, winch.wound(position), strict=True)]
+            pulls = [soft(y) / c for y, c in zip(slacks, winch.of_its(at_rest.compliances), strict=True)]
+            found += winch.at(position, pulls, None)
+        return found
 
     @cached_property
     def _winch_rates(self) -> list[Scalar]:
         """Their rates."""
         found: list[Scalar] = []
         for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
-            found += winch.rates(states, self.u[k], [self.tendons.tensions[j] for j in winch.tendons])
+            found += winch.rates(states, self.u[k], winch.of_its(self.tendons.tensions))
         return found
 
     @property
     def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[Scalar]]:
-        """Angles of motors and of drums behind a play, their rates, torques without dry friction [N m], inertias."""
+        """Angles of motors, their rates, torques without dry friction [N m], inertias [kg m2]."""
         angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[Scalar]()
         for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
-            own = winch.inertias
-            angles += winch.turning(states)
-            rates += [states[1], *[ca.SX.sym("none")] * (len(own) - 1)][: len(own)]
-            torques += winch.balance(states, self.u[k], [self.tendons.tensions[j] for j in winch.tendons])
-            inertias += own
+            if winch.follows:
+                continue
+            angles.append(states[0])
+            rates.append(states[1])
+            torques.append(winch.balance(states, self.u[k], winch.of_its(self.tendons.tensions)))
+            inertias.append(winch.inertia)
         return angles, rates, torques, inertias
 
     def _actuation(self, tendons: TendonForces) -> list[Scalar]:

@@ -213,7 +213,13 @@ class FingerModel(Functions):
     def _drives_at_rest(self) -> ca.Function:
         eq = self._equations
         names = "q u p history" if eq.history.numel() else "q u p"
-        return self._function("drives_at_rest", names, lag=eq.drives_at_rest, drawn=eq.drives_drawn)
+        return self._function("drives_at_rest", names, lag=eq.drives_at_rest)
+
+    @cached_property
+    def _drives_drawn(self) -> ca.Function:
+        eq = self._equations
+        names = "q pulled p history" if eq.history.numel() else "q pulled p"
+        return self._function("drives_drawn", names, lag=eq.drives_drawn)
 
     def drives_at(
         self,
@@ -234,21 +240,21 @@ class FingerModel(Functions):
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
-        given = [np.asarray(v, dtype=float) for v in (q, u, self.p_nominal if p is None else p)]
+        of, by = (self._drives_at_rest, u) if pulled is None else (self._drives_drawn, pulled)
+        given = [np.asarray(v, dtype=float) for v in (q, by, self.p_nominal if p is None else p)]
         history = [np.append(states, 0.0)] if states.size else []
-        lag, drawn = (np.array(v) for v in self._drives_at_rest(*given, *history))
-        return [float(v) for v in (lag[:, 0] if pulled is None else drawn @ [1.0, pulled])]
+        return [float(v) for v in np.array(of(*given, *history)).ravel()]
 
     def drives_at_rest(self) -> ca.Function:
-        """``(q, u, p (, history)) -> lag, drawn``: states of lags, winches and motors, as `drives_at` gives them."""
+        """``(q, u, p (, history)) -> lag``: states of lags, winches and motors, as `drives_at` gives them."""
         return self._drives_at_rest
 
     def stiffness_of_drives(self) -> ca.Function:
         """``(x, u, w, p) -> K, D, inertia, passive``: small motions of a finger with winches, at rest.
 
-        K (n + m, n + m) is that of the bending coordinates and the angles of motors (and drums, without inertia, behind
-        a play), with friction that acts as it does; D (m, m) and inertia (m) [kg m2] are those of these angles, without
-        dry friction. ``passive`` (n, n) is K of the bending coordinates without tendons.
+        K (n + m, n + m) is that of the bending coordinates and the angles of motors, with friction as it acts; D (m, m)
+        and inertia (m) [kg m2] are those of these angles, without dry friction. ``passive`` (n, n) is K of the bending
+        coordinates without tendons.
         """
         eq = self._equations
         angles, rates, torques, inertias = eq.motors
@@ -258,7 +264,7 @@ class FingerModel(Functions):
             "x u w p",
             K=-_slope(force, places),
             D=-_slope(column(torques), ca.vertcat(*rates)),
-            inertia=list(inertias),
+            inertia=inertias,
             passive=-_slope(column(eq.force_but_tendons), eq.q),
         )
 

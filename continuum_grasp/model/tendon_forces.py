@@ -22,7 +22,7 @@ from continuum_grasp.model.tendon_friction import (
     shares,
     state_rate,
 )
-from continuum_grasp.model.winches import compliance, soft, soft_integral, stiffnesses
+from continuum_grasp.model.winches import Winch, compliance, soft, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -30,14 +30,13 @@ _LITTLE = 1e-3
 
 @dataclass(frozen=True)
 class Pulls:
-    """What drives give the tendons: tensions at the base [N], or cable that is wound up [m] and its rates.
+    """What drives give the tendons: tensions at the base [N], or the cable that winches with their states wind up.
 
     Tensions may be a function of the compliances of the tendons [m/N] and of their paths, drawn in by the bend [m].
     """
 
     tensions: Sequence[Scalar] | Callable[[Sequence[Scalar], Sequence[Scalar]], Sequence[Scalar]] = ()
-    wound: Sequence[Scalar] = ()
-    rates: Sequence[Scalar] = ()
+    winches: Sequence[tuple[Winch, Sequence[Scalar]]] = ()
 
 
 class TendonForces:
@@ -217,9 +216,34 @@ class TendonForces:
         return self._par["rest_curvature"] * total if runtime else total
 
     @cached_property
+    def _paths(self) -> list[Scalar]:
+        """How much each tendon is drawn in by the bend [m]."""
+        return [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
+
+    @cached_property
+    def drums(self) -> list[Scalar]:
+        """Position of what winds up, per winch."""
+        return [
+            winch.drum(states, winch.of_its(self.compliances), winch.of_its(self._paths))
+            for winch, states in self._pulls.winches
+        ]
+
+    @cached_property
+    def _wound_rates(self) -> list[Scalar]:
+        """Rate of the cable wound up, per tendon [m/s]."""
+        path_rates = [self._path(tendon, self._rates, rest=False) for tendon in self._made.own_tendons]
+        found: list[Scalar] = []
+        for (winch, states), drum in zip(self._pulls.winches, self.drums, strict=True):
+            own = [winch.of_its(values) for values in (self.compliances, self._paths, path_rates)]
+            found += winch.wound_rates(winch.drum_rate(states, drum, *own))
+        return found
+
+    @cached_property
     def _slack(self) -> list[Scalar]:
         """Cable wound up beyond taut, per tendon [m]."""
-        return [y - self._path(k, self._full, rest=True) for k, y in enumerate(self._pulls.wound)]
+        turned = zip(self._pulls.winches, self.drums, strict=True)
+        wound = [y for (winch, _), drum in turned for y in winch.wound(drum)]
+        return [y - path for y, path in zip(wound, self._paths, strict=True)]
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
         """Length of the first cell [m], and those of all as its multiples."""
@@ -251,13 +275,12 @@ class TendonForces:
         """Of each tendon at its drive [N]."""
         given = self._pulls.tensions
         if callable(given):
-            paths = [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
-            return given(self.compliances, paths)
+            return given(self.compliances, self._paths)
         return given or [soft(slack) / c for slack, c in zip(self._slack, self.compliances, strict=True)]
 
     def drawn(self, tendon: int, tension: Scalar) -> Scalar:
         """Cable that a taut tendon of a tension [N] is drawn in [m]."""
-        return self._path(tendon, self._full, rest=True) + self.compliances[tendon] * tension
+        return self._paths[tendon] + self.compliances[tendon] * tension
 
     @cached_property
     def along(self) -> list[list[Scalar]]:
@@ -270,9 +293,13 @@ class TendonForces:
 
     @cached_property
     def stored_energy(self) -> Scalar:
-        """Energy of the elongated tendons [J], exactly where they have no friction."""
-        slacks = zip(self._slack, self.compliances, strict=True)
-        return sum((soft_integral(slack) / c for slack, c in slacks), 0.0)
+        """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
+        slacks, turned = (
+            zip(self._slack, self.compliances, strict=True),
+            zip(self._pulls.winches, self.drums, strict=True),
+        )
+        gears = sum((winch.gear_energy(states, drum) for (winch, states), drum in turned), 0.0)
+        return sum((soft_integral(slack) / c for slack, c in slacks), gears)
 
     @cached_property
     def _pulled(self) -> list[list[list[Scalar]]]:
@@ -295,7 +322,7 @@ class TendonForces:
         found: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):
             axial, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
-            moving = self._pulls.rates[tendon] - self._path(tendon, self._rates, rest=False)
+            moving = self._wound_rates[tendon] - self._path(tendon, self._rates, rest=False)
             # Of the tension at the base, per itself and second.
             rate = ((1.0 / axial) * weight) * (moving / self.compliances[tendon])
             for k, tension in enumerate(tensions):
@@ -307,7 +334,7 @@ class TendonForces:
         """Rates of the friction states [1/s]."""
         sliding: list[Scalar] = []
         for cells, pulled in zip(self._made.cell_sets, self._pulled, strict=True):
-            grown = self._elongating(cells, pulled) if self._pulls.wound else ()
+            grown = self._elongating(cells, pulled) if self._pulls.winches else ()
             sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
         return [state_rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
 

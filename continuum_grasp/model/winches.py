@@ -7,7 +7,8 @@ drum against friction and the tensions that its tendons have:
     phi' = w,    J w' = torque - b w - dry friction - r (T1 - T2)
 
 where T2 is there on a common pulley alone. What is wound up is ``start`` plus y, or plus the radius times phi; of a
-second tendon on a pulley ``start`` less that.
+second tendon on a pulley ``start`` less that. Behind a gear with play 2 b the angle d of a drum without inertia takes
+the place of phi there, and no state: it is the root of k (phi - d - clip(phi - d, -b, b)) = r (T1(d) - T2(d)).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import casadi as ca
 
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.tendon_friction import RETURN_TIME, clipped, direction, state_rate
+from continuum_grasp.model.tendon_friction import clipped, direction, state_rate
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
 from continuum_grasp.scene.tendons import Tendon
 
@@ -28,6 +29,12 @@ SLOW = 0.05
 """Angular velocity below which dry friction without a memory is rounded off [rad/s]: 0.4 mm/s on a drum of 8 mm."""
 SOFT = 20e-6
 """Half the length in which a tendon goes from slack to taut [m]: 0.4 N of a cable of 20 N/mm."""
+
+_LOOSE = 1e-6
+"""Share of a gear's stiffness by which the drum is where it is within the play while no tendon pulls [1]."""
+_DRUM_STEPS = 3
+"""Steps of Newton's method that find the drum behind a play: torques are off by 2e-6 N m in one of a thousand states
+that are drawn around the corners of gear and tendons (two steps: 1e-4 N m)."""
 
 _ROUNDING = 1e-9
 """Relative error of a torque at rest that is none [1]: above that of an equilibrium's residual."""
@@ -65,13 +72,27 @@ class Winch:
         """Whether it winds up or pays out each tendon."""
         return (1.0, -1.0)[: len(self.tendons)]
 
+    @property
+    def has_play(self) -> bool:
+        """Whether a gear leaves it a play."""
+        return self._gear is not None
+
+    @property
+    def held_stiffness(self) -> float:
+        """Torque per angle of a motor whose taut cables are held, in series with its gear [N m/rad]."""
+        cables = len(self.tendons) * self.radius**2 * float(self.stiffness)
+        return cables if self._gear is None else 1.0 / (1.0 / cables + 1.0 / self._gear[0])
+
+    def of_its(self, values: Sequence[Scalar]) -> list[Scalar]:
+        """Those of its tendons, of values per tendon."""
+        return [values[k] for k in self.tendons]
+
     def names(self, number: int) -> list[str]:
         """Name and unit of each state; ``number`` counts the drives from one."""
         if isinstance(self.drive, LengthDrive):
             return [f"length_{number} [m]", f"length_{number}_rate [m/s]"]
         own = [f"motor_angle_{number} [rad]", f"motor_angle_{number}_rate [rad/s]"]
-        own += [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
-        return own + [f"drum_angle_{number} [rad]"] * self.has_backlash
+        return own + [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
 
     @property
     def states(self) -> int:
@@ -79,13 +100,62 @@ class Winch:
         return len(self.names(1))
 
     @property
-    def has_backlash(self) -> bool:
-        """Whether the drum has an angle of its own, its last state."""
-        return isinstance(self.drive, MotorDrive) and self.drive.backlash > 0.0
+    def _gear(self) -> tuple[float, float] | None:
+        """Stiffness [N m/rad] and half the play [rad] of a gear; None without a play."""
+        drive = self.drive
+        if not isinstance(drive, MotorDrive) or drive.gear_stiffness is None:
+            return None
+        return drive.gear_stiffness, 0.5 * drive.backlash
 
-    def drum(self, states: Sequence[Scalar]) -> Scalar:
-        """Position of what winds up."""
-        return states[-1] if self.has_backlash else states[0]
+    def drum(self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Position of what winds up tendons of compliances [m/N] that the bend draws in by paths [m].
+
+        A drum behind a play is first where it were if tendons had a sharp onset.
+        """
+        if self._gear is None:
+            return states[0]
+        (stiffness, half), drum = self._gear, self.drum_of_sharp_tendons(states, compliances, paths)
+        for _ in range(_DRUM_STEPS):
+            slacks = self._slacks(drum, paths)
+            tensions = [soft(slack) / c for slack, c in zip(slacks, compliances, strict=True)]
+            missing = stiffness * _beyond(states[0] - drum, half) - self._pull(tensions)
+            drum += missing / (self._bearing(states[0] - drum) + sum(self._slopes(slacks, compliances)))
+        return drum
+
+    def drum_of_sharp_tendons(
+        self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
+    ) -> Scalar:
+        """Position of what winds up tendons that pull as soon as they are taut."""
+        return states[0] if self._gear is None else self._balanced(self._gear, states[0], compliances, paths)[0]
+
+    def drum_rate(
+        self,
+        states: Sequence[Scalar],
+        drum: Scalar,
+        compliances: Sequence[Scalar],
+        paths: Sequence[Scalar],
+        path_rates: Sequence[Scalar],
+    ) -> Scalar:
+        """Rate of what winds up, where paths change [m/s]: that of the root, by the implicit function theorem."""
+        if self._gear is None:
+            return states[1]
+        bearing, slopes = self._bearing(states[0] - drum), self._slopes(self._slacks(drum, paths), compliances)
+        drawn = zip(self.sides, slopes, path_rates, strict=True)
+        turned = (1.0 / self.radius) * sum(side * slope * rate for side, slope, rate in drawn)
+        return (bearing * states[1] + turned) / (bearing + sum(slopes))
+
+    def _bearing(self, twist: Scalar) -> Scalar:
+        """Stiffness of a gear where it is twisted [N m/rad]."""
+        stiffness, half = self._gear or (0.0, 0.0)
+        return ca.if_else(ca.fabs(twist) > half, stiffness, _LOOSE * stiffness)
+
+    def _slacks(self, drum: Scalar, paths: Sequence[Scalar]) -> list[Scalar]:
+        """Cable wound up beyond taut [m]."""
+        return [y - path for y, path in zip(self.wound(drum), paths, strict=True)]
+
+    def _slopes(self, slacks: Sequence[Scalar], compliances: Sequence[Scalar]) -> list[Scalar]:
+        """Torque of each tendon per angle of the drum [N m/rad]."""
+        return [self.radius**2 * soft_slope(y) / c for y, c in zip(slacks, compliances, strict=True)]
 
     def wound(self, position: Scalar) -> list[Scalar]:
         """Cable wound up of each tendon [m] at a position of what winds up."""
@@ -109,22 +179,21 @@ class Winch:
         if not isinstance(drive, MotorDrive) or drive.position_gain is None:
             return found
         paths = [y - c * tension for y, c, tension in zip(drawn, compliances, tensions, strict=True)]
-        angle = self._servo_at_rest(command, compliances, paths)
-        return ca.if_else(ca.fabs(self._servo_torque(command, angle)) < drive.torque_max, angle, found)
+        angle, torque = self._balanced(self._servo, command, compliances, paths)
+        return ca.if_else(ca.fabs(torque) < drive.torque_max, angle, found)
 
-    def at(self, position: Scalar, tensions: Sequence[Scalar], command: Scalar) -> list[Scalar]:
-        """States at rest where what winds up is, under tensions [N] and a command."""
-        found: list[Scalar] = [position, *[0.0] * (self.states - 1)]
-        if self.has_backlash and isinstance(self.drive, MotorDrive):
-            torque, half = self._pull(tensions), 0.5 * self.drive.backlash
-            found[-1] = position
-            ahead = torque / (self.drive.gear_stiffness or 1.0)
-            if self.drive.position_gain is None:
-                found[0] += ahead + half * ca.sign(torque)
+    def at(self, position: Scalar, tensions: Sequence[Scalar], command: Scalar | None) -> list[Scalar]:
+        """States at rest where what winds up is, under tensions [N] and a command; None: one that leads there."""
+        angle = position
+        if self._gear is not None:
+            (stiffness, half), torque = self._gear, self._pull(tensions)
+            angle += torque / stiffness
+            if command is None or getattr(self.drive, "position_gain", None) is None:
+                angle += half * ca.sign(torque)
             else:
                 # Between the flanks a servo is where it is commanded; otherwise it is on the flank that bears.
-                found[0] += ahead + ca.fmin(ca.fmax(command - position, -half), half)
-        return found
+                angle += _within(command - position, half)
+        return [angle, *[0.0] * (self.states - 1)]
 
     def holding(
         self, states: Sequence[float], tensions: Sequence[float], friction: float | None = None
@@ -170,40 +239,21 @@ class Winch:
         """Torque of the tensions on the drum [N m]."""
         return self.radius * sum((side * tension for side, tension in zip(self.sides, tensions, strict=True)), 0.0)
 
-    def _of_gear(self, states: Sequence[Scalar]) -> Scalar:
-        """Torque of a gear with play on the drum [N m]."""
-        drive, twist = self.drive, states[0] - states[-1]
-        if not isinstance(drive, MotorDrive) or drive.gear_stiffness is None:
-            raise TypeError("a drive without backlash has no gear")
-        half = 0.5 * drive.backlash
-        return drive.gear_stiffness * (twist - ca.fmin(ca.fmax(twist, -half), half))
-
-    def drum_rate(self, states: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:
-        """Rate of what winds up: a drum without inertia settles between gear and tendons as a friction state does."""
-        if not self.has_backlash or not isinstance(self.drive, MotorDrive):
-            return states[1]
-        stiff = (self.drive.gear_stiffness or 0.0) + 2.0 * self.radius**2 * self.stiffness
-        return (1.0 / (RETURN_TIME * stiff)) * (self._of_gear(states) - self._pull(tensions))
-
     @property
-    def inertias(self) -> list[Scalar]:
-        """Inertia of a motor, and none of a drum behind the play of its gear [kg m2]; a winch that follows has none."""
-        return [self._own("inertia"), *[0.0] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
-
-    def turning(self, states: Sequence[Scalar]) -> list[Scalar]:
-        """Angles that have these inertias."""
-        return [states[0], *[states[-1]] * self.has_backlash] if isinstance(self.drive, MotorDrive) else []
+    def inertia(self) -> Scalar:
+        """Moment of inertia of a motor [kg m2]."""
+        return self._own("inertia")
 
     def balance(
         self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
-    ) -> list[Scalar]:
-        """Torques that turn them [N m], without dry friction but for what is ``slowed`` by it [N m s]."""
-        if not isinstance(self.drive, MotorDrive):
-            return []
-        position, speed, pull = states[0], states[1], self._pull(tensions)
+    ) -> Scalar:
+        """Torque that turns a motor [N m], without dry friction but for what is ``slowed`` by it [N m s].
+
+        The drum behind a play has no inertia: what the tensions exert on it the motor feels.
+        """
+        position, speed = states[0], states[1]
         driven = self.torque(command, position, speed) - (self._own("viscous_friction") + slowed) * speed
-        gear = self._of_gear(states) if self.has_backlash else pull
-        return [driven - gear, *[gear - pull] * self.has_backlash]
+        return driven - self._pull(tensions)
 
     def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
         """Rates of the states under a command and the tensions of its tendons [N]."""
@@ -218,13 +268,13 @@ class Winch:
         slowed: Scalar = 0.0
         if drive.presliding_angle is None and (not isinstance(dry, float) or dry > 0.0):
             slowed = dry / ca.sqrt(speed * speed + SLOW**2)
-        torque = self.balance(states, command, tensions, slowed)[0]
+        torque = self.balance(states, command, tensions, slowed)
         if drive.presliding_angle is not None:
             torque -= dry * direction(rest[0])
-        found = [speed, (1.0 / self._own("inertia")) * torque]
+        found = [speed, (1.0 / self.inertia) * torque]
         if drive.presliding_angle is not None:
             found.append(state_rate(rest[0], (1.0 / drive.presliding_angle) * speed))
-        return found + [self.drum_rate(states, tensions)] * self.has_backlash
+        return found
 
     def tensions_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> list[Scalar]:
         """Tensions [N] under a motor that is at rest without dry friction of its own, of tendons drawn in by paths [m].
@@ -244,57 +294,72 @@ class Winch:
         drive = self.drive
         if not isinstance(drive, MotorDrive) or drive.position_gain is None:
             return self.torque(command)
-        wanted = self._servo_torque(command, self._servo_at_rest(command, compliances, paths))
+        wanted = self._balanced(self._servo, command, compliances, paths)[1]
         return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
-
-    def _servo_torque(self, command: Scalar, angle: Scalar) -> Scalar:
-        """Torque of a servo without bounds [N m] at rest where its drum is: servo and gear, one behind the other."""
-        gain, half = self._servo
-        away = command - angle
-        return gain * (away - (ca.fmin(ca.fmax(away, -half), half) if half else 0.0))
 
     @property
     def _servo(self) -> tuple[float, float]:
-        """Torque of a servo at rest per angle of the drum [N m/rad], and half its play [rad]."""
+        """Torque of a servo at rest, gear included, per angle of the drum [N m/rad], and half its play [rad]."""
         drive = self.drive
         if not isinstance(drive, MotorDrive) or drive.position_gain is None:
             raise TypeError("a drive without a servo has no gain")
         yields = 1.0 / drive.position_gain + (1.0 / drive.gear_stiffness if drive.gear_stiffness else 0.0)
         return 1.0 / yields, 0.5 * drive.backlash
 
-    def _servo_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Angle of the drum of a motor under a position servo of boundless torque [rad].
+    def _balanced(
+        self, gear: tuple[float, float], command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]
+    ) -> tuple[Scalar, Scalar]:
+        """Angle [rad] at which the tensions balance a torque towards a command, and that torque [N m].
 
-        In a play the drum is where the tensions balance, as far as the flanks let it.
+        It has a gain [N m/rad] beyond half a play [rad]; within, the drum is where the tensions balance.
         """
-        gain, half = self._servo
-        if not half:
-            return self._balanced(gain, command, compliances, paths)
-        low, high = (self._balanced(gain, command + side * half, compliances, paths) for side in (-1.0, 1.0))
-        return ca.fmin(ca.fmax(self._balanced(0.0, command, compliances, paths), low), high)
+        (gain, half), flank = gear, command
+        away = -self._short(0.0, command, compliances, paths) if half else 0.0
+        flank += _within(away, half)
+        short = self._short(gain, flank, compliances, paths)
+        if half:  # no torque in the play, nor its rounding
+            short = ca.if_else(ca.fabs(away) < half, 0.0, short)
+        return flank - short, gain * short
 
-    def _balanced(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Angle [rad] at which the tensions balance a torque of a gain [N m/rad] towards a command.
+    def _short(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Angle short of a command [rad] at which the tensions balance a torque of a gain [N m/rad] towards it.
 
         Their torque grows with the angle by straight pieces, with one tendon taut, both or none.
         """
         radius, slopes = self.radius, [self.radius**2 / c for c in compliances]
-        turns = [(path - self.start) / radius for path in paths]  # at which each is just taut
-        first = (gain * command + slopes[0] * turns[0]) / (gain + slopes[0])
-        if len(turns) == 1:
-            return ca.fmin(command, first)
-        low, high = ca.fmin(turns[0], -turns[1]), ca.fmax(turns[0], -turns[1])
-        second = (gain * command - slopes[1] * turns[1]) / (gain + slopes[1])
-        pulled = gain * command + slopes[0] * turns[0] - slopes[1] * turns[1]
-        taut = pulled / (gain + slopes[0] + slopes[1])
-        # None taut: all of the torque is that towards the command; without any, the command as far as none is.
-        none = command if gain else ca.fmin(ca.fmax(command, low), high)
-        between = ca.if_else(ca.SX(turns[0]) < -turns[1], taut, none)
-        return ca.if_else(between < low, second, ca.if_else(between > high, first, between))
+        taut_at = [side * (path - self.start) / radius for side, path in zip(self.sides, paths, strict=True)]
+        pulled = [slope * (command - angle) for slope, angle in zip(slopes, taut_at, strict=True)]
+        alone = [pull / (gain + slope) for pull, slope in zip(pulled, slopes, strict=True)]
+        if len(alone) == 1:
+            return ca.fmax(alone[0], 0.0)
+        low, high = ca.fmin(*taut_at), ca.fmax(*taut_at)
+        both = sum(pulled) / (gain + sum(slopes))
+        # None taut: all of the torque is that towards the command; without any, the command as far as none is, nor
+        # begins to be.
+        edge = ca.fmin(SOFT / radius, 0.5 * (high - low))
+        none = 0.0 if gain else command - ca.fmin(ca.fmax(command, low + edge), high - edge)
+        short = ca.if_else(ca.SX(taut_at[0]) < taut_at[1], both, none)
+        angle = command - short
+        return ca.if_else(angle < low, alone[1], ca.if_else(angle > high, alone[0], short))
 
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
         """Kinetic energy [J]."""
-        return 0.5 * self._own("inertia") * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
+        return 0.5 * self.inertia * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
+
+    def gear_energy(self, states: Sequence[Scalar], drum: Scalar) -> Scalar:
+        """Elastic energy of a gear [J]."""
+        stiffness, half = self._gear or (0.0, 0.0)
+        return 0.5 * stiffness * _beyond(states[0] - drum, half) ** 2 if stiffness else 0.0
+
+
+def _within(angle: Scalar, half: float) -> Scalar:
+    """An angle as far as it is within half a play to both sides [rad]."""
+    return ca.fmin(ca.fmax(angle, -half), half)
+
+
+def _beyond(angle: Scalar, half: float) -> Scalar:
+    """What an angle is beyond it [rad]."""
+    return angle - _within(angle, half)
 
 
 def tanh(x: Scalar) -> Scalar:
@@ -309,6 +374,12 @@ def soft(length: Scalar) -> Scalar:
     within = ca.fmin(above, 2.0 * SOFT)
     unit = 1.0 / (16.0 * SOFT**3)
     return above - within + (within * within) * (within * (4.0 * SOFT * unit - unit * within))
+
+
+def soft_slope(length: Scalar) -> Scalar:
+    """Derivative of ``soft`` [1]."""
+    v = clipped((1.0 / SOFT) * length)
+    return (0.25 * (v + 1.0)) * ((v + 1.0) * (2.0 - v))
 
 
 def soft_integral(length: Scalar) -> Scalar:

@@ -132,7 +132,7 @@ def _driven(motion: Motion, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
     inputs = ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel()))
     # Of tendons that have not slid.
     history = [ca.SX.zeros(len(finger.friction_names) + 1)] if finger.friction_names else []
-    drives = finger.drives_at_rest()(q, inputs, finger.p_nominal, *history)[0]
+    drives = finger.drives_at_rest()(q, inputs, finger.p_nominal, *history)
     x[2 * finger.n : 2 * finger.n + drives.numel()] = drives
     return x
 

@@ -120,7 +120,7 @@ class Initial(Value):
             raise ValueError("initial.motor_angles is for statics and simulations alone: command what motors do")
 
     def check_motors(self, finger: Finger) -> None:
-        """Refuse angles of motors that a finger has not, or that do not say where its drums are."""
+        """Refuse angles of motors that a finger has not."""
         if self.motor_angles is None:
             return
         motors = [drive for drive in finger.winches if isinstance(drive, MotorDrive)]
@@ -130,8 +130,6 @@ class Initial(Value):
             raise ValueError(
                 f"initial.motor_angles must have one entry per motor ({len(motors)}), got {len(self.motor_angles)}"
             )
-        if any(drive.backlash > 0.0 for drive in motors):
-            raise ValueError("initial.motor_angles does not say where a drum is in the backlash of its gear")
 
     @property
     def coordinates(self) -> tuple[float, ...] | None:

@@ -58,26 +58,13 @@ def small_motions(found: Equilibrium) -> SmallMotions:
     states = state_of(friction[:of_tendons]), friction[of_tendons:]
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
     stiffness, _, inertia, passive = (np.array(value) for value in model.stiffness_of_drives()(x, u, w, p))
-    inertia = inertia.ravel()
-    heavy = np.r_[np.ones(n, dtype=bool), inertia > 0.0]
-    whole = _condensed(stiffness, heavy)
-    turning = inertia[inertia > 0.0]
     free = None
-    if turning.size:
-        both = np.zeros_like(whole)
-        both[:n, :n], both[n:, n:] = mass, np.diag(turning)
-        free = both, whole
+    if inertia.size:
+        both = np.zeros_like(stiffness)
+        both[:n, :n], both[n:, n:] = mass, np.diag(inertia.ravel())
+        free = both, stiffness
     stuck = passive + _glued(model, found, x) + _branches(model, p) if model.friction_names else None
-    return SmallMotions(mass, whole[:n, :n], damping, stuck, free)
-
-
-def _condensed(stiffness: Array, heavy: NDArray[np.bool_]) -> Array:
-    """A stiffness without the places that have no inertia, which follow the others."""
-    if heavy.all():
-        return stiffness
-    own, light = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, ~heavy)]
-    follow = np.linalg.solve(light, stiffness[np.ix_(~heavy, heavy)])
-    return np.asarray(own - stiffness[np.ix_(heavy, ~heavy)] @ follow)
+    return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
 
 def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:

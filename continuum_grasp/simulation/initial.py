@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,21 +88,24 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     else:
         at_rest = np.concatenate([stands, u[stands.size :]])
         drives = model.drives_at(q, at_rest, ways)
-        drives = _with_motor_friction(model, drives, at_rest, u)
+        drives = _standing(model, drives, initial.motor_angles or (), at_rest, u)
     # Tendon friction of a motion acts by another function of its states than that at rest.
     count = model.structure.tendon_friction_states
     return np.concatenate([q, qd, drives, state_of(ways[:count]), ways[count:]])
 
 
-def _with_motor_friction(model: FingerModel, drives: list[float], at_rest: Array, u: Array) -> list[float]:
-    """States of motors that stand where ``at_rest`` balances the tensions, under a command ``u``: their dry friction
-    bears the difference, as far as it does.
+def _standing(
+    model: FingerModel, drives: list[float], angles: Sequence[float], at_rest: Array, u: Array
+) -> list[float]:
+    """States of motors that stand at angles [rad] where ``at_rest`` balances the tensions, under a command ``u``: their
+    dry friction bears the difference, as far as it does.
     """
     found, at = list(drives), len(drives) - sum(winch.states for winch in model.structure.winches)
     for k, winch in enumerate(model.structure.winches):
+        found[at] = angles[k]
         friction = getattr(winch.drive, "coulomb_friction", 0.0)
         if getattr(winch.drive, "presliding_angle", None) is not None:
-            torque, needed = (float(winch.torque(command, drives[at])) for command in (u[k], at_rest[k]))
+            torque, needed = (float(winch.torque(command, found[at])) for command in (u[k], at_rest[k]))
             (found[at + 2],) = state_of(np.clip([(torque - needed) / friction], -1.0, 1.0))
         at += winch.states
     return found

@@ -45,9 +45,6 @@ _MOST_IMPLICIT = 256
 """Sub-steps per output step of an implicit method, which contacts need to be resolved."""
 _FRICTION_STEP = 2.5e-3
 """Implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10 ms ran away."""
-_PLAY_STEP = 5e-4
-"""Implicit step up to which a drum in the play of its gear is followed [s], half the time in which it settles: steps of
-1 ms were 2 to 61 mm off, longer ones ran away; of 0.5 ms 7 micrometers at most."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
 _GROWTH = (1.3, 16.0)
@@ -158,12 +155,13 @@ class _Run:
         bent[1:, : self._model.n] = shapes[1:4]
         radius = max(self._radius(shapes, np.zeros_like(shapes)), self._of_contacts(pressed_radius, bent))
         asked = self._time.method
-        # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them.
-        self._implicit_substeps = self._wanted(self._of_contacts(contact_frequency, bent))
+        # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them, and
+        # those of gears to meet their flanks.
+        flanks = [winch for winch in self._model.structure.winches if winch.has_play]
+        met = [math.sqrt(winch.held_stiffness / float(winch.inertia)) for winch in flanks]
+        self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
         if self._model.friction_names:
             self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))
-        if any(winch.has_backlash for winch in self._model.structure.winches):
-            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _PLAY_STEP))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)

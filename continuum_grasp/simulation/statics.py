@@ -40,6 +40,8 @@ number."""
 
 _MOST_TURNS = 8
 """Searches in which the directions of friction settle [1]."""
+_BOUNDLESS = 1e12
+"""Torque that holds a motor wherever it stands [N m]: the greatest number that a scene has."""
 _SAME_STATE = 1e-6
 """Sliding per its range that is none [1]: far above rounding."""
 
@@ -228,8 +230,9 @@ def equilibrium_held(
 ) -> Equilibrium:
     """Find the equilibrium of a finger whose motors stand at ``angles`` (motors,) [rad], under constant forces.
 
-    Tendons are then as long as on winches that follow a length, and have friction as ``scene.initial`` says that the
-    finger was bent. The input of the result is that which balances the tensions without dry friction of the motors.
+    Tendons are then as long as on winches that follow a length, behind a play where there is one, and have friction as
+    ``scene.initial`` says that the finger was bent. The input of the result balances the tensions without
+    dry friction of the motors.
 
     Raises
     ------
@@ -239,11 +242,11 @@ def equilibrium_held(
     tendons = scene.finger.tendons
     locked_tendons = tuple(_locked(tendon) for tendon in tendons) if isinstance(tendons, tuple) else _locked(tendons)
     winches = model.structure.winches
-    lengths = tuple(winch.radius * angle for winch, angle in zip(winches, angles, strict=True))
+    finger = scene.finger.replaced(tendons=locked_tendons)
+    wound = tuple(winch.radius * angle for winch, angle in zip(winches, angles, strict=True))
+    given = {finger.input_key: wound if finger.input_key == "lengths" else tuple(angles)}
     initial = scene.initial.replaced(motor_angles=None)
-    same = scene.replaced(
-        finger=scene.finger.replaced(tendons=locked_tendons), actuation={"lengths": lengths}, initial=initial
-    )
+    same = scene.replaced(finger=finger, actuation=given, initial=initial)
     locked = statics_model(same, model, model.loads)
     # Moments that are inputs come after the drives.
     u = Signals(same, locked).u(0.0)[0]
@@ -273,8 +276,15 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
 
 
 def _locked(tendons: Any) -> Any:
-    """Tendons whose motors are winches that follow a length."""
+    """Tendons whose motors are winches that follow a length, or stand before their gear."""
     drive = tendons.drive
+    if drive.gear_stiffness is not None:
+        # A servo and a gear of twice the stiffness each yield together what the gear does.
+        stiffness, same = (
+            2.0 * drive.gear_stiffness,
+            {"rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS},
+        )
+        return tendons.replaced(drive=drive.replaced(position_gain=stiffness, gear_stiffness=stiffness, **same))
     same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
     # The time constant does not matter at rest.
     return tendons.replaced(drive=LengthDrive(kind="length", time_constant=1.0, **same))

@@ -14,6 +14,7 @@ from continuum_grasp.closed_loop.hinge_chain import HingeChain
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.scene.control import ControlScene
+from tests.truth.geared_chain import GearedChain
 from tests.truth.tendon_motion import MovingFinger
 
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
@@ -181,6 +182,28 @@ def test_a_motor_at_rest_holds_what_its_tendons_pull(arrangement):
     wanted = [pulls[0] - pulls[1]] if arrangement == "one_pulley" else pulls
     assert 0.8 * (u - turned) == pytest.approx(0.008 * np.asarray(wanted), rel=1e-4)
     assert abs(wanted[0]) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "play", "start", "side"),
+    [(20.0, 0.1, {"slack": 5e-4}, 1.0), (2000.0, 0.02, {"pretension": 1.0}, -1.0)],
+)
+def test_a_gear_with_play_moves_as_the_chain_of_the_tests_does(stiffness, play, start, side):
+    """Thrown to and fro through the play, without friction; the tests' drum is found by bracketing in every rate."""
+    drive = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.4}
+    drive |= {"viscous_friction": 2e-4, "backlash": play, "gear_stiffness": stiffness, **start}
+    tendons = PAIR | {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5, "drive": drive}
+    chain = Chain({**MOVING, "tendons": tendons}, 8)
+    bars = MovingFinger(LENGTH, STIFFNESS, OFFSET, 0.0, hinges=8)
+    wound = start.get("pretension", 0.0) * (3e-5 + LENGTH / 1e4) - start.get("slack", 0.0)
+    truth = GearedChain(bars, wound, play, stiffness)
+    names = chain.model.system.x_names
+    at = names.index("motor_angle_1 [rad]")
+    for torque, duration in ((0.02, 0.03), (-0.02, 0.045)):
+        angle = chain.go([side * torque], duration, 180)
+        x = truth.go(side * torque, duration)
+        assert angle == pytest.approx(x[:8].sum(), abs=3e-5)
+        assert chain.x[at] == pytest.approx(x[-2], abs=3e-5)
 
 
 def test_a_conduit_takes_its_share_before_the_finger():

@@ -63,6 +63,13 @@ def test_a_servo_turns_further_by_its_torque():
     give = 1.0 / 2e4 + LENGTH / 1e4
     # The second tendon is slack: 20 N are more than twice the pretension.
     assert found == pytest.approx([(OFFSET * BEND + give * 17.0) / 0.008 + 0.008 * 20.0 / 2.0])
+    # Behind a gear by its twist, and by half its play towards the flank that bears.
+    gear = {"arrangement": "one_pulley", "backlash": 0.02, "gear_stiffness": 5.0, "pretension": 3.0}
+    ahead = np.array([0.01 + 0.008 * 20.0 / 5.0])
+    for way, pulled in ((1.0, [20.0, 0.0]), (-1.0, [0.0, 20.0])):
+        assert Commands(finger(**drive, **gear), S).of(pulled, way * BEND * S / LENGTH) == pytest.approx(
+            way * (found + ahead)
+        )
 
 
 def test_torques_are_no_commands_of_a_mission():

@@ -26,6 +26,8 @@
 #define HALVINGS 6
 #define FARTHEST 0.2  /* rad of a hinge per iteration */
 #define ACCURACY 1e-9 /* rad of a hinge, and per unit of other states */
+#define LOOSE 1e-6    /* of a gear's stiffness, by which a drum in its play stays where no tendon pulls */
+#define GEAR_STEPS 60 /* that find where the drum of a gear is */
 #define SAME 1e-14    /* m of a tendon's sliding: rounding of a path of centimeters */
 
 typedef long long whole;
@@ -84,14 +86,14 @@ static void described(const double *given, chains *all)
 
 typedef struct {
   int count, wound, first;
-  double friction, conduit, taut;
+  double friction, conduit, gear, play;  /* stiffness and half the play of a gear before a pulley, in cable */
   const double *arm, *give;
 } tendon;
 
 static tendon tendon_of(const chains *all, int j)
 {
   const double *own = all->tendon[j];
-  tendon t = {(int)own[0], (int)own[1], (int)own[2], own[3], own[4], own[5], own + 7, own + 7 + N};
+  tendon t = {(int)own[0], (int)own[1], (int)own[2], own[3], own[4], own[5], own[6], own + 7, own + 7 + N};
   return t;
 }
 
@@ -217,6 +219,36 @@ static void pull(const tendon *t, const double *b, double drum, const double *me
   }
 }
 
+/* Tensions of the two tendons of a pulley behind a gear that yields and has a play: its drum, without inertia, falls
+ * behind the motor by z of cable, the root of gear (z - clip(z)) = T1(y1 - z) - T2(y2 + z). Slopes are then those at a
+ * motor that stays, and ``drum_slopes`` those of what is wound up at the drum by the other states. */
+static void pull_geared(const tendon *t, const double *b, const double *drums, double (*memory)[MOST],
+                        int (*flag)[MOST], double (*tension)[MOST + 1], double (*by)[MOST + 1][N + 1],
+                        double *drum_slopes)
+{
+  double z = 0.0, low = -HUGE_VAL, high = HUGE_VAL, stiff = 1.0;
+  for (int turn = 0; turn < GEAR_STEPS; ++turn) {
+    pull(t, b, drums[0] - z, memory[0], flag[0], tension[0], by[0]);
+    pull(t + 1, b, drums[1] + z, memory[1], flag[1], tension[1], by[1]);
+    const double within = fmin(fmax(z, -t->play), t->play);
+    const double missing = t->gear * (z - within) - tension[0][0] + tension[1][0];
+    stiff = (z != within ? 1.0 : LOOSE) * t->gear + by[0][0][N] + by[1][0][N];
+    if (missing > 0.0) high = z;
+    else low = z;
+    const double step = missing / stiff;
+    if (fabs(step) <= SAME) break;
+    z = z - step > low && z - step < high ? z - step : 0.5 * (low + high);
+  }
+  double moved[N + NX + 1];
+  for (int i = 0; i < N; ++i) moved[i] = (by[0][0][i] - by[1][0][i]) / stiff;
+  for (int i = 0; i < NX; ++i) {
+    const double behind = (by[0][0][N] * drum_slopes[NT * i] - by[1][0][N] * drum_slopes[1 + NT * i]) / stiff;
+    drum_slopes[NT * i] -= behind, drum_slopes[1 + NT * i] += behind;
+  }
+  for (int q = 0; q <= MOST; ++q)
+    for (int i = 0; i < N; ++i) by[0][q][i] -= by[0][q][N] * moved[i], by[1][q][i] += by[1][q][N] * moved[i];
+}
+
 /* ---- a stage ---------------------------------------------------------------------------------------------------- */
 
 static int solve(double (*m)[NALL], double *r)
@@ -302,7 +334,15 @@ static int stage(const chains *all, double part, const state *from, state *to, c
     double tensions[NT + 1];
     for (int j = 0; j < NT; ++j) {
       const tendon t = tendon_of(all, j);
-      pull(&t, to->b + N * all->of_tendon[j], drums[j], memory[j], to->flag[j], to->tension[j], by[j]);
+      const double *b = to->b + N * all->of_tendon[j];
+      if (t.gear > 0.0) {
+        const tendon both[2] = {t, tendon_of(all, j + 1)};
+        pull_geared(both, b, drums + j, memory + j, to->flag + j, to->tension + j, by + j, drum_slopes + j);
+        tensions[j] = to->tension[j][0];
+        ++j;
+      } else {
+        pull(&t, b, drums[j], memory[j], to->flag[j], to->tension[j], by[j]);
+      }
       tensions[j] = to->tension[j][0];
     }
     {
@@ -425,6 +465,7 @@ static int stage(const chains *all, double part, const state *from, state *to, c
     for (int i = 0; i < NB; ++i) bent = fmax(bent, fabs(way[i])), work_along += right[i] * way[i];
     for (int r = 0; r < NX; ++r) moved = fmax(moved, fabs(way[NB + r]) / (1.0 + fabs(to->x[r])));
     if (!(bent < 1e6 && moved < 1e12)) return 0;
+    if (bent < ACCURACY) work_along = 0.0;  /* rounding, of bends that a motor in its play does not move */
     share = bent > FARTHEST ? FARTHEST / bent : 1.0;
     memcpy(before, to->b, sizeof to->b);
     memcpy(before + NB, to->x, NX * sizeof(double));
