@@ -145,7 +145,9 @@ def export_c(
         longest = None
     subject = _subject(source, names, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
     subject = replace(subject, sections=sections_of(sections), surroundings=source.surroundings)
-    parts = [PARTS[name](subject) for name in names]
+    # What is too large is refused before the spectral radius is looked for, which step needs.
+    made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
+    parts = [made[name] for name in names]
     # The same in double: the truth for the errors of single precision.
     double = replace(subject, real=REALS["double"])
     wide = parts if kind.name == "double" else [PARTS[name](double) for name in names]

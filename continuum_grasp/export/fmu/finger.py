@@ -10,8 +10,9 @@ import numpy as np
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.library import STRICT, library_of
 from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
+from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.source import positive, source_of
-from continuum_grasp.export.subject import substeps_for
+from continuum_grasp.export.subject import Subject, substeps_for
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -40,7 +41,7 @@ def finger_unit(
     scene = _resolved(scene)
     source = source_of(scene, REALS["double"])
     model = source.finger
-    linear = not model.sweeps
+    linear = has_linearization(Subject.of(model, identifier, REALS["double"], ranges or {}, None, 1))
     what = ["dynamics", "step", "kinematics", *(["linearization"] if linear else [])]
     internal = positive(step, "step") or source.step
     if substeps is None and internal is not None:
