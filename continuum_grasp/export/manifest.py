@@ -51,13 +51,13 @@ def manifest(
         "model": None if model is None else model_description(model),
         "flags": FLAGS,
         "dimensions": {} if model is None else {name: getattr(model, name) for name in ("n", "nx", "nu", "nw", "np")},
-        "structs": {s.name: [_entry(field) for field in s.fields] for s in contents.structs},
+        "structs": {s.name: [entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": {}
         if model is None
         else dict(zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)),
         "functions": {
             call.name: {
-                "inputs": [a.name if a.is_struct else _entry(a.fields[0]) for a in call.inputs],
+                "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
                 "output": call.output.name,
                 "test_cases": vectors[call.name],
                 **_errors(errors.get(call.name, ()), "bound"),
@@ -149,7 +149,8 @@ def _errors(outputs: Sequence[OutputError], what: str) -> dict[str, Any]:
     }
 
 
-def _entry(field: Field) -> dict[str, Any]:
+def entry(field: Field) -> dict[str, Any]:
+    """Name, unit, and what else is known of a number."""
     found: dict[str, Any] = {"name": field.name, "unit": field.unit}
     if field.text:
         found["text"] = field.text
