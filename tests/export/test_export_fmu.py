@@ -534,7 +534,7 @@ _PUSHER = {
     },
     "gravity": [0.0, 0.0],
     "contact_law": _LAW,
-    "fidelity": {"family": "arc", "elements": 2},
+    "fidelity": {"family": "arc", "elements": 1},
     "actuation": {"tensions": [15.0, 0.0]},
     "initial": {"pose": "straight"},
     "time": {"duration": 0.2, "step": 0.002},
@@ -542,6 +542,7 @@ _PUSHER = {
 """A finger that bends to the left within 0.2 s, beside an object."""
 _DISC = {"shape": "circle", "diameter": 0.04, "mass": 0.1}
 _MOVING = {"object_moves": True, "out_of_plane_gravity": 9.81, "table": {"friction": 0.2, "friction_radius": 0.013}}
+_TWO = {"fidelity": {"family": "arc", "elements": 2}}
 TOUCHING = {
     "pushed": {"object": {**_DISC, "position": [-0.04, 0.13]}, **_MOVING},
     "mirrored": {
@@ -549,12 +550,13 @@ TOUCHING = {
         **_MOVING,
         "actuation": {"tensions": [0.0, 15.0]},
     },
-    "fixed": {"object": {**_DISC, "position": [-0.06, 0.1]}, "contacts": [0.075]},
+    "fixed": {"object": {**_DISC, "position": [-0.06, 0.115]}, "contacts": [0.075], **_TWO},
     "without_friction": {
-        "object": {"shape": "box", "width": 0.03, "height": 0.06, "mass": 0.1, "position": [-0.05, 0.1]},
+        "object": {"shape": "box", "width": 0.03, "height": 0.06, "mass": 0.1, "position": [-0.06, 0.1]},
         "object_moves": True,
-        "contact_law": {"stiffness": 800.0},
+        "contact_law": {"stiffness": 800.0, "friction": 0.0},
         "contacts": [0.075],
+        **_TWO,
     },
 }
 
