@@ -59,7 +59,7 @@ def manifest(
             call.name: {
                 "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
                 "output": call.output.name,
-                "test_cases": vectors[call.name],
+                "test_cases": vectors.get(call.name, 0),
                 **_errors(errors.get(call.name, ()), "bound"),
             }
             for call in contents.calls

@@ -157,6 +157,10 @@ class Subject:
         """Longest step without a warning [s]."""
         return self.real.rounded(_floor(_ACCURATE * self.substeps / self.radius))
 
+    def substeps_for(self, step: float) -> int:
+        """Least number of sub-steps with which steps [s] are stable, up to ``MOST_SUBSTEPS``."""
+        return min(max(1, math.ceil(step * self.radius / STABLE)), MOST_SUBSTEPS)
+
     def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
         """A function of space-separated inputs of the equations: x, u, w, s, p."""
         names = inputs.split()
@@ -288,13 +292,6 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
             drives = [structure.lag_at(u.tolist())]
     # What sticks is stiff, and states of what slides return to their range.
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
-
-
-def substeps_for(model: FingerModel, ranges: Mapping[str, Sequence[float]], step: float) -> int:
-    """Least number of sub-steps with which steps [s] are stable, up to ``MOST_SUBSTEPS``."""
-    parameters = parameter_fields(model, ranges)
-    radius = _greatest_radius(model, state_fields(model, parameters), parameters)
-    return min(max(1, math.ceil(step * radius / STABLE)), MOST_SUBSTEPS)
 
 
 def _checked_radius(

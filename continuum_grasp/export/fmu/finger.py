@@ -14,7 +14,7 @@ from continuum_grasp.export.fmu.touching import touching_unit
 from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
 from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.source import positive, source_of
-from continuum_grasp.export.subject import Subject, substeps_for
+from continuum_grasp.export.subject import Subject
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -34,11 +34,12 @@ def finger_unit(
         return touching_unit(scene, identifier, step=positive(step, "step"), substeps=substeps, ranges=ranges)
     source = source_of(scene, REALS["double"])
     model = source.finger
-    linear = has_linearization(Subject.of(model, identifier, REALS["double"], ranges or {}, None, 1))
+    subject = Subject.of(model, identifier, REALS["double"], ranges or {}, None, 1)
+    linear = has_linearization(subject)
     what = ["dynamics", "step", "kinematics", *(["linearization"] if linear else [])]
     internal = positive(step, "step") or source.step
     if substeps is None and internal is not None:
-        substeps = substeps_for(model, ranges or {}, internal)
+        substeps = subject.substeps_for(internal)
     sources, manifest = library_of(
         scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps or 1
     )
