@@ -205,10 +205,10 @@ def _force_fields(system: System, first: int) -> tuple[Field, ...]:
 
 
 def _fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
-    """Entries of any size; lengths are usually up to ``reach`` [m]."""
+    """Entries around usual sizes; lengths are usually up to ``reach`` [m]."""
     found = []
     for name, label in zip(identifiers(labels), labels, strict=True):
         unit = unit_of(label)
         usual = _HEIGHT if name == "object_z" else _USUAL.get(unit, reach)
-        found.append(Field(name, unit, "").within(-math.inf, math.inf, usual))
+        found.append(Field(name, unit, "").around(usual))
     return tuple(found)

@@ -286,7 +286,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
 
 def _slider(field: Any, value: float) -> dict[str, Any]:
     """A number that is changed by hand."""
-    low, high = max(field.low, -field.scale), min(field.high, field.scale if field.high == math.inf else field.high)
+    low, high = field.sampled
     return {"name": field.name, "unit": field.unit, "low": low, "high": high, "value": float(value)}
 
 
