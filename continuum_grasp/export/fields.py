@@ -107,9 +107,9 @@ class Field:
     @property
     def limits(self) -> str:
         """The range in words; empty of what is no input."""
-        if self.high < math.inf:
+        if -math.inf < self.low and self.high < math.inf:
             return f"{self.low:.6g} to {self.high:.6g}"
-        return f"{self.low:.6g} or more" if self.low > -math.inf else ""
+        return f"{self.low:.6g} or more" if self.low > -math.inf else f"up to {self.high:.6g}" * (self.high < math.inf)
 
     def within(self, low: float, high: float, scale: float) -> Field:
         """The same with a range and the size of usual values."""
