@@ -15,6 +15,7 @@ import casadi as ca
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.integrators import step_function
+from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import check_size
 from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
@@ -75,6 +76,7 @@ def export_casadi(
     >>> export_casadi(model, tempfile.mkdtemp(), functions=["tip"]).files
     ('MANIFEST.json', 'finger.c', 'finger.h')
     """
+    check_package(Path(folder))
     model = source_of(given, REALS["double"]).finger
     known = (*FUNCTIONS, STEP)
     names = chosen(known if functions is None else functions, known, "function", "functions")

@@ -18,6 +18,7 @@ from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
+from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
@@ -135,6 +136,7 @@ def export_c(
     >>> [name for name in package.files if name.startswith("src/")]
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
+    check_package(Path(folder))
     files, values = package_files(
         given,
         real=real,

@@ -296,6 +296,12 @@ def test_states_are_saved_restored_and_sent(what, fmi, opened):
     with pytest.raises(FMICallException):
         other.unpacked(b"\x00" * len(data))
     assert "this is no serialized state of this FMU" in other.said
+    for place in rng.integers(0, len(data), 40):  # any byte, the checksum's included
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << int(rng.integers(0, 8))
+        with pytest.raises(FMICallException):
+            other.unpacked(bytes(damaged))
+    assert "the serialized state was damaged: its checksum differs" in other.said
     one.fmu.terminate()
     with pytest.raises(FMICallException):
         one.step(12 * h, h)
