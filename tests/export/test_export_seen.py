@@ -214,7 +214,7 @@ def test_every_argument_has_a_range(name):
 
 
 BOX = {"shape": "box", "width": 0.03, "height": 0.06, "corner_radius": 0.003, "mass": 0.1}
-OVAL = {"shape": "superellipse", "semi_axes": [0.03, 0.02], "exponent": 3.0, "mass": 0.1}
+OVAL = {"shape": "superellipse", "width": 0.06, "height": 0.04, "exponent": 3.0, "mass": 0.1}
 
 
 @pytest.mark.slow
