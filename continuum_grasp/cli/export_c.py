@@ -80,8 +80,8 @@ def export_c(
 
     output = Output(as_json, quiet)
     loaded = load(config, changes or ())
-    scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
     folder = run_folder(out, config, "export-c")
+    scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
 
     if casadi is not None:
         from continuum_grasp.export import export_casadi

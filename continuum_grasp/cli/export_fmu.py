@@ -78,8 +78,6 @@ def export_fmu(
             preview=preview,
             binary=binary,
         )
-    if isinstance(scene, Scene) and scene.object is not None:
-        output.say("the object of the scene is no part of the finger: what it presses with is given as forces")
     for unit in units:
         sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
         output.pairs(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -152,14 +151,11 @@ def saved_in(folder: Path, files: Iterable[Path], what: str = "pictures") -> dic
 
 def run_folder(out: Path | None, config: Path, command: str) -> Path:
     """The folder of a run: as asked, or named after command and configuration; nothing is written yet."""
+    from continuum_grasp.results.atomic import check_folder
     from continuum_grasp.results.record import kind_of_run
 
     folder = out if out is not None else Path("runs") / command / config.stem
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not there.is_dir():
-        raise InputError("expected a folder, got a file", file=str(there))
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError("this folder cannot be written", file=str(there))
+    check_folder(folder)
     kind = kind_of_run(folder)
     if kind not in (None, command):
         raise InputError(

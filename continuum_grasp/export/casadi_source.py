@@ -15,7 +15,9 @@ import casadi as ca
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.integrators import step_function
+from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.kernel import check_size
 from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
 from continuum_grasp.export.package import Package
 from continuum_grasp.export.source import Given, chosen, prefix_of, source_of
@@ -74,6 +76,7 @@ def export_casadi(
     >>> export_casadi(model, tempfile.mkdtemp(), functions=["tip"]).files
     ('MANIFEST.json', 'finger.c', 'finger.h')
     """
+    check_package(Path(folder))
     model = source_of(given, REALS["double"]).finger
     known = (*FUNCTIONS, STEP)
     names = chosen(known if functions is None else functions, known, "function", "functions")
@@ -112,10 +115,12 @@ def _interface(function: ca.Function) -> dict[str, Any]:
 
 
 def generated_c(prefix: str, functions: Any) -> tuple[str, str]:
-    """Source and header; OSError where the disk is full."""
+    """Source and header; InputError where a function is too large, OSError where the disk is full."""
     options = {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
     generator = ca.CodeGenerator(f"{prefix}.c", options)
     for function in functions:
+        for part in (function, *function.find_functions()):
+            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0)
         generator.add(function)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")

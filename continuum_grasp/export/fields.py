@@ -79,6 +79,11 @@ _LINE = 115
 """Characters of a comment's line in the header, which is as wide as the sources of this package."""
 
 
+REACH = 1e3
+"""Times its usual size up to which a number is taken that has no range of its own [1]: what is beyond has another unit,
+or is of a motion that diverged; angles are within the thousand turns up to which sine and cosine keep their digits."""
+
+
 @dataclass(frozen=True)
 class Field:
     """One entry of a struct."""
@@ -88,7 +93,7 @@ class Field:
     text: str = ""
     """What it is, where name and unit do not say it."""
     low: float = -math.inf
-    """Least value that is taken; infinite: any that is finite."""
+    """Least value that is taken; infinite of what is no input."""
     high: float = math.inf
     scale: float = 1.0
     """Size of usual values, for the test vectors."""
@@ -101,14 +106,24 @@ class Field:
 
     @property
     def limits(self) -> str:
-        """The range in words; empty where any finite number will do."""
-        if self.high < math.inf:
+        """The range in words; empty of what is no input."""
+        if -math.inf < self.low and self.high < math.inf:
             return f"{self.low:.6g} to {self.high:.6g}"
-        return f"{self.low:.6g} or more" if self.low > -math.inf else ""
+        return f"{self.low:.6g} or more" if self.low > -math.inf else f"up to {self.high:.6g}" * (self.high < math.inf)
 
     def within(self, low: float, high: float, scale: float) -> Field:
         """The same with a range and the size of usual values."""
         return replace(self, low=low, high=high, scale=scale)
+
+    def around(self, scale: float) -> Field:
+        """The same of a number without a range of its own, from the size of usual values."""
+        return self.within(-REACH * scale, REACH * scale, scale)
+
+    @property
+    def sampled(self) -> tuple[float, float]:
+        """Least and greatest value to try: of its range, and of usual values where it has none of its own."""
+        most = REACH * self.scale
+        return self.low if self.low > -most else -self.scale, self.high if self.high < most else self.scale
 
 
 @dataclass(frozen=True)

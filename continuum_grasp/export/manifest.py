@@ -15,10 +15,12 @@ from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Code
 from continuum_grasp.model import FingerModel
+from continuum_grasp.results.atomic import write_text
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
@@ -51,15 +53,15 @@ def manifest(
         "model": None if model is None else model_description(model),
         "flags": FLAGS,
         "dimensions": {} if model is None else {name: getattr(model, name) for name in ("n", "nx", "nu", "nw", "np")},
-        "structs": {s.name: [_entry(field) for field in s.fields] for s in contents.structs},
+        "structs": {s.name: [entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": {}
         if model is None
         else dict(zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)),
         "functions": {
             call.name: {
-                "inputs": [a.name if a.is_struct else _entry(a.fields[0]) for a in call.inputs],
+                "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
                 "output": call.output.name,
-                "test_cases": vectors[call.name],
+                "test_cases": vectors.get(call.name, 0),
                 **_errors(errors.get(call.name, ()), "bound"),
             }
             for call in contents.calls
@@ -149,7 +151,8 @@ def _errors(outputs: Sequence[OutputError], what: str) -> dict[str, Any]:
     }
 
 
-def _entry(field: Field) -> dict[str, Any]:
+def entry(field: Field) -> dict[str, Any]:
+    """Name, unit, and what else is known of a number."""
     found: dict[str, Any] = {"name": field.name, "unit": field.unit}
     if field.text:
         found["text"] = field.text
@@ -178,36 +181,45 @@ def write_files(folder: Path, files: Mapping[str, str]) -> None:
 def write_package(folder: Path, files: Mapping[str, str]) -> None:
     """Write every file whole, the manifest last; remove files of an earlier package that are of no more use.
 
-    InputError, before anything is written, if a file of that name is there that no export wrote or that was changed.
+    InputError, before anything is written, if a file of that name is there that no export wrote or that was changed. A
+    file that an export was interrupted at, or that ends before the end of its text, is replaced.
     """
-    from continuum_grasp.results import kind_of_run, write_text
-
-    kind = kind_of_run(folder)
-    if kind not in (None, "export-c"):
-        raise InputError(f"{folder} holds a run of {kind}: take another folder", key="folder")
+    check_package(folder)
     earlier = _earlier(folder)
     for name, text in files.items():
         path = folder / name
-        if path.exists() and _digest(path) not in (hashlib.sha256(text.encode()).hexdigest(), earlier.get(name)):
+        if path.exists() and not (_digest(path) in earlier.get(name, ()) or _is_begin(path, text)):
             raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
     for name in earlier.keys() - files.keys():
         path = folder / name
         # A manifest may have been edited: what it lists outside of the folder, or was changed since, is not ours.
-        if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) == earlier[name]:
+        if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) in earlier[name]:
             path.unlink()
+    # Until the end the manifest knows the files of both packages, so that the next export may replace either.
+    both = {
+        name: [*earlier.get(name, ()), hashlib.sha256(text.encode()).hexdigest()]
+        for name, text in files.items()
+        if name != MANIFEST
+    }
+    write_text(manifest_text({"configuration_hash": "unfinished", "sha256": both}), folder / MANIFEST)
     for name, text in files.items():
         write_text(text, folder / name)
 
 
-def _earlier(folder: Path) -> dict[str, str]:
+def _earlier(folder: Path) -> dict[str, list[str]]:
     """SHA-256 of the files of the package that is there, its manifest included; empty where there is none."""
     path = folder / MANIFEST
     try:
         listed = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        digests = {str(name): str(digest) for name, digest in listed["sha256"].items()}
+        digests = {str(name): [one] if isinstance(one, str) else list(one) for name, one in listed["sha256"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
-    return digests | {MANIFEST: _digest(path)} if "configuration_hash" in listed else {}
+    return digests | {MANIFEST: [_digest(path)]} if "configuration_hash" in listed else {}
+
+
+def _is_begin(path: Path, text: str) -> bool:
+    """Whether a file is the text that it is to have, as far as it goes."""
+    return path.is_file() and text.encode().startswith(path.read_bytes())
 
 
 def _digest(path: Path) -> str:

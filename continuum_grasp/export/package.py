@@ -18,6 +18,7 @@ from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
+from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
@@ -135,6 +136,40 @@ def export_c(
     >>> [name for name in package.files if name.startswith("src/")]
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
+    check_package(Path(folder))
+    files, values = package_files(
+        given,
+        real=real,
+        what=what,
+        prefix=prefix,
+        target=target,
+        ranges=ranges,
+        step=step,
+        substeps=substeps,
+        sections=sections,
+        error=error,
+        measured=measured,
+    )
+    write_package(Path(folder), files)
+    return Package(Path(folder), tuple(sorted(files)), values)
+
+
+def package_files(
+    given: Given,
+    *,
+    real: str | None = None,
+    what: Sequence[str] | None = None,
+    prefix: str = "finger",
+    target: str = "host",
+    ranges: Mapping[str, Sequence[float]] | None = None,
+    step: float | None = None,
+    substeps: int = 1,
+    sections: int = 25,
+    error: float | None = None,
+    measured: bool = False,
+    tested: bool = True,
+) -> tuple[dict[str, str], dict[str, Any]]:
+    """Files of a package by path, and what its manifest holds; one that is not ``tested`` is its library alone."""
     asked = positive(error, "error")
     target, computed_in = target_of(target, real)
     kind = REALS[computed_in]
@@ -145,7 +180,9 @@ def export_c(
         longest = None
     subject = _subject(source, names, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
     subject = replace(subject, sections=sections_of(sections), surroundings=source.surroundings)
-    parts = [PARTS[name](subject) for name in names]
+    # What is too large is refused before the spectral radius is looked for, which step needs.
+    made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
+    parts = [made[name] for name in names]
     # The same in double: the truth for the errors of single precision.
     double = replace(subject, real=REALS["double"])
     wide = parts if kind.name == "double" else [PARTS[name](double) for name in names]
@@ -158,7 +195,7 @@ def export_c(
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
     limit = _ASKED_ERROR if asked is None else asked
     check_errors(kind, errors, limit)
-    vectors = vectors_of(subject, contents.calls)
+    vectors = vectors_of(subject, contents.calls) if tested else []
     files = library_files(contents)
     if contents.stateful:
         added, more = stateful_vectors(contents, wide, files)
@@ -166,18 +203,21 @@ def export_c(
         vectors += added
         errors |= more
         files = library_files(contents)  # again: now with the bytes of the memory
-    files |= _further_files(contents, target, vectors)
     counts = {v.name: v.count for v in vectors}
+    if tested:
+        files |= _further_files(contents, target, vectors)
     found = measure(files, target) if measured else None
-    files["README.md"] = readme(
-        contents,
-        errors=errors,
-        vectors=counts,
-        measured=found,
-        source=source.name,
-        wasm=target == "wasm",
-        touching="contact" not in names and (source.configuration or {}).get("object") is not None,
-    )
+    if tested:
+        touching = "contact" not in names and (source.configuration or {}).get("object") is not None
+        files["README.md"] = readme(
+            contents,
+            errors=errors,
+            vectors=counts,
+            measured=found,
+            source=source.name,
+            wasm=target == "wasm",
+            touching=touching,
+        )
     values = manifest(
         contents,
         target=target,
@@ -188,8 +228,7 @@ def export_c(
         configuration=source.configuration,
     )
     files[MANIFEST] = manifest_text(values)
-    write_package(Path(folder), files)
-    return Package(Path(folder), tuple(sorted(files)), values)
+    return files, values
 
 
 def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:

@@ -54,7 +54,7 @@ def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -
 
 
 def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field, ...]:
-    """Entries of the state: bends within the declared range, rates, drives and friction states of any size."""
+    """Entries of the state: bends within the declared range, rates, drives and friction states around usual ones."""
     reach, states = _reach(model, parameters), [label.split(" ")[0] for label in model.friction_names]
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
     # E I / L times an angle is the moment that bends the whole rod by it.
@@ -64,13 +64,13 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
         if k < model.n:
             found.append(field.within(-reach[k], reach[k], reach[k]))
         elif k < 2 * model.n:
-            found.append(field.within(-math.inf, math.inf, _USUAL_RATE * reach[k - model.n]))
+            found.append(field.around(_USUAL_RATE * reach[k - model.n]))
         elif field.name in states:
-            found.append(field.within(-math.inf, math.inf, _SLIDING))
+            found.append(field.around(_SLIDING))
         else:
             rate = field.name.endswith("_rate")
             size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
-            found.append(field.within(-math.inf, math.inf, size * (_USUAL_RATE if rate else 1.0)))
+            found.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
     return tuple(found)
 
 
@@ -100,20 +100,20 @@ def input_fields(model: FingerModel) -> tuple[Field, ...]:
     for field in _fields(model, model.u_names):
         size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
         if size is None or drive is None:
-            found.append(field.within(-math.inf, math.inf, usual_moment))
+            found.append(field.around(usual_moment))
         elif drive[1] == "tension":
             found.append(field.within(0.0, limits[int(drive[2]) - 1], size))
         else:
-            high = model.structure.winches[int(drive[2]) - 1].drive.limit or math.inf
-            found.append(field.within(-high, high, size))
+            high = model.structure.winches[int(drive[2]) - 1].drive.limit
+            found.append(field.within(-high, high, size) if high else field.around(size))
     return tuple(found)
 
 
 def force_fields(model: FingerModel) -> tuple[Field, ...]:
-    """Entries of the forces, of any size."""
+    """Entries of the forces, around those that bend the whole finger."""
     rod = model.finger.rod
     usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
-    return tuple(field.within(-math.inf, math.inf, usual[field.unit]) for field in _fields(model, model.w_names))
+    return tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:

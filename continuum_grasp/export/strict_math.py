@@ -3,7 +3,12 @@
 ``c_source`` writes them as C, ``REFERENCE`` evaluates them on numpy arrays in the very same order of operations. Cosine
 and sine reduce the angle by multiples of pi/2 in three parts (W. J. Cody, W. Waite, Software Manual for the Elementary
 Functions, 1980), the exponential by multiples of ln 2 in two; both then are Taylor polynomials. The square root is
-Newton's iteration for its inverse from a linear guess of the exponent, and one step of Heron's.
+Newton's iteration for its inverse from a linear guess of the exponent, and one step of Heron's. The logarithm is the
+series of artanh behind the exponent, the angle of a vector that of arctan behind eighths of a turn; the others follow
+from these.
+
+Errors, in roundings (epsilon) of the result: sqrt, exp, log, sin, cos 2 (of one for sine and cosine); expm1, log1p,
+atan, atan2, asin, acos, cosh 3; tan, tanh, sinh 5; pow 2 + 2 |y log(x)|.
 """
 
 from __future__ import annotations
@@ -34,6 +39,14 @@ class _Series:
     """Terms of the sine; the cosine has one more. The first left out is below half a rounding at pi / 4."""
     exponential: int
     """Degree of the exponential; the first term left out is below half a rounding at ln 2 / 2."""
+    logarithm: int
+    """Terms of artanh(s) / s in s^2; the first left out is below half a rounding at the greatest s, 0.172."""
+    arctangent: int
+    """The same of arctan(t) / t in t^2, at tan(pi / 8)."""
+    half_pi_rest: float
+    """pi / 2 less its nearest number."""
+    saturation: float
+    """From where on tanh is one, and the lesser exponential of sinh and cosh nothing."""
     newton: int
     """Iterations of the square root: each turns the relative error e, 0.034 of the guess, into 1.5 e^2."""
     guess: int
@@ -60,6 +73,16 @@ class _Series:
         """The same of cos(x) in x^2."""
         return [(-1.0) ** k / math.factorial(2 * k) for k in range(self.sine, -1, -1)]
 
+    @property
+    def logarithm_series(self) -> list[float]:
+        """The same of 2 artanh(s) / s in s^2."""
+        return [2.0 / (2 * k + 1) for k in range(self.logarithm - 1, -1, -1)]
+
+    @property
+    def arctangent_series(self) -> list[float]:
+        """The same of arctan(t) / t in t^2."""
+        return [(-1.0) ** k / (2 * k + 1) for k in range(self.arctangent - 1, -1, -1)]
+
 
 _SERIES = {
     "float": _Series(
@@ -67,6 +90,10 @@ _SERIES = {
         ln2=(0.693359375, -2.12194440e-4),
         sine=5,
         exponential=8,
+        logarithm=6,
+        arctangent=9,
+        half_pi_rest=-4.371139000186241e-08,
+        saturation=10.0,
         newton=3,
         guess=0x5F3759DF,
         widest=(-87.0, 90.0),
@@ -77,6 +104,10 @@ _SERIES = {
         ln2=(6.93147180369123816490e-01, 1.90821492927058770002e-10),
         sine=8,
         exponential=14,
+        logarithm=11,
+        arctangent=21,
+        half_pi_rest=6.123233995736766e-17,
+        saturation=20.0,
         newton=4,
         guess=0x5FE6EB50C7B537A9,
         widest=(-708.0, 710.0),
@@ -86,8 +117,8 @@ _SERIES = {
 
 
 def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
-    """C of the named functions (cos, exp, sin, sqrt) in their own precision, for a package's prefix."""
-    s, wanted = _SERIES[real.name], sorted(set(names))
+    """C of the named functions, keys of ``FUNCTIONS``, in their own precision, for a package's prefix."""
+    s, wanted = _SERIES[real.name], _with_needs(names)
     numbers = {
         "least": real.least_normal,
         "up": s.scale[0],
@@ -102,11 +133,20 @@ def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
         "pi_2": s.half_pi[1],
         "pi_3": s.half_pi[2],
         "half": 0.5,
+        "two": 2.0,
         "three_halves": 1.5,
+        "most_angle": _MOST_ANGLE,
+        "root_two": math.sqrt(2.0),
+        "tan_eighth": _TAN_EIGHTH,
+        "quarter_pi": 0.25 * math.pi,
+        "half_pi": 0.5 * math.pi,
+        "half_pi_rest": s.half_pi_rest,
+        "tanh_most": s.saturation,
         "zero": 0.0,
         "one": 1.0,
     }
     series = {"exp": s.exponential_series, "sin": s.sine_series, "cos": s.cosine_series}
+    series |= {"log": s.logarithm_series, "atan": s.arctangent_series}
     words = {
         "p": prefix,
         "P": prefix.upper(),
@@ -116,12 +156,46 @@ def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
         "newton": s.newton,
         "bias": real.bias,
         "mantissa": real.mantissa_bits,
+        "sign_bit": real.width - 1,
+        "up_power": round(math.log2(s.scale[0])),
         **{name: real.literal(value) for name, value in numbers.items()},
         **{f"{name}_series": f"{{{', '.join(map(real.literal, values))}}}" for name, values in series.items()},
         **{f"{name}_last": len(values) - 1 for name, values in series.items()},
     }
-    shared = ["turn"] if {"sin", "cos"} & set(wanted) else []
-    return "\n".join(fill(f"strict/{name}.c", words) for name in (*shared, *wanted))
+    return "\n".join(fill(f"strict/{name}.c", words) for name in wanted)
+
+
+_MOST_ANGLE = 1e9
+"""Greatest angle that is reduced [rad]: quarters of a turn within it are whole numbers of 32 bits."""
+_TAN_EIGHTH = math.sqrt(2.0) - 1.0
+_NEEDS = {
+    "turn": ("nan",),
+    "sqrt": ("nan",),
+    "cos": ("turn",),
+    "sin": ("turn",),
+    "tan": ("turn",),
+    "exp": ("power_of_two",),
+    "expm1": ("nan", "exp"),
+    "log": ("nan",),
+    "log1p": ("log",),
+    "tanh": ("nan", "expm1"),
+    "sinh": ("nan", "expm1"),
+    "cosh": ("nan", "exp"),
+    "atan2": ("nan",),
+    "atan": ("atan2",),
+    "asin": ("sqrt", "atan2"),
+    "acos": ("sqrt", "atan2"),
+    "pow": ("exp", "log"),
+}
+"""What the C of a function calls."""
+
+
+def _with_needs(names: Iterable[str]) -> list[str]:
+    """Functions with those that they call, each behind what it calls."""
+    found: dict[str, None] = {}
+    for name in sorted(set(names)):
+        found |= dict.fromkeys([*_with_needs(_NEEDS.get(name, ())), name])
+    return list(found)
 
 
 # -- the same on arrays --------------------------------------------------------------------------------------------
@@ -160,13 +234,14 @@ def _exp(x: Array, real: Real) -> Array:
 def _turn(x: Array, real: Real, quarters: int) -> Array:
     """Cosine of x less so many quarters of a turn."""
     s, t = _SERIES[real.name], real.dtype
-    k = _nearest(x * t(2.0 / math.pi))
+    k = _nearest(np.clip(x, -t(_MOST_ANGLE), t(_MOST_ANGLE)) * t(2.0 / math.pi))
     r = ((x - k * t(s.half_pi[0])) - k * t(s.half_pi[1])) - k * t(s.half_pi[2])
     square, at = r * r, (k.astype(np.int64) - quarters) & 3
     cosine, sine = _horner(s.cosine_series, square), r * _horner(s.sine_series, square)
     # cos(r + at pi/2) is cos r, -sin r, -cos r, sin r for at = 0, 1, 2, 3.
     value = np.where(at & 1, sine, cosine)
-    return np.where((at == 1) | (at == 2), -value, value)
+    value = np.where((at == 1) | (at == 2), -value, value)
+    return np.where(np.abs(x) > t(_MOST_ANGLE), t(np.nan), value)
 
 
 def _sqrt(x: Array, real: Real) -> Array:
@@ -183,14 +258,117 @@ def _sqrt(x: Array, real: Real) -> Array:
         return np.where(x > 0, root, np.where(x < 0, t(np.nan), x))
 
 
-_FUNCTIONS: dict[str, Callable[[Array, Real], Array]] = {
+def _expm1(x: Array, real: Real) -> Array:
+    s, t = _SERIES[real.name], real.dtype
+    near = np.clip(x, t(-1), t(1))
+    k = _nearest(near * t(1.0 / math.log(2.0)))
+    r = (near - k * t(s.ln2[0])) - k * t(s.ln2[1])
+    scale = _power_of_two(k, real)
+    value = scale * (_horner(s.exponential_series[:-1], r) * r) + (scale - t(1))
+    return np.where(np.abs(x) > 1, _exp(x, real) - t(1), value)
+
+
+def _log(x: Array, real: Real) -> Array:
+    s, t = _SERIES[real.name], real.dtype
+    small = x < t(real.least_normal)
+    scaled = np.where(x > 0, np.where(small, x * t(s.scale[0]), x), t(1))
+    exponent = (scaled.view(real.bits) >> real.bits(real.mantissa_bits)).astype(np.int64) - real.bias
+    fraction = scaled.view(real.bits) & real.bits((1 << real.mantissa_bits) - 1)
+    m = (fraction | real.bits(real.bias << real.mantissa_bits)).view(t)
+    k = np.where(small, exponent - round(math.log2(s.scale[0])), exponent)
+    beyond = m > t(math.sqrt(2.0))
+    m, k = np.where(beyond, t(0.5) * m, m), np.where(beyond, k + 1, k).astype(t)
+    ratio = (m - t(1)) / (m + t(1))
+    value = k * t(s.ln2[0]) + (k * t(s.ln2[1]) + ratio * _horner(s.logarithm_series, ratio * ratio))
+    return np.where(x > 0, value, np.where(x < 0, t(np.nan), t(-np.inf)))
+
+
+def _log1p(x: Array, real: Real) -> Array:
+    t = real.dtype
+    u = t(1) + x
+    off = u - t(1)
+    return np.where(off != 0, _log(u, real) * (x / np.where(off != 0, off, t(1))), x)
+
+
+def _tan(x: Array, real: Real) -> Array:
+    sine, cosine = _turn(x, real, 1), _turn(x, real, 0)
+    return np.where(cosine != 0, sine / np.where(cosine != 0, cosine, 1), real.dtype(np.nan))
+
+
+def _signed(x: Array, value: Array) -> Array:
+    return np.where(x < 0, -value, value)
+
+
+def _tanh(x: Array, real: Real) -> Array:
+    t = real.dtype
+    e = _expm1(t(2) * np.abs(x), real)
+    return _signed(x, np.where(np.abs(x) > t(_SERIES[real.name].saturation), t(1), e / (e + t(2))))
+
+
+def _sinh(x: Array, real: Real) -> Array:
+    t, size = real.dtype, np.abs(x)
+    root, e = _exp(t(0.5) * size, real), _expm1(size, real)
+    far = size > t(_SERIES[real.name].saturation)
+    return _signed(x, np.where(far, t(0.5) * root * root, t(0.5) * (e + e / (e + t(1)))))
+
+
+def _cosh(x: Array, real: Real) -> Array:
+    t, size = real.dtype, np.abs(x)
+    far = size > t(_SERIES[real.name].saturation)
+    e = _exp(np.where(far, t(0.5) * size, size), real)
+    return np.where(far, t(0.5) * e * e, t(0.5) * e + t(0.5) / e)
+
+
+def _atan2(y: Array, x: Array, real: Real) -> Array:
+    s, t = _SERIES[real.name], real.dtype
+    a, b = np.abs(y), np.abs(x)
+    none, steep, rest = (a == 0) & (b == 0), a > b, t(s.half_pi_rest)
+    ratio = np.where(steep, b, a) / np.where(none, t(1), np.where(steep, a, b))
+    turned = ratio > t(_TAN_EIGHTH)
+    ratio = np.where(turned, (ratio - t(1)) / (ratio + t(1)), ratio)
+    value = ratio * _horner(s.arctangent_series, ratio * ratio)
+    value = np.where(turned, t(0.25 * math.pi) + (value + t(0.5) * rest), value)
+    value = np.where(steep, t(0.5 * math.pi) - (value - rest), value)
+    value = np.where(x < 0, t(2) * t(0.5 * math.pi) - (value - t(2) * rest), value)
+    return np.where(none, t(0), _signed(y, value))
+
+
+def _cathetus(x: Array, real: Real) -> Array:
+    return _sqrt((real.dtype(1) - x) * (real.dtype(1) + x), real)
+
+
+def _pow(x: Array, y: Array, real: Real) -> Array:
+    t = real.dtype
+    of_zero = np.where(y > 0, t(0), np.where(y < 0, t(np.nan), t(1)))
+    return np.where(x == 0, of_zero, _exp(y * _log(x, real), real))
+
+
+FUNCTIONS: dict[str, Callable[..., Array]] = {
+    "acos": lambda x, real: _atan2(_cathetus(x, real), x, real),
+    "asin": lambda x, real: _atan2(x, _cathetus(x, real), real),
+    "atan": lambda x, real: _atan2(x, np.ones_like(x), real),
+    "atan2": _atan2,
     "cos": lambda x, real: _turn(x, real, 0),
+    "cosh": _cosh,
     "exp": _exp,
+    "expm1": _expm1,
+    "log": _log,
+    "log1p": _log1p,
+    "pow": _pow,
     "sin": lambda x, real: _turn(x, real, 1),
+    "sinh": _sinh,
     "sqrt": _sqrt,
+    "tan": _tan,
+    "tanh": _tanh,
 }
+"""On arrays of finite numbers of a precision, by name, as their C computes them."""
 
 
-def reference(name: str, x: Array, real: Real) -> Array:
-    """A function that kernels may call on an array of finite numbers of the precision, as its C computes it."""
-    return _FUNCTIONS[name](x, real)
+def reference(name: str, *arguments: Array, real: Real) -> Array:
+    """A function of ``FUNCTIONS`` on arrays of the precision, as its C computes it."""
+    with np.errstate(all="ignore"):
+        found = FUNCTIONS[name](*arguments, real)
+    if name in ("cos", "exp", "sin", "sqrt"):  # which pass on what is not finite
+        return found
+    finite = np.logical_and.reduce([np.isfinite(a) for a in arguments])
+    return np.where(finite, found, real.dtype(np.nan))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -37,10 +37,10 @@ class Subject:
         ``mpc`` alone.
     parameters, forces : Struct or None
         None where the model has none.
-    radius : float
-        Greatest spectral radius [1/s].
     guard : Kernel or None
         (x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate.
+    find_radius : callable
+        The greatest spectral radius [1/s], which takes long to find in models of many elements.
     loop : Loop or None
         The closed loop that it is part of.
     sections : int
@@ -57,9 +57,9 @@ class Subject:
     state: Struct
     input: Struct
     forces: Struct | None
-    radius: float
     substeps: int
     guard: Kernel | None
+    find_radius: Callable[[], float]
     loop: Loop | None = None
     sections: int = 25
     surroundings: Surroundings | None = None
@@ -73,14 +73,11 @@ class Subject:
         step: float | None,
         substeps: int,
     ) -> Subject:
-        """Everything that the parts need to know of a model; ``step`` [s] is refused if too long for the sub-steps."""
+        """Everything that the parts need to know of a model; ``step`` [s] is the longest one that is asked for."""
         if real.name == "float":
             check_solvable(model)
         parameters, forces = parameter_fields(model, ranges), force_fields(model)
         states = state_fields(model, parameters)
-        radius = _greatest_radius(model, states, parameters)
-        if step is not None:
-            _check_step(step, substeps, radius)
         equations = Equations(model.structure)
         joint = JointRange.of(model, equations)
         return Subject(
@@ -94,9 +91,9 @@ class Subject:
                 "input", "What drives the finger." + joint.notes.get("input", ""), joint.bounded(input_fields(model))
             ),
             forces=_struct("forces", "Forces on the finger.", forces),
-            radius=radius,
             substeps=substeps,
             guard=joint.guard,
+            find_radius=cache(partial(_checked_radius, model, states, parameters, step, substeps)),
         )
 
     @staticmethod
@@ -111,9 +108,9 @@ class Subject:
             state=Struct("state", "", ()),
             input=Struct("input", "", ()),
             forces=None,
-            radius=math.nan,
             substeps=1,
             guard=None,
+            find_radius=lambda: math.nan,
             loop=loop,
         )
 
@@ -146,6 +143,11 @@ class Subject:
         return System(given, surroundings=around, object_parameters=own, **options)
 
     @property
+    def radius(self) -> float:
+        """Greatest spectral radius [1/s]; InputError if the longest step that was asked for is not stable."""
+        return self.find_radius()
+
+    @property
     def longest_step(self) -> float:
         """Longest step that is stable [s]."""
         return self.real.rounded(_floor(STABLE * self.substeps / self.radius))
@@ -154,6 +156,10 @@ class Subject:
     def accurate_step(self) -> float:
         """Longest step without a warning [s]."""
         return self.real.rounded(_floor(_ACCURATE * self.substeps / self.radius))
+
+    def substeps_for(self, step: float) -> int:
+        """Least number of sub-steps with which steps [s] are stable, up to ``MOST_SUBSTEPS``."""
+        return min(max(1, math.ceil(step * self.radius / STABLE)), MOST_SUBSTEPS)
 
     def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
         """A function of space-separated inputs of the equations: x, u, w, s, p."""
@@ -288,17 +294,13 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
 
 
-def substeps_for(model: FingerModel, ranges: Mapping[str, Sequence[float]], step: float) -> int:
-    """Least number of sub-steps with which steps [s] are stable, up to ``MOST_SUBSTEPS``."""
-    parameters = parameter_fields(model, ranges)
-    radius = _greatest_radius(model, state_fields(model, parameters), parameters)
-    return min(max(1, math.ceil(step * radius / STABLE)), MOST_SUBSTEPS)
-
-
-def _check_step(step: float, substeps: int, radius: float) -> None:
-    """Refuse a step [s] of so many sub-steps that is not stable."""
-    if step * radius <= STABLE * substeps:
-        return
+def _checked_radius(
+    model: FingerModel, states: Sequence[Field], parameters: Sequence[Field], step: float | None, substeps: int
+) -> float:
+    """The greatest spectral radius [1/s]; a step [s] of so many sub-steps that is not stable is refused."""
+    radius = _greatest_radius(model, states, parameters)
+    if step is None or step * radius <= STABLE * substeps:
+        return radius
     # Advice that can be followed: the sub-steps that would do, or, where those are too many, the longest step.
     needed = math.ceil(step * radius / STABLE)
     if needed <= MOST_SUBSTEPS:

@@ -61,8 +61,7 @@ def _vectors(subject: Subject, call: Call, seed: int, count: int) -> Vectors:
 def reach_of(arguments: Sequence[Argument]) -> tuple[Array, Array]:
     """Least and greatest value of every number: of its range, and of usual values where it has none."""
     fields = [field for a in arguments for field in a.numbers]
-    low = np.array([f.low if f.low > -np.inf else -f.scale for f in fields])
-    high = np.array([f.high if f.high < np.inf else f.scale for f in fields])
+    low, high = np.array([f.sampled for f in fields]).T
     return low, high
 
 
@@ -78,7 +77,7 @@ def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
 
 
 def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
-    """Rows at rest, at tiny bends, overflowing, hard driven, at limits, and over the whole ranges."""
+    """Rows at rest, at tiny bends, hard driven, at limits, over the whole ranges, and overflowing."""
     rng = np.random.default_rng(seed)
     fields = [field for a in arguments for field in a.numbers]
     low, high = reach_of(arguments)
@@ -96,13 +95,13 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
         rows[k, state][: subject.model.n] = bend
         rows[k, -1] = high[-1] if not arguments[-1].is_struct else rows[k, -1]
     rows[: len(_TINY), :first] = nominal
-    # Rates whose squares overflow: the function must refuse its own result.
-    rows[3, state][subject.model.n : 2 * subject.model.n] = 0.5 * subject.real.greatest
     # Moments and inputs that throw a matched tip out of its range, though each is in its own.
     driven = slice(first + 2 * subject.model.n, first + subject.model.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
     if any(argument.drawn for argument in arguments):
+        # Bends and rates whose squares overflow: the function must refuse its own result.
+        rows[3, state][: 2 * subject.model.n] = 0.5 * subject.real.greatest
         beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
         beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.model.nx))
     return rows

@@ -8,7 +8,30 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.results.record import note_file
+
+
+def check_folder(folder: str | os.PathLike[str]) -> None:
+    """Refuse a folder that is a file, or that cannot be made or written; nothing is written.
+
+    Raises
+    ------
+    InputError
+        The folder, or the nearest one above it that exists, is no folder or cannot be written.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> from continuum_grasp.results.atomic import check_folder
+    >>> check_folder(mkdtemp() + "/runs/first")
+    """
+    path = Path(folder)
+    there = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise InputError("expected a folder, got a file", file=str(there))
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError("this folder cannot be written", file=str(there))
 
 
 @contextlib.contextmanager

@@ -27,6 +27,7 @@ from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.export.fmu.units import base_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library
 from tests.marks import few
@@ -295,6 +296,12 @@ def test_states_are_saved_restored_and_sent(what, fmi, opened):
     with pytest.raises(FMICallException):
         other.unpacked(b"\x00" * len(data))
     assert "this is no serialized state of this FMU" in other.said
+    for place in rng.integers(0, len(data), 40):  # any byte, the checksum's included
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << int(rng.integers(0, 8))
+        with pytest.raises(FMICallException):
+            other.unpacked(bytes(damaged))
+    assert "the serialized state was damaged: its checksum differs" in other.said
     one.fmu.terminate()
     with pytest.raises(FMICallException):
         one.step(12 * h, h)
@@ -519,3 +526,64 @@ def test_the_command(tmp_path):
         refused = CliRunner().invoke(app, [*line, *more])
         assert refused.exit_code == 2
         assert words in refused.stderr
+
+
+# The object inside.
+
+_LAW = {"stiffness": 800.0, "friction": 0.4, "dissipation": 1.0, "rounding": 2e-4, "slip_speed": 0.01}
+_PUSHER = {
+    "finger": {
+        "rod": {"length": 0.15, "linear_density": 0.03, "bending_stiffness": 0.01},
+        "half_thickness": 0.005,
+        "damping": {"material": 5e-5},
+        "tendons": {"offset": 0.005, "max_tension": 40.0, "time_constant": 0.02},
+    },
+    "gravity": [0.0, 0.0],
+    "contact_law": _LAW,
+    "fidelity": {"family": "arc", "elements": 1},
+    "actuation": {"tensions": [15.0, 0.0]},
+    "initial": {"pose": "straight"},
+    "time": {"duration": 0.2, "step": 0.002},
+}
+"""A finger that bends to the left within 0.2 s, beside an object."""
+_DISC = {"shape": "circle", "diameter": 0.04, "mass": 0.1}
+_MOVING = {"object_moves": True, "out_of_plane_gravity": 9.81, "table": {"friction": 0.2, "friction_radius": 0.013}}
+_TWO = {"fidelity": {"family": "arc", "elements": 2}}
+TOUCHING = {
+    "pushed": {"object": {**_DISC, "position": [-0.04, 0.13]}, **_MOVING},
+    "mirrored": {
+        "object": {**_DISC, "position": [0.04, 0.13]},
+        **_MOVING,
+        "actuation": {"tensions": [0.0, 15.0]},
+    },
+    "fixed": {"object": {**_DISC, "position": [-0.06, 0.115]}, "contacts": [0.075], **_TWO},
+    "without_friction": {
+        "object": {"shape": "box", "width": 0.03, "height": 0.06, "mass": 0.1, "position": [-0.06, 0.1]},
+        "object_moves": True,
+        "contact_law": {"stiffness": 800.0, "friction": 0.0},
+        "contacts": [0.075],
+        **_TWO,
+    },
+}
+
+
+@pytest.mark.parametrize("name", few(list(TOUCHING), 1))
+def test_an_object_moves_and_presses_as_in_simulate(name, tmp_path):
+    """Under a tension that holds, where an FMU takes the very steps of ``simulate``."""
+    scene = Scene.model_validate({"schema_version": 1, **_PUSHER, **TOUCHING[name]})
+    truth = cg.simulate(scene)
+    (unit,) = export_fmu(scene, tmp_path, fmi=["2"], name=name)
+    assert validate_fmu(str(unit.file)) == []
+    fmpy.extract(str(unit.file), str(unit.file.with_suffix("")))
+    one, h = Instance(unit), scene.time.step
+    for k, x in enumerate(truth.x):
+        assert one.get("state.") == pytest.approx(x, rel=1e-6, abs=1e-6 * np.abs(truth.x).max())
+        for field in ("gap", "normal_force", "friction"):
+            found = [value for at in one.names("contact.") if at.endswith(f".{field}") for value in one.get(at)]
+            expected = getattr(truth.contacts, field)[k]
+            assert found == pytest.approx(expected, rel=1e-5, abs=1e-6 * max(1.0, np.abs(expected).max()))
+        if k < len(truth.x) - 1:
+            one.step(k * h, h)
+    assert truth.contacts.normal_force.max() > 0.05
+    one.fmu.terminate()
+    one.fmu.freeInstance()

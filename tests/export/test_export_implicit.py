@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.export import export_c
+from continuum_grasp.export import export_c, subject
+from continuum_grasp.export.kernel import MOST_INSTRUCTIONS, check_size
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
 from tests.simulation.test_winches import PASSIVE, SERVO, model
 
@@ -58,8 +59,25 @@ def test_steps_have_order_two_and_long_ones_stay(tmp_path):
         library.implicit_step(package.State(), package.Input(*u), package.Forces(), 5.1e-3)
 
 
-@pytest.mark.deep
-def test_many_elements_are_refused(tmp_path):
-    given = cg.FingerModel(cg.Finger(**PASSIVE), family="arc", elements=40)
-    with pytest.raises(InputError, match="take fewer elements, or explicit steps"):
-        export_c(given, tmp_path, what=["implicit_step"])
+@pytest.mark.parametrize(
+    ("family", "elements", "parts"),
+    [
+        ("arc", 40, ["step", "implicit_step"]),
+        ("arc", 40, ["step", "linearization"]),
+        ("clothoid", 12, ["implicit_step", "shape"]),
+        ("matched_clothoid", 12, ["linearization"]),
+    ],
+)
+def test_what_compilers_take_minutes_for_is_refused_first(family, elements, parts, tmp_path, monkeypatch):
+    # The spectral radius is the costliest number of a package: nothing is looked for before sizes are known.
+    monkeypatch.setattr(subject, "_greatest_radius", lambda *model: pytest.fail("looked for the spectral radius"))
+    given = cg.FingerModel(cg.Finger(**PASSIVE), family=family, elements=elements)
+    with pytest.raises(InputError, match=r"of about \d{5,} instructions.*take fewer elements"):
+        export_c(given, tmp_path, what=parts)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_greatest_function_that_is_written():
+    check_size("slope", round(0.999 * MOST_INSTRUCTIONS))
+    with pytest.raises(InputError, match="slope is code without loops of about 50050 instructions"):
+        check_size("slope", round(1.001 * MOST_INSTRUCTIONS))

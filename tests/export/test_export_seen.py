@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import json
 import subprocess
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,11 @@ import continuum_grasp as cg
 from continuum_grasp import System
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.parts import PARTS
+from continuum_grasp.export.source import source_of
+from continuum_grasp.export.subject import Subject
+from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
 from tests.rods import ROOT
 
 DISC = ROOT / "configs/simulate/swing_against_disc.yaml"
@@ -190,3 +196,36 @@ def test_compilers_have_nothing_to_say_and_no_input_breaks_it(real, tmp_path):
     programs = compile_programs("gcc", tmp_path / "made", tmp_path, "main fuzz", *STRICT, *WARNINGS, "-O1")
     assert "0 of" in run(programs[0])
     run(programs[1], 2000)
+
+
+@pytest.mark.parametrize("name", ["arcs", "friction", "winches", "motor", "contact", DISC, MUG], ids=str)
+def test_every_argument_has_a_range(name):
+    given = cg.load(name) if not isinstance(name, str) else scene(name)
+    source = source_of(given, REALS["double"])
+    own = Subject.of(source.finger, "finger", REALS["double"], {}, None, 1)
+    own = replace(own, surroundings=source.surroundings)
+    touches = ["contact"] if isinstance(name, Path) else []
+    calls = [call for part in ("dynamics", "kinematics", "shape", *touches) for call in PARTS[part](own).calls]
+    fields = [field for call in calls for taken in own.passed_to(call) for field in taken.fields]
+    assert [field.name for field in fields if not (np.isfinite(field.low) and field.low < field.high < np.inf)] == []
+    for field in fields:  # usual values are well within it
+        low, high = field.sampled
+        assert field.low <= low < high <= field.high
+
+
+BOX = {"shape": "box", "width": 0.03, "height": 0.06, "corner_radius": 0.003, "mass": 0.1}
+OVAL = {"shape": "superellipse", "width": 0.06, "height": 0.04, "exponent": 3.0, "mass": 0.1}
+
+
+@pytest.mark.deep
+@needs("gcc")
+@pytest.mark.parametrize("touched", [BOX, OVAL], ids=lambda touched: touched["shape"])
+def test_contact_functions_of_any_bits_under_sanitizers(touched, tmp_path):
+    """Huge, tiny and missing numbers, one at a time and all at once: an error, or finite results."""
+    changes = {"object": {**touched, "position": [0.15, 0.095]}, "object_moves": True, "fidelity.family": "arc"}
+    given = cg.load(DISC, changes)
+    export_c(given, tmp_path / "made", what=["kinematics", "contact"])
+    flags = (*STRICT, "-O0", SANITIZE, "-fno-sanitize-recover=all")
+    vectors, fuzz = compile_programs("gcc", tmp_path / "made", tmp_path, "main fuzz", *flags)
+    assert " 0 of" in run(vectors)
+    run(fuzz, 20000)

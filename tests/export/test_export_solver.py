@@ -58,6 +58,7 @@ def test_what_a_package_of_a_solver_says_and_what_it_cannot_have(package, tmp_pa
     assert made["model"] is None
     header = (package / "include/finger.h").read_text()
     assert "C99 of a predictive controller" in header
+    assert re.findall(r"\b(?:inf|nan)\b", header) == []  # no words of C: limits that are none are the greatest number
     assert "finger," not in (package / "README.md").read_text().split("## Cost")[0]
     solver = cg.rti(cart_pole())
     with pytest.raises(InputError, match="mpc alone"):

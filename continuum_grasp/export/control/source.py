@@ -209,7 +209,9 @@ class _Writer:
             "diagnosis": "\n".join(
                 f"  {f'{p}_real' if kind == 'real' else kind} {name}; /* {text} */" for kind, name, text in DIAGNOSIS
             ),
-            "applied_range": ", ".join(f"{f.name} {f.low:.6g} to {f.high:.6g} {f.unit}" for f in loop.applied.fields),
+            "applied_range": ", ".join(
+                f"{f.name} {f.limits or 'any finite number of'} {f.unit}" for f in loop.applied.fields
+            ),
             "width": self.real.width,
             "missing": self.real.bit_pattern(quiet_nan),
             "estimated": "\n".join(estimated),

@@ -9,23 +9,15 @@ import numpy as np
 
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.library import STRICT, library_of
+from continuum_grasp.export.fmu.moved import tip_variables
+from continuum_grasp.export.fmu.touching import touching_unit
 from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
+from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.source import positive, source_of
-from continuum_grasp.export.subject import substeps_for
+from continuum_grasp.export.subject import Subject
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
-
-_TIP = (
-    ("x", "m", "of the tip in the world"),
-    ("y", "m", "of the tip in the world"),
-    ("angle", "rad", "of the tip; its tangent is (-sin, cos) of it"),
-)
-
-
-def tip_variables() -> tuple[Variable, ...]:
-    """Position and angle of the tip."""
-    return tuple(Variable(f"tip.{name}", unit, text, "output") for name, unit, text in _TIP)
 
 
 def finger_unit(
@@ -36,15 +28,18 @@ def finger_unit(
     substeps: int | None,
     ranges: Mapping[str, Sequence[float]] | None,
 ) -> Unit:
-    """The finger of a scene; its object is no part of it, what it presses with is given as forces."""
+    """The finger of a scene, with its object where it has one."""
     scene = _resolved(scene)
+    if scene.object is not None:
+        return touching_unit(scene, identifier, step=positive(step, "step"), substeps=substeps, ranges=ranges)
     source = source_of(scene, REALS["double"])
     model = source.finger
-    linear = not model.sweeps
+    subject = Subject.of(model, identifier, REALS["double"], ranges or {}, None, 1)
+    linear = has_linearization(subject)
     what = ["dynamics", "step", "kinematics", *(["linearization"] if linear else [])]
     internal = positive(step, "step") or source.step
     if substeps is None and internal is not None:
-        substeps = substeps_for(model, ranges or {}, internal)
+        substeps = subject.substeps_for(internal)
     sources, manifest = library_of(
         scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps or 1
     )

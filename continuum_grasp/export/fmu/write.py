@@ -13,9 +13,10 @@ import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.compiler import find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.destination import check_file, is_unit
 from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import build_description, model_description
 from continuum_grasp.export.fmu.finger import finger_unit
@@ -100,7 +102,7 @@ def export_fmu(
         Of a simulated scene the finger is exported, moved by the steps of its C package; of a closed loop the
         controller, and the plant that ``run_closed_loop`` moves.
     folder : path-like
-        Where to; ``NAME_plant_fmi2.fmu`` and the like there are replaced.
+        Where to; units ``NAME_plant_fmi2.fmu`` and the like there are replaced, files that no export wrote are not.
     what : sequence of {"plant", "controller"}, optional
         Of a closed loop; both by default.
     fmi : sequence of {"2", "3"}
@@ -140,12 +142,14 @@ def export_fmu(
     scene = scene_of(given, (Scene, ControlScene))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    units = _units(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
+    makers = _makers(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
+    files = {(kind, fmi): Path(folder) / f"{own}_{kind}_fmi{fmi}.fmu" for kind in makers for fmi in versions}
+    for file in files.values():
+        check_file(file, is_unit)
+    units = {kind: make() for kind, make in makers.items()}
     with tempfile.TemporaryDirectory() as work:
         return tuple(
-            _written(unit, kind, version, Path(folder) / f"{unit.identifier}_fmi{version}.fmu", binary, Path(work))
-            for kind, unit in units.items()
-            for version in versions
+            _written(units[kind], kind, version, file, binary, Path(work)) for (kind, version), file in files.items()
         )
 
 
@@ -156,7 +160,7 @@ def identifier_of(given: Any, scene: Any) -> str:
     return text if re.match(r"[a-z]", text) else f"finger_{text}".strip("_")
 
 
-def _units(
+def _makers(
     scene: Any,
     name: str,
     what: Sequence[str] | None,
@@ -164,14 +168,14 @@ def _units(
     substeps: int | None,
     ranges: Mapping[str, Sequence[float]] | None,
     preview: bool,
-) -> dict[str, Unit]:
-    """What is asked for, by its kind."""
+) -> dict[str, Callable[[], Unit]]:
+    """What makes the units that are asked for, by their kinds."""
     if isinstance(scene, Scene):
         if what is not None and chosen([what] if isinstance(what, str) else what, WHAT, "part", "what") != ["plant"]:
             raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")
         if preview:
             raise InputError("is for a controller, of a closed loop", key="preview")
-        return {"plant": finger_unit(scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
+        return {"plant": partial(finger_unit, scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
     for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
         if value:
             raise InputError("is for a simulated scene: a closed loop has its own", key=key)
@@ -179,10 +183,10 @@ def _units(
     if preview and "controller" not in names:
         raise InputError("is for a controller", key="preview")
     made = {
-        "plant": lambda: loop_plant_unit(scene, f"{name}_plant"),
-        "controller": lambda: controller_unit(scene, f"{name}_controller", preview=preview),
+        "plant": partial(loop_plant_unit, scene, f"{name}_plant"),
+        "controller": partial(controller_unit, scene, f"{name}_controller", preview=preview),
     }
-    return {kind: made[kind]() for kind in WHAT if kind in names}
+    return {kind: made[kind] for kind in WHAT if kind in names}
 
 
 def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Path) -> FunctionalMockupUnit:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.destination import check_file, is_marked
 from continuum_grasp.export.mjcf.chain import Links, lump, rounded_step
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
 from continuum_grasp.export.mjcf.sliders import Sliders, states_at
@@ -149,6 +151,8 @@ def export_mjcf(
     array([[ 2.,  2.],
            [12.,  2.]])
     """
+    if file is not None:
+        check_file(Path(file))
     scene = scene_of(scene)
     listed = _CHAIN.check(scene)
     if scene.out_of_plane_gravity and scene.table is None:
@@ -160,6 +164,8 @@ def export_mjcf(
         raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
     per_arc = _model(scene).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
+    if file is not None and scene.time is not None and any(one.varies for one in controls):
+        check_file(Path(file).with_suffix(".csv"), partial(is_marked, mark=b"time,"))
     links = lump(scene.finger, hinges, [one.at for one in controls if one.jumps], per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(

@@ -11,11 +11,10 @@ import numpy as np
 
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import correct, predict
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
-from continuum_grasp.export.parts.model import LEAST_PART, codes_of, moment_note
+from continuum_grasp.export.parts.model import LEAST_PART, check_derivatives, codes_of, moment_note
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.model.planar import column
@@ -35,12 +34,7 @@ _UNSOLVED = 1e-1
 def implicit_step(subject: Subject) -> Part:
     """Write the implicit step in time."""
     real, prefix = subject.real, subject.prefix
-    if subject.model.sweeps:
-        raise InputError(
-            f"implicit_step takes the inverse of a Jacobian of {subject.model.nx} states, too large for code without "
-            "loops: take fewer elements, or explicit steps (step)",
-            key="what",
-        )
+    check_derivatives(subject.model, "implicit_step")
     slope, guess, first, last, size = kernels = _kernels(subject)
     longest = real.rounded(subject.substeps * LONGEST)
     length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)

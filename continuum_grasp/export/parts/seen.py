@@ -39,10 +39,16 @@ def velocity_kernel(system: System, at: Sequence[float], given: Symbols, x: ca.S
 
 def contact_kernel(system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> Kernel:
     """Gaps and forces of all contacts, as of ``System.touch``; vectors by their components."""
-    touch, found = system.touch, dict[str, ca.SX]()
-    for name, value in zip(touch.name_out(), touch(x, u, w, p), strict=True):
-        found |= {f"{name}_x": value[0, :].T, f"{name}_y": value[1, :].T} if name in _VECTORS else {name: value}
+    found = by_component(dict(zip(system.touch.name_out(), system.touch(x, u, w, p), strict=True)))
     return _kernel("contact", given, found, "Gaps and forces of all contacts.")
+
+
+def by_component(touch: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """Outputs of ``System.touch``, those that are vectors by their components, in the order of ``TOUCH``."""
+    found: dict[str, ca.SX] = {}
+    for name, value in touch.items():
+        found |= {f"{name}_x": value[0, :].T, f"{name}_y": value[1, :].T} if name in _VECTORS else {name: value}
+    return found
 
 
 _VECTORS = ("force", "point", "normal")
@@ -131,7 +137,7 @@ def contact(subject: Subject) -> Part:
     struct = Struct(
         "contacts",
         f"Contacts with the object, in this order: {names}. Normals are the object's, outward; zero on a table.",
-        tuple(Field(name, unit, text, shape=count) for name, unit, text in _TOUCH),
+        tuple(Field(name, unit, text, shape=count) for name, unit, text in TOUCH),
     )
     calls = [
         Call(
@@ -169,7 +175,7 @@ def contact(subject: Subject) -> Part:
     return Part("contact", (*kernels, *subject.kernels), tuple(calls), constants)
 
 
-_TOUCH = (
+TOUCH = (
     ("gap", "m", "below zero where surfaces are pressed"),
     ("normal_force", "N", ""),
     ("friction", "N", "on what touches the object, along the normal turned by +90 degrees"),
@@ -199,10 +205,10 @@ def _force_fields(system: System, first: int) -> tuple[Field, ...]:
 
 
 def _fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
-    """Entries of any size; lengths are usually up to ``reach`` [m]."""
+    """Entries around usual sizes; lengths are usually up to ``reach`` [m]."""
     found = []
     for name, label in zip(identifiers(labels), labels, strict=True):
         unit = unit_of(label)
         usual = _HEIGHT if name == "object_z" else _USUAL.get(unit, reach)
-        found.append(Field(name, unit, "").within(-math.inf, math.inf, usual))
+        found.append(Field(name, unit, "").around(usual))
     return tuple(found)

@@ -25,6 +25,7 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.control.loop import Loop, identifiers
+from continuum_grasp.export.destination import check_file
 from continuum_grasp.export.layer import library_files
 from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
@@ -74,9 +75,9 @@ class Page:
         return len(self.text.encode())
 
     def save(self, file: str | os.PathLike[str]) -> Page:
-        """Write it to a file, whose folder is made where missing; an earlier file is replaced."""
+        """Write it to a file, whose folder is made where missing; an earlier page is replaced."""
         target = Path(file)
-        target.parent.mkdir(parents=True, exist_ok=True)
+        check_file(target)
         write_text(self.text, target)
         return replace(self, file=target)
 
@@ -103,7 +104,7 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     ----------
     given : Scene, ControlScene or path of a configuration
     file : path-like
-        Page to write; an earlier one is replaced.
+        Page to write; an earlier one is replaced, a file that no export wrote is not.
 
     Returns
     -------
@@ -112,7 +113,8 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     Raises
     ------
     InputError
-        If the scene is of another kind, its plant is a chain of guides, or clang or wasm-ld is missing.
+        If the file cannot be written, or is there and of no export, the scene is of another kind, its plant is a chain
+        of guides, or clang or wasm-ld is missing.
     SolverError
         If no start is found, or the compiler failed.
 
@@ -124,6 +126,7 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     ...     page = cg.export_web("configs/simulate/hanging.yaml", tempfile.mkdtemp() + "/page.html")
     ...     assert list(page.modules) == ["plant"]
     """
+    check_file(Path(file))
     return page_of(scene_of(given, (Scene, ControlScene))).save(file)
 
 
@@ -286,7 +289,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
 
 def _slider(field: Any, value: float) -> dict[str, Any]:
     """A number that is changed by hand."""
-    low, high = max(field.low, -field.scale), min(field.high, field.scale if field.high == math.inf else field.high)
+    low, high = field.sampled
     return {"name": field.name, "unit": field.unit, "low": low, "high": high, "value": float(value)}
 
 

@@ -219,8 +219,19 @@ static fmu_data *fmu_copied(const fmu_data *from)
   return to;
 }
 
-/* As bytes: the token, by which those of another FMU are noticed, then the data. */
-#define FMU_BYTES (sizeof FMU_TOKEN + sizeof(fmu_data))
+/* As bytes: the token, by which those of another FMU are noticed, the data, and a checksum of both. */
+#define FMU_BYTES (sizeof FMU_TOKEN + sizeof(fmu_data) + FMU_SUM)
+enum { FMU_SUM = 8 };
+
+/* The 64 bits of FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo), byte by byte: each byte is a permutation of the sum, so that
+   no single byte changes unnoticed. */
+static void fmu_summed(const char *bytes, size_t size, unsigned char *to)
+{
+  unsigned long long sum = 14695981039346656037ULL;
+  size_t k;
+  for (k = 0; k < size; ++k) sum = (sum ^ (unsigned char)bytes[k]) * 1099511628211ULL;
+  for (k = 0; k < FMU_SUM; ++k) to[k] = (unsigned char)(sum >> 8 * k & 255);
+}
 
 static fmu_level fmu_packed(const fmu_instance *f, const fmu_data *state, char *bytes, size_t size)
 {
@@ -228,15 +239,20 @@ static fmu_level fmu_packed(const fmu_instance *f, const fmu_data *state, char *
   if (size < FMU_BYTES) return fmu_say(f, FMU_ERROR, "a serialized state takes %lu bytes, not %lu", (unsigned long)FMU_BYTES, (unsigned long)size);
   memcpy(bytes, FMU_TOKEN, sizeof FMU_TOKEN);
   memcpy(bytes + sizeof FMU_TOKEN, state, sizeof *state);
+  fmu_summed(bytes, FMU_BYTES - FMU_SUM, (unsigned char *)bytes + FMU_BYTES - FMU_SUM);
   return FMU_OK;
 }
 
 static fmu_level fmu_unpacked(const fmu_instance *f, const char *bytes, size_t size, fmu_data **state)
 {
   fmu_data *made;
+  unsigned char sum[FMU_SUM];
   if (!f || !bytes || !state) return FMU_ERROR;
   if (size != FMU_BYTES || memcmp(bytes, FMU_TOKEN, sizeof FMU_TOKEN) != 0)
     return fmu_say(f, FMU_ERROR, "this is no serialized state of this FMU");
+  fmu_summed(bytes, FMU_BYTES - FMU_SUM, sum);
+  if (memcmp(bytes + FMU_BYTES - FMU_SUM, sum, FMU_SUM) != 0)
+    return fmu_say(f, FMU_ERROR, "the serialized state was damaged: its checksum differs");
   made = (fmu_data *)malloc(sizeof *made);
   if (!made) return fmu_say(f, FMU_ERROR, "no memory");
   memcpy(made, bytes + sizeof FMU_TOKEN, sizeof *made);

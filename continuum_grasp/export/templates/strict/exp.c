@@ -1,11 +1,4 @@
 /* Exponential: x = k ln 2 + r with |r| <= ln 2 / 2, a Taylor polynomial of r, and 2^k in two factors. */
-<<P>>_API static <<p>>_real strict_power_of_two(int k)
-{
-  union { <<p>>_real value; uint<<width>>_t bits; } power;
-  power.bits = (uint<<width>>_t)(k + <<bias>>) << <<mantissa>>;
-  return power.value;
-}
-
 <<P>>_API static <<p>>_real strict_exp(<<p>>_real x)
 {
   <<P>>_API static const <<p>>_real series[] = <<exp_series>>;

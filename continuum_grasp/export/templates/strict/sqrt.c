@@ -4,10 +4,7 @@
   union { <<p>>_real value; uint<<width>>_t bits; } guess;
   <<p>>_real scaled = x, y, root;
   int k;
-  if (x < <<zero>>) {
-    guess.bits = <<exponent_mask>> | 1u; /* NaN */
-    return guess.value;
-  }
+  if (x < <<zero>>) return strict_nan();
   if (!(x > <<zero>>)) return x;
   if (x < <<least>>) scaled = x * <<up>>; /* the guess reads the exponent, which subnormal numbers do not have */
   guess.value = scaled;

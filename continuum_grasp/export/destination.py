@@ -1,0 +1,48 @@
+"""Where an export may write: looked at before any work, so that nothing foreign is replaced and no work is lost."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.results.atomic import check_folder
+from continuum_grasp.results.record import kind_of_run
+
+_HEAD = 4096
+"""Bytes at the begin of a file within which an export names its maker [1]."""
+
+
+def is_marked(file: Path, mark: bytes = b"continuum_grasp") -> bool:
+    """Whether a file begins like one of an export, or has no content."""
+    with open(file, "rb") as stream:
+        head = stream.read(_HEAD)
+    return not head or mark in head
+
+
+def is_unit(file: Path) -> bool:
+    """Whether a file is a functional mock-up unit of an export, or has no content."""
+    if not zipfile.is_zipfile(file):
+        return file.stat().st_size == 0
+    with zipfile.ZipFile(file) as archive:
+        return any(
+            b"continuum_grasp" in archive.read(name) for name in archive.namelist() if name == "modelDescription.xml"
+        )
+
+
+def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:
+    """Refuse a file that cannot be written, or that is there and of no export."""
+    check_folder(file.absolute().parent)
+    if file.is_dir():
+        raise InputError("expected the name of a file, got a folder", file=str(file))
+    if file.exists() and not is_own(file):
+        raise InputError("no export wrote this file: move it away, or take another name", file=str(file))
+
+
+def check_package(folder: Path, kind: str = "export-c") -> None:
+    """Refuse a folder that cannot be written, or that holds a run of another verb."""
+    check_folder(folder)
+    held = kind_of_run(folder)
+    if held not in (None, kind):
+        raise InputError(f"the folder holds a run of {held}: take another one, or remove it", file=str(folder))

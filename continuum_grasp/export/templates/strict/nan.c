@@ -1,0 +1,6 @@
+<<P>>_API static <<p>>_real strict_nan(void)
+{
+  union { <<p>>_real value; uint<<width>>_t bits; } none;
+  none.bits = <<exponent_mask>> | 1u;
+  return none.value;
+}
