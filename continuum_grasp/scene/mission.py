@@ -54,7 +54,7 @@ class Phases(Value):
     lift_share: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.5, "50 %"]), Unit("1")] = 0.5
     """Share of its normal force in the certificate that each contact of a finger has to bear before the lift, by the
     estimate: otherwise the fingers squeeze on for as long as ``squeeze``, following the force, and then let go. Before
-    the run the same is asked of the fingers closed on compliant pads. 0: the object is lifted whatever they bear [1]."""
+    the run the same is asked of the fingers on compliant pads. 0: the object is lifted whatever they bear [1]."""
     lift: Duration = 0.3
     """While the table under the object sinks away [s]."""
     hold: Duration = 1.0

@@ -16,7 +16,6 @@ from continuum_grasp.export.source import names_of
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 
-
 _UNIT = Consumer(
     "export-fmu", refused={"plant.guides": "a plant with guides decides its contacts in Python: leave them out"}
 )
