@@ -265,7 +265,7 @@ def _expm1(x: Array, real: Real) -> Array:
     r = (near - k * t(s.ln2[0])) - k * t(s.ln2[1])
     scale = _power_of_two(k, real)
     value = scale * (_horner(s.exponential_series[:-1], r) * r) + (scale - t(1))
-    return np.where(np.abs(x) > 1, _exp(x, real) - t(1), value)
+    return np.asarray(np.where(np.abs(x) > 1, _exp(x, real) - t(1), value))
 
 
 def _log(x: Array, real: Real) -> Array:
@@ -287,7 +287,7 @@ def _log1p(x: Array, real: Real) -> Array:
     t = real.dtype
     u = t(1) + x
     off = u - t(1)
-    return np.where(off != 0, _log(u, real) * (x / np.where(off != 0, off, t(1))), x)
+    return np.asarray(np.where(off != 0, _log(u, real) * (x / np.where(off != 0, off, t(1))), x))
 
 
 def _tan(x: Array, real: Real) -> Array:
@@ -316,7 +316,7 @@ def _cosh(x: Array, real: Real) -> Array:
     t, size = real.dtype, np.abs(x)
     far = size > t(_SERIES[real.name].saturation)
     e = _exp(np.where(far, t(0.5) * size, size), real)
-    return np.where(far, t(0.5) * e * e, t(0.5) * e + t(0.5) / e)
+    return np.asarray(np.where(far, t(0.5) * e * e, t(0.5) * e + t(0.5) / e))
 
 
 def _atan2(y: Array, x: Array, real: Real) -> Array:

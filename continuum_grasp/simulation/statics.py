@@ -280,11 +280,9 @@ def _locked(tendons: Any) -> Any:
     drive = tendons.drive
     if drive.gear_stiffness is not None:
         # A servo and a gear of twice the stiffness each yield together what the gear does.
-        stiffness, same = (
-            2.0 * drive.gear_stiffness,
-            {"rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS},
-        )
-        return tendons.replaced(drive=drive.replaced(position_gain=stiffness, gear_stiffness=stiffness, **same))
+        stiffness = 2.0 * drive.gear_stiffness
+        servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
+        return tendons.replaced(drive=drive.replaced(gear_stiffness=stiffness, **servo))
     same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
     # The time constant does not matter at rest.
     return tendons.replaced(drive=LengthDrive(kind="length", time_constant=1.0, **same))

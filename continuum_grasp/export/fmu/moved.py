@@ -40,8 +40,8 @@ def labeled(group: str, kind: Kind, labels: Sequence[str], starts: Sequence[floa
     return Group(f"FMU_{group.upper()}", own)
 
 
-def shown(tip: ca.SX, angle: ca.SX, touch: Mapping[str, ca.SX]) -> ca.SX:
-    """What is seen of a plant: its tip, then its contacts by the outputs of ``System.touch``."""
+def shown(tip: Any, angle: Any, touch: Mapping[str, Any]) -> Any:
+    """What is seen of a plant: its tip, then its contacts by the outputs of ``System.touch``; all SX, or all MX."""
     return ca.vertcat(ca.vec(tip), angle, *by_component(touch).values())
 
 

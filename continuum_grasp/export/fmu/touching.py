@@ -34,24 +34,24 @@ def touching_unit(
 
     The scene is simulated once for them: contacts ask for short steps that only the motion shows.
     """
-    if scene.time is None:
+    if (time := scene.time) is None:
         raise InputError("steps with contacts follow from a simulation: expected time: {duration, step}", key="time")
     if step is not None:
-        whole = max(1, round(scene.time.duration / step)) * step
-        scene = scene.replaced(time=scene.time.replaced(step=step, duration=whole))
-    if scene.time.method not in INTEGRATORS:
-        scene = scene.replaced(time=scene.time.replaced(method="auto"))
+        time = time.replaced(step=step, duration=max(1, round(time.duration / step)) * step)
+    if time.method not in INTEGRATORS:
+        time = time.replaced(method="auto")
+    scene = scene.replaced(time=time)
     system = System(scene)
     model, used = system.finger_model, simulate(scene).statistics
     method, least = used["method"], used["substeps"]
     if substeps is not None and substeps < least and INTEGRATORS[method].stable is not None:
-        raise InputError(f"steps of {scene.time.step:g} s need {least} sub-steps of {method}", key="substeps")
+        raise InputError(f"steps of {time.step:g} s need {least} sub-steps of {method}", key="substeps")
     count = least if substeps is None else substeps
     x, u, w, p = (ca.MX.sym(name, getattr(system, f"n{name}")) for name in "xuwp")
     r, angle = system.sections((scene.finger.rod.length,))(x, u, p)
     names = system.touch.name_out()
     touch = dict(zip(names, system.touch(x, u, w, p), strict=True))
-    ahead = step_function(system, method)(x, u, u, u, w, w, w, p, scene.time.step / count)
+    ahead: ca.MX = step_function(system, method)(x, u, u, u, w, w, w, p, time.step / count)
     signals = Signals(scene, model, nw=system.nw)
     inputs = JointRange.of(model, Equations(model.structure)).bounded(input_fields(model))
     own = [entry(field) for field in parameter_fields(model, ranges or {})]
@@ -61,8 +61,8 @@ def touching_unit(
         identifier=identifier,
         title=names_of(scene)[0],
         what="a planar continuum finger with the object that it touches",
-        step=scene.time.step,
-        stop=scene.time.duration,
+        step=time.step,
+        stop=time.duration,
         functions={
             name: ca.Function(name, [x, u, w, p], [value])
             for name, value in {"plant_step": ahead, "shown": shown(r, angle, touch)}.items()
