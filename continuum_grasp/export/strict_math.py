@@ -280,7 +280,7 @@ def _log(x: Array, real: Real) -> Array:
     m, k = np.where(beyond, t(0.5) * m, m), np.where(beyond, k + 1, k).astype(t)
     ratio = (m - t(1)) / (m + t(1))
     value = k * t(s.ln2[0]) + (k * t(s.ln2[1]) + ratio * _horner(s.logarithm_series, ratio * ratio))
-    return np.where(x > 0, value, np.where(x < 0, t(np.nan), t(-np.inf)))
+    return np.asarray(np.where(x > 0, value, np.where(x < 0, t(np.nan), t(-np.inf))))
 
 
 def _log1p(x: Array, real: Real) -> Array:
