@@ -21,6 +21,13 @@ def every(stride: int, cases: Iterable[Any]) -> list[Any]:
     return [case if k % stride == 0 else _deep(case) for k, case in enumerate(cases)]
 
 
+def but(costly: Iterable[Any], cases: Iterable[Any]) -> list[Any]:
+    """The cases as they are, but for the costly ones, which are marked deep."""
+    known, every = list(costly), list(cases)
+    assert all(case in every for case in known), f"not all of {known} are cases of this sweep"
+    return [_deep(case) if case in known else case for case in every]
+
+
 def _deep(case: Any) -> Any:
     if hasattr(case, "marks"):  # one of pytest.param
         return pytest.param(*case.values, marks=[*case.marks, pytest.mark.deep])

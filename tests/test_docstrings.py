@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import continuum_grasp
+from tests.marks import but
 
 MODULES = ["continuum_grasp"] + [
     f"continuum_grasp.{module.name}"
@@ -60,7 +61,17 @@ def test_a_public_function_has_parameters_and_an_example(name):
     assert "Examples\n--------" in text
 
 
-@pytest.mark.parametrize("name", WITH_EXAMPLES)
+COSTLY = [
+    f"continuum_grasp.{name}"
+    for name in (
+        *("accuracy_report", "run_closed_loop", "plan", "grasp.closing_path", "mission.check_mission"),
+        *("identification.ResidualFit", "identification.learn_residual", "plotting.plot_accuracy"),
+        *("plotting.plot_closing", "plotting.plot_grasp", "plotting.plot_robustness"),
+    )
+]
+
+
+@pytest.mark.parametrize("name", but(COSTLY, WITH_EXAMPLES))
 def test_the_example_runs(name, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[1])
     value = EXPLAINED[name]
