@@ -10,6 +10,7 @@ import time
 from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their names
     pytest_addoption,
     pytest_collection_modifyitems,
+    pytest_itemcollected,
     pytest_runtest_setup,
     pytest_runtest_teardown,
 )

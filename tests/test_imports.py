@@ -251,6 +251,7 @@ def test_no_public_name_is_that_of_a_module():
     assert not set(continuum_grasp.__all__) & {file.relative_to(PACKAGE).parts[0].removesuffix(".py") for file in FILES}
 
 
+@pytest.mark.deep
 def test_there_are_no_circles():
     """Of files, imports for the type checker included; ``continuum_grasp`` itself aside."""
     dotted = {file: ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts) for file in FILES}

@@ -1,7 +1,8 @@
 """Tiers of tests: what a quick test may cost, and the deep tests in shards.
 
 A test without a mark is quick: ``python3 start.py test`` runs it, and it fails by itself beyond ``--cpu-limit``.
-What costs more is marked ``deep``; ``-m deep --shard K/N`` runs one of N parts of those, a function's cases together.
+What costs more, or uses a fixture that does (``COSTLY_FIXTURES`` of its module), is ``deep``:
+``-m deep --shard K/N`` runs one of N parts of those, a function's cases together.
 """
 
 from __future__ import annotations
@@ -35,6 +36,13 @@ def _shard(text: str) -> tuple[int, int]:
     if not 0 <= part < count:
         raise ValueError(text)
     return part, count
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark a test deep that uses one of the fixtures which its module names in ``COSTLY_FIXTURES``."""
+    costly = getattr(getattr(item, "module", None), "COSTLY_FIXTURES", ())
+    if set(costly).intersection(getattr(item, "fixturenames", ())):
+        item.add_marker("deep")
 
 
 @pytest.hookimpl(trylast=True)  # what -m deselects is not dealt

@@ -79,7 +79,7 @@ class Assignment:
     held: Array
     """Inputs (nu) under which the finger holds the object with them."""
     tight: Array
-    """Inputs (nu) further on the way from ``before`` to ``held``, where a drive is at its limit."""
+    """Inputs (nu) beyond ``held``, as seen from ``before``, where a drive is at its limit."""
     before: Array
     """Inputs (nu) with which the finger is about to touch."""
     rest: Array

@@ -19,12 +19,6 @@ def check_folder(folder: str | os.PathLike[str]) -> None:
     ------
     InputError
         The folder, or the nearest one above it that exists, is no folder or cannot be written.
-
-    Examples
-    --------
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results.atomic import check_folder
-    >>> check_folder(mkdtemp() + "/runs/first")
     """
     path = Path(folder)
     there = next(place for place in (path, *path.absolute().parents) if place.exists())

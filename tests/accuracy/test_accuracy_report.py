@@ -14,6 +14,8 @@ from continuum_grasp.accuracy.report import Table
 from continuum_grasp.accuracy.truth import find_truth
 from tests.rods import NITINOL, order, rod_scene
 
+COSTLY_FIXTURES = ("report",)
+
 
 @pytest.fixture(scope="module")
 def release():
@@ -40,6 +42,7 @@ def test_errors_fall_at_the_familys_order(report, family, expected, column):
     assert order([errors[2], errors[4]]) == pytest.approx([expected], abs=0.7)
 
 
+@pytest.mark.deep
 def test_motions_come_nearer_to_the_reference(report):
     for family in ("arc", "clothoid", "matched_clothoid"):
         errors = [row["motion / L"] for row in rows(report, family)]

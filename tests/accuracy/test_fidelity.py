@@ -157,6 +157,7 @@ def test_two_frequencies_cost_more_than_one():
     assert two.best.cost > one.best.cost
 
 
+@pytest.mark.deep
 def test_a_moving_scene_gets_a_range_that_its_motion_keeps():
     heavy = scene(tip_mass=0.05, time={"duration": 1.0, "step": 0.005}, tolerance=5e-3)
     motion = cg.simulate(heavy)
@@ -223,6 +224,7 @@ def test_statics_and_modes_take_a_tolerance():
     assert cg.modes(scene(1e-3, time={"duration": 1.0, "step": 0.01})).frequencies_hz[0] > 0.0
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("own_cache")
 def test_the_command_line_says_what_was_chosen(tmp_path):
     changes = ["--set", "fidelity.tolerance=0.5 %", "--set", "time.duration=0.1", "--no-pictures"]

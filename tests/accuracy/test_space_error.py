@@ -51,6 +51,7 @@ def test_the_error_at_rest_and_of_frequencies_covers_that_against_the_exact_rod(
     assert np.all(vibrations.space_error[:2] <= 3.0 * true + 1e-3)
 
 
+@pytest.mark.deep
 def test_the_error_of_a_motion_covers_that_against_four_clothoids():
     time = {"duration": 0.2, "step": 0.005, "space_error": True}
     found = motion_within(soft(**model_of("arc", 1, time=time)), None)

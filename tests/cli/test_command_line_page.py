@@ -35,6 +35,7 @@ def check(lines):
             assert done.stderr in PAGE
 
 
+@pytest.mark.deep
 def test_quick_commands_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     check(line for line in LINES if line.split()[0] in QUICK)

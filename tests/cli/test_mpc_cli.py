@@ -43,6 +43,9 @@ def run(*arguments):
     return CliRunner().invoke(app, ["mpc", *map(str, arguments)])
 
 
+COSTLY_FIXTURES = ("done",)
+
+
 @pytest.fixture(scope="module")
 def config(tmp_path_factory):
     path = tmp_path_factory.mktemp("mpc") / "small.yaml"
@@ -67,6 +70,7 @@ def test_files_are_those_that_are_listed(done):
     assert found["folder"] == str(folder)
 
 
+@pytest.mark.deep
 def test_numbers_are_those_of_the_arrays(done):
     folder, found = done
     stored, metrics = read_run(folder), found["metrics"]

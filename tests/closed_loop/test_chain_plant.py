@@ -184,12 +184,13 @@ def test_a_motor_at_rest_holds_what_its_tendons_pull(arrangement):
     assert abs(wanted[0]) > 3.0
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("stiffness", "play", "start", "side"),
     [(20.0, 0.1, {"slack": 5e-4}, 1.0), (2000.0, 0.02, {"pretension": 1.0}, -1.0)],
 )
 def test_a_gear_with_play_moves_as_the_chain_of_the_tests_does(stiffness, play, start, side):
-    """Thrown to and fro through the play, without friction; the tests' drum is found by bracketing in every rate."""
+    """Driven to and fro through the play, without friction; the tests' drum is found by bracketing in every rate."""
     drive = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.4}
     drive |= {"viscous_friction": 2e-4, "backlash": play, "gear_stiffness": stiffness, **start}
     tendons = PAIR | {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5, "drive": drive}

@@ -368,6 +368,7 @@ def test_the_plan_begins_at_the_estimate():
     assert found.plan_tip[:, 0] == pytest.approx(np.array(where), abs=1e-9)
 
 
+@pytest.mark.deep
 def test_real_time_iterations_lose_little_against_convergence():
     scene = make()
     cost, best = run(False).metrics().cost, run_closed_loop(scene, controller=Converged(scene)).metrics().cost

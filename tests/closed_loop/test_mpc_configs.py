@@ -43,6 +43,8 @@ def test_every_configuration_is_run_here():
 def test_shipped_loops_have_margin_for_dead_time(path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        if path.stem == "tip_circle":  # a part of its circle is out of reach, as its comment says
+            warnings.filterwarnings("ignore", "reference.tip is up to")
         load(path)
 
 
@@ -62,12 +64,14 @@ def test_loops_without_margin_for_dead_time_are_doubted():
         load(FOLDER / "steady_tip.yaml", ["controller.cost.input_rate=2.78e-4", "estimator.delay=0.0"])
 
 
+@pytest.mark.deep
 def test_the_tip_settles_at_setpoints():
     found = checked(run("tip_steps", 0.5))
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
     assert error[30:].max() < 4e-3
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("stiffness", few([0.9, 1.1], 1))
 def test_no_offset_stays(stiffness):
     found = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}", "plant.noise=0.0"))
@@ -133,6 +137,7 @@ def test_the_load_on_a_taper_is_found():
     assert found.disturbance[-1, 0] == pytest.approx(0.02, rel=0.03)
 
 
+@pytest.mark.deep
 def test_three_tendons_take_middle_and_tip_to_setpoints():
     found = checked(run("three_tendons", 0.8, "plant.noise=0.0"))
     error = (found.tracked - found.r)[60:, :4]
@@ -149,6 +154,7 @@ def test_zones_are_avoided():
     assert np.linalg.norm(found.tip[100] - found.tip_reference[100]) > 0.03
 
 
+@pytest.mark.deep
 def test_a_moment_lifts_the_rod():
     found = checked(run("nitinol_moment", 1.2))
     assert found.tip[0, 1] == pytest.approx(-0.28, abs=0.02)
@@ -178,6 +184,7 @@ def late_camera(*changes):
     return np.linalg.norm(found.tip[-40:] - found.tip_reference[-40:], axis=1)
 
 
+@pytest.mark.deep
 def test_scenarios_hold_the_tip_with_a_camera_that_is_late():
     assert late_camera().max() < 0.004
 

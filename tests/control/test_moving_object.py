@@ -206,6 +206,7 @@ def controller():
     return cg.Controller(BAR, deadline=math.inf)
 
 
+@pytest.mark.deep
 def test_measurements_go_by_name(controller):
     plant = Plant(load(BAR), controller.prediction)
     assert plant.sensors.names == controller.measurement_names

@@ -92,6 +92,7 @@ def test_full_steps_repeat_it():
     assert force(stages, x, iteration.plan[1][0]) == pytest.approx(3.84, abs=0.05)
 
 
+@pytest.mark.deep
 def test_a_controller_integrates_its_inputs():
     control = controller()
     stages = control.stages

@@ -187,6 +187,7 @@ def test_the_order_of_scenarios_is_that_of_the_plans_alone():
     np.testing.assert_allclose(plans[1], plans[0][[2, 0, 1]], rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.deep
 def test_weights_are_relative_and_one_that_outweighs_all_is_alone():
     """With one plant that decides, the first command is that of a controller that knows it."""
     x0, reference = begin(stages(2))

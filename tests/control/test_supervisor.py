@@ -303,6 +303,7 @@ def test_a_trip_stays_until_it_is_left_and_is_part_of_the_saved_state():
     assert np.linalg.norm(plant.measure()[:2] - [-0.0827, 0.1515]) < 4e-3
 
 
+@pytest.mark.deep
 def test_half_the_call_rate_is_noticed_by_the_clock():
     control = controller()
     plant = Faulty(control.scene)

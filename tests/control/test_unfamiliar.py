@@ -47,6 +47,7 @@ def test_beyond_the_logs_it_is_reported_and_the_command_is_that_without():
     assert Anomaly.UNFAMILIAR not in own.step(state, setpoints).anomaly
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("real", few(["double", "float"], 1))
 def test_a_strict_compiler_has_nothing_to_say(real, tmp_path):
     control = Controller(load(CONFIG).changed({"controller.horizon.stages": 10}), deadline=np.inf)

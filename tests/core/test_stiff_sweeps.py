@@ -41,6 +41,7 @@ def swing(elements: int, steps: int) -> np.ndarray:
     return np.asarray(core.tip(end[: core.model.n]))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("elements", [8, 16, 32])
 def test_steps_do_not_shrink_with_the_elements_and_have_order_two(elements):
     true = swing(elements, 6400)

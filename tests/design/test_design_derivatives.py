@@ -160,6 +160,7 @@ CASES = {
 }
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", few(CASES, 5))
 def test_derivatives_are_those_of_grasps_solved_anew(name):
     scene, changes, variables, follow, names = CASES[name]

@@ -101,6 +101,7 @@ def test_each_part_stands_alone(name, tmp_path):
 # Numbers.
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize(
     ("name", "real"), but([(name, "float") for name in WOUND], itertools.product((*NAMES, *WOUND), REALS))
@@ -164,6 +165,7 @@ def test_the_bound_of_the_tip_is_in_the_header(packages):  # noqa: F811
     assert [float(v) for v in said.groups()] == pytest.approx([slope, slope], rel=1e-5)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", [*NAMES, "arcs"])
 def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa: F811
     """Of 40,000 fresh rows, half uniform and half crowded at the ends, none is off by more; none by much less."""

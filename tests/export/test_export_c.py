@@ -12,7 +12,6 @@ import pytest
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
-from tests.marks import few
 
 CASES = [("friction", "float"), ("contact", "double"), ("winches", "double"), ("motor", "float")]
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -184,7 +183,9 @@ def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, pack
         assert library.code == (Code.WARN_LEFT_RANGE if warned[k] else Code.OK)
 
 
-@pytest.mark.parametrize("native", few([("-march=native",), ()], 1), ids=["as wide as there are", "16 bytes"])
+@pytest.mark.parametrize(
+    "native", [("-march=native",), pytest.param((), marks=pytest.mark.deep)], ids=["as wide as there are", "16 bytes"]
+)
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_lanes_give_the_bits_of_single_steps(name, real, compiler, native, packages, tmp_path):  # noqa: F811

@@ -31,6 +31,9 @@ def own_scene():
     return scene().replaced(controller=HORIZON)
 
 
+COSTLY_FIXTURES = ("made",)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("contact")
@@ -97,6 +100,7 @@ def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings)
     assert seen == {Contact.FREE, Contact.UNCERTAIN, Contact.DETECTED, Contact.MISSING}
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_the_detector_is_that_of_python_to_the_bit(made, readings):
     """The C that Python compiles, with the package's sine, exponential and flags in place of the library's."""

@@ -293,6 +293,7 @@ def test_settings_that_are_changed_are_those_of_python(libraries):
     assert found.tension_1 <= 6.0
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_scratch_needs_no_beginning_and_may_be_shared(libraries):
     finger, library = libraries("observed", "double")
@@ -367,6 +368,7 @@ def test_what_goes_beside_measurements(libraries):
         assert getattr(c, f"finger_{name}_init_abi")(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize("real", REALS)
 def test_drives_that_are_off_are_what_was_applied(real, libraries):

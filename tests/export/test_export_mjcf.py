@@ -249,6 +249,7 @@ def test_cables_that_are_wound_up_hold_the_chain_where_they_hold_the_rod(arrange
     assert data.actuator_force == pytest.approx(rod.equations.tensions(rod.nodal_curvature), abs=0.02)
 
 
+@pytest.mark.deep
 def test_a_finger_comes_to_rest_against_a_disc():
     scene = cg.load("configs/simulate/swing_against_disc.yaml")
     chain = moved(scene, 1.0)
@@ -299,6 +300,7 @@ def sticking(**keys):
     return cg.scene.Scene.model_validate(given)
 
 
+@pytest.mark.deep
 def test_dry_friction_has_the_loops_that_a_simulation_has():
     """A moment to and fro, with an inner loop, in 4 s; of the angle of the tip, per its range."""
     turns, duration = [0.0, 1.0, -0.3, 0.4, -1.0, 1.0], 4.0

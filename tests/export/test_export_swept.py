@@ -48,6 +48,7 @@ def test_every_vector_to_the_bit_without_a_warning(compiler, case, package, tmp_
     assert re.findall(r" 0 of +\d+ cases failed", run(program))
 
 
+@pytest.mark.deep
 @needs("gcc", "nm")
 def test_nothing_is_called_and_nothing_is_stored(package, tmp_path):
     made = package(*CASES[1])

@@ -17,6 +17,9 @@ pytestmark = [needs("clang", "wasm-ld"), pytest.mark.skipif(CHROMIUM is None, re
 MOTION = "({ code: page.world.code, tip: page.section(24), x: [...page.memory.x] })"
 
 
+COSTLY_FIXTURES = ("files",)
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
@@ -92,6 +95,7 @@ def test_the_tip_follows_a_dragged_target(opened):
     assert found["code"] >= 0
 
 
+@pytest.mark.deep
 def test_a_pushed_finger_gives_way_and_comes_back(opened):
     page = stopped(opened("steady_tip"))
     page.evaluate("page.advance(1500)")
@@ -174,6 +178,7 @@ def test_keys_and_sliders(opened):
     assert page.get_attribute("#pause", "aria-pressed") == "false"
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["steady_tip", "close_on_mug"])
 def test_fifty_frames_a_second_leave_half_of_a_core(opened, name):
     """By the time of its thread, which does not depend on what else the machine does."""

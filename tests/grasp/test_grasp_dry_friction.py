@@ -157,6 +157,7 @@ def test_no_vertex_of_all_states_is_worse_than_what_the_search_found():
     assert found.robustness.robust.held == 100
 
 
+@pytest.mark.deep
 def test_what_is_stored_of_friction_states_is_verified():
     arrays = dict(held().arrays)
     for key, change in (

@@ -99,6 +99,7 @@ def test_a_station_closes_in_a_state_and_is_clear_in_others(found):
         assert forces.min() >= -1e-4 * forces.max()
 
 
+@pytest.mark.deep
 def test_with_the_contacts_of_the_grasp_alone_a_state_has_no_posture(scene, found):
     """Unless the station closes, the finger lies in the object."""
     responder = Responder(scene, found.arrays, Budget.of(scene.solver))

@@ -104,6 +104,9 @@ onload = () => document.querySelector('#found').textContent =
 """
 
 
+COSTLY_FIXTURES = ("measured",)
+
+
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
     """What Chromium measures, by page, width and color scheme; a frame has the color scheme that it is given."""
@@ -140,6 +143,7 @@ def test_nothing_is_cut_or_outside(measured):
         assert found["cut"] == [], case
 
 
+@pytest.mark.deep
 def test_everything_is_read(measured):
     for case, found in each(measured):
         assert found["faint"] == [], case

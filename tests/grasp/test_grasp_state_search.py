@@ -149,6 +149,7 @@ def test_the_search_is_reported(found):
     assert found.certificate["held with the worst friction states that the certificate finds"].passed
 
 
+@pytest.mark.deep
 def test_a_worst_vertex_that_is_not_stored_is_found_again(found):
     """Of all vertices, by brute force with the optimizer's statics, none is worse."""
     pulled_and_released = {key: value[:2] if key.startswith("held.") else value for key, value in found.arrays.items()}

@@ -25,6 +25,9 @@ def _mug(name: str = "mug", mass: float | None = None, **contacts: Any) -> Grasp
     return scene.replaced(object=body, contacts=whole, fidelity=fidelity, solver={"effort": "quick"})
 
 
+COSTLY_FIXTURES = ("wrapped", "bent")
+
+
 @pytest.fixture(scope="module")
 def wrapped() -> GraspResult:
     return optimize_grasp(_mug(**PLACES), fine=True)
@@ -85,6 +88,7 @@ def test_the_bending_moment_is_that_of_the_forces_beyond(which: str, request: py
     assert by_shape == pytest.approx(by_forces, abs=0.02 * np.abs(by_forces).max())
 
 
+@pytest.mark.deep
 def test_stations_take_no_more_tension_than_one_contact_among_them(wrapped: GraspResult) -> None:
     alone = optimize_grasp(_mug())
     place = next(c.station for c in alone.contacts if c.name == "finger.middle")

@@ -46,6 +46,7 @@ def poses(tips, **keys):
 # -- shapes at rest --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_stiffness_clamp_and_rest_curvature_from_the_exact_rod():
     tips = tip_data(clamp=0.03, rest=0.2)
     fit = cg.identify(
@@ -130,6 +131,7 @@ def test_data_in_another_unit_are_refused():
     assert any("positions are in mm, read as m" in cause for cause in fit.causes)
 
 
+@pytest.mark.deep
 def test_unknown_deviations_come_from_the_residuals():
     tips = np.array([elastica(load) for load in np.linspace(0.0, 0.6, 40)])
     rng = np.random.default_rng(5)

@@ -73,6 +73,7 @@ def test_derivatives_of_motions_through_stops_are_those_of_differences(path):
         assert slopes[:, k] == pytest.approx(differences, abs=2e-3 * np.abs(differences).max())
 
 
+@pytest.mark.deep
 def test_friction_and_stiffness_are_found_from_a_release(path):
     starts = (0.1, 0.005, 0.3, 0.2, 0.7, 0.15)
     asked = [Estimate(name=name, start=start) for name, start in zip(NAMES, starts, strict=True)]

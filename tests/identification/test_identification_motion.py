@@ -153,6 +153,7 @@ def test_tip_mass_and_stiffness_from_one_path():
     assert fit.deviations[3] < 1e-3
 
 
+@pytest.mark.deep
 def test_a_motion_that_is_too_stiff_is_refused():
     data = paths(2, 0.0, (2, "matched_clothoid"), grams=(0,))
     stiff = ["youngs_modulus", Estimate(name="material_damping", start=10.0)]

@@ -38,6 +38,9 @@ SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0
 QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
 
 
+COSTLY_FIXTURES = ("held",)
+
+
 @pytest.fixture(scope="module")
 def grasp():
     return optimize_grasp(load(MUG, QUICK).grasp)
@@ -464,6 +467,7 @@ def command(monkeypatch, found, *arguments, error=None):
     return CliRunner().invoke(app, ["mpc", str(MUG), *map(str, arguments)])
 
 
+@pytest.mark.deep
 def test_the_command_prints_the_verdict(monkeypatch, held, tmp_path):
     done = command(monkeypatch, held, "--out", tmp_path, "--no-pictures")
     assert done.exit_code == 0

@@ -138,6 +138,7 @@ def test_it_is_said_before_anything_runs(grasp, monkeypatch):
 # -- several contacts along the finger --------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_all_contacts_of_the_grasp_are_the_controllers_and_can_be_held(grasp):
     """A second middle contact of 1 N at 0.12 m: one more element, one more force; the certificate knows its name."""
     arrays, middle = dict(grasp.arrays), grasp.contact("finger.middle")

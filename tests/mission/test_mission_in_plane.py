@@ -62,6 +62,7 @@ def test_a_table_in_the_plane_presses_along_its_normal_and_moves_along_it(assign
         assert moved == pytest.approx(900.0 * depth / 0.1 * normal + [0.0, -9.81], abs=1e-9)
 
 
+@pytest.mark.deep
 def test_the_object_stands_on_the_table_where_the_grasp_has_it(assignment):
     """Weight, and the table's force on what is pressed in by it, balance at the start."""
     model = mission_plant_model(assignment)

@@ -141,6 +141,7 @@ def states(assignments):
     return list(on_pads.closed(assignments))
 
 
+@pytest.mark.deep
 def test_pads_at_rest_press_as_their_springs_do(assignments, states):
     """N = k depth, and the object is where forces of finger and palm balance: the palm bears what x has of the pads."""
     last, law = states[-1], assignments[0].mission.contact_law

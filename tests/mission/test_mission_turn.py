@@ -33,6 +33,9 @@ QUICK = ("plant.fidelity.elements=3", f"phases={SHORT}", "pull_share=0.0")
 ANGLE = math.radians(30.0)
 
 
+COSTLY_FIXTURES = ("turned",)
+
+
 @pytest.fixture(scope="module")
 def grasp():
     return optimize_grasp(load(BLOCK).grasp)
@@ -72,6 +75,7 @@ def test_the_controller_knows_the_object_before_its_turn_and_what_holds_it(assig
     assert plant.start[plant.system.object_states][:3] == pytest.approx([0.029, -0.008, -ANGLE])
 
 
+@pytest.mark.deep
 def test_setpoints_lead_to_the_object_turn_it_and_leave_it(table, assignment):
     names = ("gap_finger.tip [m]", "object_angle [rad]", "bending_1 [rad]")
     starts = {span.name: span.start for span in table.spans}
@@ -248,6 +252,7 @@ def test_a_block_is_turned_in_two_strokes_then_grasped_held_and_released(turned,
     assert np.sqrt(np.mean((believed - pose[:-1, 2])[turning] ** 2)) < math.radians(1.0)
 
 
+@pytest.mark.deep
 def test_it_is_reported_saved_and_drawn(turned, tmp_path):
     assert_declared(turned)
     report = turned.report()

@@ -222,6 +222,7 @@ def test_the_check_before_the_run_names_the_finger(grasp):
     assert heavy["mass"].certain
 
 
+@pytest.mark.deep
 def test_a_drop_names_finger_and_contact(assignments, grasp):
     table = Timetable(assignments[0])
     t = np.arange(0.0, table.duration, 0.01)

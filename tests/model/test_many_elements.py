@@ -218,6 +218,7 @@ def test_derivatives_go_through_the_sweeps(family):
     assert found == pytest.approx((ahead - behind) / (2 * step), rel=1e-6, abs=1e-6 * np.abs(found).max())
 
 
+@pytest.mark.deep
 def test_energy_of_thirty_two_elements_is_conserved():
     count = 2 * COUNT
     model = FingerModel(Finger(rod=ROD, masses=FULL["masses"][:1]), family="clothoid", elements=count)

@@ -47,6 +47,7 @@ def test_the_elastic_force_is_the_gradient_of_the_energy():
     assert np.array(model.elastic(q, [0.0], [])).ravel() == pytest.approx(slope, rel=1e-7)
 
 
+@pytest.mark.deep
 def test_a_linear_law_is_refuted_and_the_softening_found():
     moments = np.linspace(0.005, 0.08, 16)
     data = Poses([Reading("bend", exact(moments))], {"tip_moment": moments})

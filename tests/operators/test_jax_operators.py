@@ -19,6 +19,9 @@ SCALE = np.array([1.0, 1.0, 1e-3, 1e-3])
 """Rates are a thousand times the angles."""
 
 
+COSTLY_FIXTURES = ("operators",)
+
+
 @pytest.fixture(autouse=True)
 def doubles():
     """As of JAX itself, single precision is what is left when a test is over."""
@@ -72,6 +75,7 @@ def test_transformations_agree(operators):
     assert np.allclose(hessian, hessian.T, rtol=1e-13)
 
 
+@pytest.mark.deep
 def test_batches_are_single_calls_to_the_bit(operators):
     x, u, _ = given()
     many = jnp.broadcast_to(x, (2, 7, 3, 4))

@@ -116,6 +116,7 @@ def rollout_rows(model, count, step, rows=(2, 1)):
     return [x, u, w, p[:, None], np.full((count, 1, 1), step)]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("method", few(["rk4", "sdirk2", *(m for m in METHODS if m not in ("rk4", "sdirk2"))], 2))
 def test_rollouts(method):
     """With inputs that hold for two steps, by every method; and the derivatives of the derivatives."""

@@ -19,6 +19,9 @@ SCALE = np.array([1.0, 1.0, 1e-3, 1e-3])
 """Rates are a thousand times the angles."""
 
 
+COSTLY_FIXTURES = ("operators",)
+
+
 @pytest.fixture(scope="module")
 def operators():
     return TorchOperators(MODEL)
@@ -67,6 +70,7 @@ def test_transformations_agree(operators):
     assert torch.allclose(hessian, hessian.T, rtol=1e-13)
 
 
+@pytest.mark.deep
 def test_batches_are_single_calls_to_the_bit(operators):
     x, u, _ = given()
     many = x.expand(2, 7, 3, 4)

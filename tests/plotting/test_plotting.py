@@ -360,6 +360,7 @@ assert state() == before, "the global style changed"
 """
 
 
+@pytest.mark.deep
 def test_nothing_global_is_touched(tmp_path: Path) -> None:
     tests = Path(__file__).resolve().parent
     done = subprocess.run(

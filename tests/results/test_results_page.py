@@ -32,6 +32,7 @@ def assert_close(printed: str, text: str) -> None:
     assert found == pytest.approx(expected, rel=2e-3, abs=1e-6)  # compilers differ in the last digits
 
 
+@pytest.mark.deep
 def test_its_lines_run_and_print_what_stands_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pandas")
     pytest.importorskip("xarray")

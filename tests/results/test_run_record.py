@@ -334,6 +334,7 @@ library_for(sys.argv[1], find_compiler())
 """
 
 
+@pytest.mark.deep
 @pytest.mark.skipif(os.name != "posix", reason="processes")
 def test_folders_of_killed_builds_are_removed_and_those_of_others_are_not(tmp_path, monkeypatch):
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))

@@ -21,7 +21,7 @@ CHANGES = {
     "grasp/wrap.yaml": {"object.mass": 0.2, "gravity.magnitude": 3.7},
     "mpc/tip_arc.yaml": {"controller.horizon.stages": 12, "estimator.delay": 0.0, "plant.damping": 1.2},
     "mission/mug.yaml": {"grasp.object.mass": 0.3, "grasp.finger.rod.length": 0.21, "phases.hold": 0.5},
-    "plan/tip_to_point.yaml": {"goal.tip": [0.05, 0.18], "solver.starts": 2, "bounds.speed": 12.0},
+    "plan/tip_to_point.yaml": {"goal.tip": [0.05, 0.17], "solver.starts": 2, "bounds.speed": 12.0},
     "sweep/finger_design.yaml": {"name": "other", "set": {"object.mass": 0.2}},
     "fingers/nitinol_60cm.yaml": {"rod.length": 0.7, "damping.material": 1e-4},
 }

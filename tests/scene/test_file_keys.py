@@ -45,7 +45,7 @@ def fingers(scene):
 
 CASES = [
     ("simulate/tendon_step.yaml", "finger"),
-    ("mpc/steady_tip.yaml", "finger"),
+    ("mpc/wrap_post.yaml", "finger"),
     ("plan/close_on_mug.yaml", "finger"),
     ("plan/close_on_mug.yaml", "grasp.finger"),
     ("mission/mug.yaml", "grasp.finger"),

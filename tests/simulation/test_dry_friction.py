@@ -149,6 +149,7 @@ def test_a_swing_loses_what_coulomb_friction_takes():
         assert size[:-1] - size[1:] == pytest.approx(drop, rel=2e-3)
 
 
+@pytest.mark.deep
 def test_quadratic_damping_takes_more_of_larger_swings():
     """Small swings of one arc, m x'' + c x'|x'| + k x = 0: (1 + a_1) exp(-a_1) = (1 - a_2) exp(a_2), a = 2 c/m size."""
     made = scene(
@@ -185,6 +186,7 @@ def test_quadratic_damping_is_resolved_although_the_start_is_at_rest():
         assert tip == pytest.approx(tips["reference"], abs=1e-3 * LENGTH)
 
 
+@pytest.mark.deep
 def test_slow_motions_follow_the_loop_at_any_rate():
     """Rate independence: a force that goes to and fro in 4 s and in 8 s, against statics."""
     levels = [0.0, 5.0, 1.0, 4.0, 1.0]

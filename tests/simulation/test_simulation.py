@@ -214,6 +214,7 @@ def test_release_has_the_errors_of_the_table(family, elements):
         assert error == pytest.approx(expected, rel=0.02, abs=digit), tip_mass
 
 
+@pytest.mark.deep
 def test_two_matched_clothoids_do_with_steps_of_10_ms():
     found = simulate(nitinol(step=1e-2, method="rk4"))
     assert found.statistics["substeps"] <= 2

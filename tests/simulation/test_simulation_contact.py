@@ -45,6 +45,7 @@ def body(shape=None, law=None, *, duration=1.0, step=1e-3, **keys):
 # an object and its supports
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("dissipation", [0.0, 0.2, 1.0])
 def test_a_ball_bounces_as_the_law_says(dissipation):
     """Against an integration of the one equation that matters, at a tolerance of 1e-12."""
