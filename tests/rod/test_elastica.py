@@ -449,7 +449,7 @@ def test_wrong_questions_are_refused():
         with pytest.raises(InputError, match=message):
             solve_elastica(scene, **keys)
     with pytest.raises(InputError, match="lengths"):
-        solve_elastica(scene).position(1.5)
+        solve_elastica(scene).position(1.001)
     with pytest.raises(SolverError, match="units") as caught:
         solve_elastica(unit(force(1.0, (0.0, 1e9))))
     assert caught.value.status == "resolution limit"
