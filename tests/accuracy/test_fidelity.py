@@ -104,6 +104,7 @@ def test_elements_end_where_the_finger_is_loaded():
     assert np.any(np.isclose(np.cumsum(chosen.best.choice.lengths), 0.23))
 
 
+@pytest.mark.deep
 def test_what_is_fixed_stays():
     fixed = scene(time={"duration": 1.0, "step": 0.01})
     fixed = fixed.model_copy(update={"fidelity": fixed.fidelity.model_copy(update={"family": "arc"})})

@@ -110,6 +110,7 @@ def test_a_controller_integrates_its_inputs():
     assert force(stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
 
 
+@pytest.mark.deep
 def test_gaps_of_a_plan_that_converges_are_none():
     """From a plan that stays, which full steps settle, down to rounding."""
     control = controller()

@@ -268,6 +268,7 @@ def test_the_payload_of_many_postures_is_refused():
         problem_of(scene="configs/grasp/mug_motor.yaml", variables=variables, minimize="-payload")
 
 
+@pytest.mark.deep
 def test_the_payload_is_where_grasps_end():
     problem = problem_of(
         scene=ARCS, variables={"finger.tendons.offset": {"min": 0.004, "max": 0.006}}, minimize="-payload"

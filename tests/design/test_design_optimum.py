@@ -66,6 +66,7 @@ def test_a_limit_decides(moment):
     assert found.active == ("tension at most 50 (scene)",)
 
 
+@pytest.mark.deep
 def test_limits_that_no_design_satisfies():
     with pytest.raises(SolverError, match="no design satisfies tension at most 20") as caught:
         designed(limits={"tension": {"max": 20.0}})

@@ -128,6 +128,7 @@ def test_every_command_of_a_page_runs(page, tmp_path):
         assert (done.folder / source).is_file(), name
 
 
+@pytest.mark.deep
 def test_identify_recovers_the_simulated_finger():
     fit = cg.identify(FOLDER / "own_finger.yaml", [*FOLDER.glob("own_finger*.csv")])
     start = cg.load(FOLDER / "own_finger.yaml").finger

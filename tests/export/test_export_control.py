@@ -395,6 +395,7 @@ def test_drives_that_are_off_are_what_was_applied(real, libraries):
     estimators[1].start(estimate, finger.Command(0.0, 0.0))
 
 
+@pytest.mark.deep
 @needs("cc")
 def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene(libraries):
     finger, library = libraries("observed", "double")
@@ -413,6 +414,7 @@ def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene
         finger.Measurement(tip_z=1.0)
 
 
+@pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), CASES)
 def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  # noqa: F811

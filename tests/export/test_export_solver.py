@@ -23,6 +23,7 @@ def package(tmp_path_factory):
     return folder
 
 
+@pytest.mark.deep
 @needs("gcc")
 def test_every_vector_of_a_solver_to_the_bit_without_a_warning(package, tmp_path):
     (program,) = compile_programs("gcc", package, tmp_path, "main", *STRICT, *WARNINGS, "-O1")

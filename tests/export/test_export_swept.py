@@ -57,6 +57,7 @@ def test_nothing_is_called_and_nothing_is_stored(package, tmp_path):
     assert set(kinds) <= {"T", "t", "U", "r", "R"}
 
 
+@pytest.mark.deep
 @needs("gcc")
 def test_many_states_at_once_have_the_same_bits(package, tmp_path):
     (program,) = compile_programs("gcc", package(*CASES[1]), tmp_path, "batch", *STRICT, "-O2", "-DFINGER_BATCH")

@@ -171,6 +171,7 @@ def test_vertices_that_the_optimizer_misses_become_part_of_its_problem(found, mo
     assert again.tension == pytest.approx(found.tension, rel=1e-3)
 
 
+@pytest.mark.deep
 def test_a_grasp_that_its_own_worst_vertex_breaks_is_not_optimal(monkeypatch):
     monkeypatch.setattr("continuum_grasp.grasp.robust.search.descended", lambda *_: iter(()))
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.RETURNS", 0)
@@ -182,6 +183,7 @@ def test_a_grasp_that_its_own_worst_vertex_breaks_is_not_optimal(monkeypatch):
     assert not refuted.certificate.search.holds
 
 
+@pytest.mark.deep
 def test_states_without_an_answer_are_said(found, monkeypatch):
     solved = Postures.at
     worse = tuple(found.certificate.search.states)

@@ -133,6 +133,7 @@ def test_a_first_station_within_the_palm_is_no_obstacle(wrapped: GraspResult) ->
     assert "finger.station_1" not in [c.name for c in found.contacts]
 
 
+@pytest.mark.deep
 def test_a_station_opposite_a_palm_presses_as_friction_asks() -> None:
     """N is the same at both and carries the weight across: mu N + mu N = m g."""
     contacts = {"friction": 0.5, "normal_force_max": 100.0, "stations": 2, "middle_range": (0.09, 0.13), "tip": "off"}

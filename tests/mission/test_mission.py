@@ -523,6 +523,7 @@ def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monke
     assert [outcome.variation for outcome in stopped.value.result] == trials.variations(Trials(count=2))
 
 
+@pytest.mark.deep
 def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
     advance = Plant.advance
 

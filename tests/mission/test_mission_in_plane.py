@@ -73,6 +73,7 @@ def test_the_object_stands_on_the_table_where_the_grasp_has_it(assignment):
     assert x[system.object_states] == pytest.approx(assignment.grasp.object_pose)
 
 
+@pytest.mark.deep
 def test_height_is_measured_against_gravity(assignment):
     pose = np.array([[0.1, 0.2, 0.0], [0.3, 0.15, 1.0]])
     assert object_height(assignment.mission, pose) == pytest.approx([0.2, 0.15])

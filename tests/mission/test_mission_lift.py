@@ -150,6 +150,7 @@ def test_pads_at_rest_press_as_their_springs_do(assignments, states):
     assert states[0].tension == pytest.approx(assignments[0].tensions.max(), rel=1e-3)
 
 
+@pytest.mark.deep
 def test_more_is_needed_than_is_borne_at_any_tension(assignments, states, monkeypatch):
     """The mission is refused from the share of the certificate on that the worst contact bears at best."""
     monkeypatch.setattr(on_pads, "closed", lambda of, stiffer=1.0: iter(states[:1]))

@@ -91,6 +91,7 @@ def test_setpoints_lead_to_the_object_turn_it_and_leave_it(table, assignment):
     assert np.abs(np.diff(rows, 2, axis=0)).max() < 1e-6 * 6.0 * np.abs(rows).max() / 0.4**2
 
 
+@pytest.mark.deep
 def test_what_is_followed_changes_with_the_phase(table):
     names = ("bending_1 [rad]", "contact_force_finger.tip [N]", "gap_finger.tip [m]", "object_angle [rad]")
     said = {}

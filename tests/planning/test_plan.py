@@ -196,6 +196,7 @@ def test_multiplier_is_the_gain_from_a_wider_bound():
     assert gain == pytest.approx(force, rel=0.1)
 
 
+@pytest.mark.deep
 def test_simulation_of_the_inputs_is_the_plan():
     """The package's simulator, with error control, on the scene that a user would write."""
     form = {"form": "linear", "rate_max": 400.0}
