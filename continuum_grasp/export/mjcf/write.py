@@ -60,6 +60,20 @@ _CHAIN = Consumer(
         "table": "its friction acts along x and y apart, and not against turning",
         "parameters": "they have their nominal values",
     },
+    unneeded={
+        "name": "the title of the file alone",
+        "contacts": "all links of the finger touch",
+        "fidelity": "the chain has hinges of its own; the model says where an initial pose is, and what damping per arc is",
+        "finger.strain_limit": "nothing limits the bend of a hinge",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+        "finger.damping.friction_cells": "each hinge is a cell",
+        "finger.tendons.friction_cells": "there is no tendon friction",
+        "finger.tendons.presliding": "there is no tendon friction",
+        "loads.input": "for the chain every moment is an input",
+        "supports.touch": "of grasps",
+        "table.stays": "the table does not move",
+        "time": "MuJoCo's own, but for the step, of which its is a whole part, and the duration of the table of controls",
+    },
 )
 
 
