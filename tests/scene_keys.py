@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import typing
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -34,12 +35,12 @@ _SUPPORTS = {
     "groove": {"type": "v_groove", "apex": [0.0, -0.4], "opening_angle": 1.5, "axis_angle": 1.57},
 }
 _SPREAD = {
-    "at": [0.0, 0.1],
-    "bending_stiffness": [0.02, 0.01],
-    "linear_density": [0.2, 0.1],
-    "rotary_inertia": [1e-6, 1e-6],
-    "rest_curvature": [0.1, 0.2],
-    "thickness": [0.01, 0.008],
+    "at": [0.0, 0.05, 0.1],
+    "bending_stiffness": [0.02, 0.015, 0.01],
+    "linear_density": [0.2, 0.15, 0.1],
+    "rotary_inertia": [1e-6, 1e-6, 1e-6],
+    "rest_curvature": [0.1, 0.2, 0.1],
+    "thickness": [0.01, 0.009, 0.008],
 }
 _BENT = {"to": 0.05, "bending_stiffness": 0.02, "linear_density": 0.2, "rotary_inertia": 1e-6, "thickness": 0.01}
 _CUT = {"to": 0.1, "youngs_modulus": 1e9, "density": 1e3, "width": 0.01, "thickness": 0.005}
@@ -55,7 +56,31 @@ _MOMENT = {"kind": "moment", "at": 0.05, "moment": 0.01}
 _SHIPPED = ("close_on_mug", "three_tendons", "winch_loop", "motor_pulley", "spirob")
 _STRAIGHT = {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
 CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
-    **{f"object: {shape}": ("close_on_mug", {"object": {"shape": shape, **_PLACE, **own}}) for shape, own in _SHAPES.items()},
+    "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
+    "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
+    "shape": (
+        "close_on_mug",
+        {
+            "finger.rest_curvature": {"breaks": [0.05], "values": [1.0, 2.0]},
+            "finger.tip_body": {"mass": 0.01, "rotary_inertia": 1e-6, "center_of_mass": [0.0, 0.01]},
+            "finger.masses": [{"at": 0.1, "mass": 0.01}, {"at": 0.15, "mass": 0.02}],
+        },
+    ),
+    "conduit": ("close_on_mug", {"finger.tendons.friction": 0.1, "finger.tendons.conduit_bend": 1.0}),
+    "fixed object": (
+        "close_on_mug",
+        {
+            "object_moves": False,
+            "table": None,
+            "out_of_plane_gravity": 0.0,
+            "supports": {},
+            "object.position": [0.1, 0.1],
+        },
+    ),
+    **{
+        f"object: {shape}": ("close_on_mug", {"object": {"shape": shape, **_PLACE, **own}})
+        for shape, own in _SHAPES.items()
+    },
     **{
         f"member: {shape}": (
             "close_on_mug",
@@ -68,7 +93,6 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
         "close_on_mug",
         {"out_of_plane_gravity": 0.0, "table": {"friction": 0.3, "point": [0.0, -0.5], "normal_angle": 1.57}},
     ),
-    "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "sections": ("close_on_mug", {"finger.rod": {"length": 0.1, "sections": [_BENT, _CUT]}, **_OWN_ROD}),
     "section": (
         "close_on_mug",
@@ -82,16 +106,7 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
             **_OWN_ROD,
         },
     ),
-    "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE]}),
     "tip moment": ("close_on_mug", {"finger.tendons": None, "actuation": {"tip_moment": 0.01}}),
-    "shape": (
-        "close_on_mug",
-        {
-            "finger.rest_curvature": {"breaks": [0.05], "values": [1.0, 2.0]},
-            "finger.tip_body": {"mass": 0.01, "rotary_inertia": 1e-6, "center_of_mass": [0.0, 0.01]},
-            "finger.masses": [{"at": 0.1, "mass": 0.01}, {"at": 0.15, "mass": 0.02}],
-        },
-    ),
     "dry friction": ("close_on_mug", {"finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}]}),
     "dry friction, bent": (
         "close_on_mug",
@@ -103,13 +118,16 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "bent above rest": ("close_on_mug", {"initial": {"q_above_rest": [0.1, 0.2, 0.3]}}),
     "stops": ("close_on_mug", {"finger.stops": {"curvature": 20.0, "stiffness_ratio": 30.0}}),
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
-    "conduit": ("close_on_mug", {"finger.tendons.friction": 0.1, "finger.tendons.conduit_bend": 1.0}),
     "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
-    "winches": ("winch_loop", {"finger.tendons.friction": 0.0}),
+    "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),
     "slack winches": ("winch_loop", {"finger.tendons.drive.pretension": 0.0, "finger.tendons.drive.slack": 0.001}),
     "motor with a gear": (
         "motor_pulley",
-        {"finger.tendons.drive.backlash": 0.01, "finger.tendons.drive.gear_stiffness": 20.0},
+        {
+            "finger.tendons.drive.backlash": 0.01,
+            "finger.tendons.drive.gear_stiffness": 20.0,
+            "actuation": {"angles": [0.1]},
+        },
     ),
     **{
         f"motor, {key}": (
@@ -135,6 +153,8 @@ NOT_ALONE = {
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
 }
 """Keys of which no other value is tried, and why."""
+_MOST_PLACES = 12
+"""Places of a key that are tried, those with a value first."""
 _NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
 """Values of what is none, or zero."""
 
@@ -176,7 +196,7 @@ def classes() -> set[type[BaseModel]]:
 
 def owner(kind: type[BaseModel], name: str) -> type[BaseModel]:
     """The class that declares a field."""
-    return [one for one in kind.__mro__ if name in one.__dict__.get("__annotations__", {})][-1]
+    return [one for one in kind.__mro__ if name in inspect.get_annotations(one)][-1]
 
 
 @cache
@@ -212,6 +232,9 @@ def places() -> dict[str, dict[str, list[Place]]]:
 
     for base, scene in bases().items():
         walk(base, scene, "", "")
+    for fields in found.values():
+        for name, own in fields.items():
+            fields[name] = sorted(own, key=lambda one: one.value in (None, ()))[:_MOST_PLACES]
     return found
 
 
@@ -229,9 +252,11 @@ def others(place: Place, like: list[Place]) -> Iterator[Any]:
         yield not value
     elif isinstance(value, int):
         yield from (value + 1, value - 1)
-    elif isinstance(value, float) or (isinstance(value, tuple) and value):
-        changes = (lambda one: 1.01 * one + 1e-4, lambda one: 0.99 * one, lambda one: one + 1.0)
-        yield from (found for change in changes if (found := numbers(value, change)) != value)
+    elif isinstance(value, float):
+        yield from (1.01 * value + 1e-4, 0.99 * value, value + 1.0)
+    elif isinstance(value, tuple) and value and all(isinstance(one, float | tuple) for one in value):
+        yield [larger(one) for one in value]
+        yield from ([*value[:k], larger(value[k]), *value[k + 1 :]] for k in range(len(value)))
     elif value is None:
         yield from (place.field.examples or ())
     if isinstance(value, tuple):
@@ -242,11 +267,9 @@ def others(place: Place, like: list[Place]) -> Iterator[Any]:
         yield from (*_NUMBERS, "word")
 
 
-def numbers(value: Any, change: Callable[[float], float]) -> Any:
-    """All numbers of a value changed; the first alone of several, with other values the same."""
-    if isinstance(value, tuple):
-        return [numbers(value[0], change), *value[1:]] if value else []
-    return change(value) if isinstance(value, float) else value
+def larger(value: Any) -> Any:
+    """A number, or numbers, a little larger."""
+    return [larger(one) for one in value] if isinstance(value, tuple) else 1.01 * value + 1e-4
 
 
 def is_part(field: FieldInfo) -> bool:

@@ -20,7 +20,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.loads import ForceLoad
@@ -120,7 +120,7 @@ class ChainSystem:
                 self._pairs.append(disc_pair(body, law, disc))
             self._pairs += support_pairs(body, law, scene.walls, scene.pegs)
             if scene.table is not None:
-                self._pairs.append(table_pair(body, law, scene.table))
+                self._pairs += table_pairs(body, law, scene.table)
         self.touch_names = [pair.name for pair in self._pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
         pose, rates, wrench = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
