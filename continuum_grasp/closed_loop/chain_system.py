@@ -20,7 +20,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pair
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.loads import ForceLoad
@@ -100,8 +100,6 @@ class ChainSystem:
         scene, model = self.scene, self.finger_model
         ways = [at for at in model.contacts if at < self.chain.length]
         forces = [load for load in model.loads if isinstance(load, ForceLoad)]
-        if len(forces) < len(model.loads):
-            raise InputError("a chain of guides takes forces as loads, no moments", key="loads")
         self.places = [*ways, self.chain.length, *(load.at for load in forces)]
         self._motion = ca.SX.sym("places", 6, len(self.places))
         w, p = ca.SX.sym("w", model.nw), ca.SX.sym("p", len(self._object_parameters))
@@ -122,7 +120,7 @@ class ChainSystem:
                 self._pairs.append(disc_pair(body, law, disc))
             self._pairs += support_pairs(body, law, scene.walls, scene.pegs)
             if scene.table is not None:
-                self._pairs.append(table_pair(body, law, scene.table))
+                self._pairs += table_pairs(body, law, scene.table)
         self.touch_names = [pair.name for pair in self._pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
         pose, rates, wrench = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
@@ -361,6 +359,19 @@ _GUIDES = Consumer(
         "finger.softening": "a chain of guides (plant.guides) bends linearly: leave it out",
         "finger.damping.quadratic": "a chain of guides (plant.guides) is damped in proportion to rates: leave it out",
         "finger.damping.dry_friction": "a chain of guides (plant.guides) bends without dry friction: leave it out",
+        "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
+    },
+    unneeded={
+        "finger.damping.per_arc": "the plant has as much material damping in its place",
+        "finger.damping.friction_cells": "there is no dry friction",
+        "finger.strain_limit": "the controller keeps it",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+        "finger.tendons.friction_cells": "each guide is a cell",
+        "finger.tendons.presliding": "tendons slide or stick, and are elastic between guides",
+        "finger.tendons.time_constant": "the plant's drives have it",
+        "finger.tendons.min_tension": "the controller keeps it",
+        "finger.tendons.max_tension": "the controller keeps it",
+        "supports.touch": "of grasps",
     },
 )
 
@@ -370,7 +381,7 @@ def _check(scene: Scene, axial_stiffness: float | None, parameters: Sequence[str
     finger = scene.finger
     if not finger.tendon_list:
         raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
-    _GUIDES.check(finger, "finger")
+    _GUIDES.check(scene)
     if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
         raise InputError(
             "a chain of guides carries a body at the tip only on its axis: "

@@ -29,11 +29,14 @@ class Consumer:
         By key, why it is an error.
     otherwise : mapping of str to str
         By key, what becomes of it instead: listed for the user.
+    unneeded : mapping of str to str
+        By key, or that of a whole part, why nothing is missing without it: in the documentation alone.
     """
 
     name: str
     refused: Mapping[str, str] = field(default_factory=dict)
     otherwise: Mapping[str, str] = field(default_factory=dict)
+    unneeded: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         CONSUMERS[self.name] = self

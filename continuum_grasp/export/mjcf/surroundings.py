@@ -38,13 +38,14 @@ def add_surroundings(root: ET.Element, world: ET.Element, scene: Scene) -> None:
     y = body.position[1] + sin * body.com[0] + cos * body.com[1]
     one = ET.SubElement(world, "body", name="object", pos=numbers(x, y, 0.0))
     if scene.object_moves:
-        most = 0.0 if scene.table is None else scene.table.friction * body.mass * scene.out_of_plane_gravity
+        table = scene.table if scene.out_of_plane_gravity else None  # one in the plane is a wall
+        most = 0.0 if table is None else table.friction * body.mass * scene.out_of_plane_gravity
         for name, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("angle", "hinge", "0 0 1")):
             joint = ET.SubElement(one, "joint", name=f"object_{name}", type=kind, axis=axis)
-            if kind == "slide" and scene.table is not None:
+            if kind == "slide" and table is not None:
                 joint.set("frictionloss", numbers(most))
-            elif scene.table is not None and scene.table.friction_radius > 0.0:
-                joint.set("frictionloss", numbers(most * scene.table.friction_radius))
+            elif table is not None and table.friction_radius > 0.0:
+                joint.set("frictionloss", numbers(most * table.friction_radius))
         inertia = numbers(*[scene.inertia] * 3)
         ET.SubElement(one, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
     asset = ET.SubElement(root, "asset")
@@ -54,7 +55,8 @@ def add_surroundings(root: ET.Element, world: ET.Element, scene: Scene) -> None:
         one.append(_geometry(asset, f"part_{k + 1}", placed, width))
     if not len(asset):
         root.remove(asset)
-    for wall in scene.walls:
+    in_plane = None if scene.table is None else scene.table.wall
+    for wall in (*scene.walls, *(() if in_plane is None else (in_plane,))):
         world.append(_wall(wall, width, _friction(scene, wall.friction)))
     for peg in scene.pegs:
         radius = max(peg.radius, _POINT * scene.finger.profile.length)

@@ -57,8 +57,22 @@ _CHAIN = Consumer(
         "object": f"{_CONTACT}, with the scene's friction; all links of the finger touch, not its stations",
         **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("stiffness", "dissipation", "rounding")},
         **{f"contact_law.{key}": "not taken; MuJoCo has its own creep" for key in ("presliding", "slip_speed")},
-        "table": "its friction acts along x and y apart, and not against turning",
+        "out_of_plane_gravity": "the table's friction acts along x, along y and against turning apart",
         "parameters": "they have their nominal values",
+    },
+    unneeded={
+        "name": "the title of the file alone",
+        "contacts": "all links of the finger touch",
+        "fidelity": "the chain has hinges of its own; an initial pose and damping per arc are those of the model",
+        "finger.strain_limit": "nothing limits the bend of a hinge",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+        "finger.damping.friction_cells": "each hinge is a cell",
+        "finger.tendons.friction_cells": "there is no tendon friction",
+        "finger.tendons.presliding": "there is no tendon friction",
+        "loads.input": "for the chain every moment is an input",
+        "supports.touch": "of grasps",
+        "table.stays": "the table does not move",
+        "time": "MuJoCo integrates, in whole parts of the output step; controls are written for the duration",
     },
 )
 

@@ -1,0 +1,288 @@
+"""Every key of simulated scenes, in scenes that together have all of them, with other values that it can have."""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+import continuum_grasp as cg
+from continuum_grasp.scene.simulate import Scene
+
+CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
+_CORNERS = [[0.02, -0.01], [0.02, 0.03], [-0.02, 0.02]]
+_SHAPES: dict[str, dict[str, Any]] = {
+    "circle": {"diameter": 0.04},
+    "ellipse": {"width": 0.04, "height": 0.03},
+    "superellipse": {"width": 0.04, "height": 0.03, "exponent": 3.0},
+    "box": {"width": 0.04, "height": 0.03, "corner_radius": 0.002},
+    "polygon": {"vertices": _CORNERS},
+    "rounded_polygon": {"vertices": _CORNERS, "corner_radius": 0.002},
+    "stadium": {"length": 0.03, "radius": 0.01},
+}
+_PLACE = {"mass": 0.3, "position": [0.12, 0.1], "angle": 0.1, "center_of_mass": [0.001, 0.002]}
+_SUPPORTS = {
+    "line": {"type": "line", "start": [0.0, -0.5], "end": [0.5, -0.5]},
+    "point": {"type": "point", "position": [0.3, -0.3], "radius": 0.01},
+    "groove": {"type": "v_groove", "apex": [0.0, -0.4], "opening_angle": 1.5, "axis_angle": 1.57},
+}
+_SPREAD = {
+    "at": [0.0, 0.05, 0.1],
+    "bending_stiffness": [0.02, 0.015, 0.01],
+    "linear_density": [0.2, 0.15, 0.1],
+    "rotary_inertia": [1e-6, 1e-6, 1e-6],
+    "rest_curvature": [0.1, 0.2, 0.1],
+    "thickness": [0.01, 0.009, 0.008],
+}
+_BENT = {"to": 0.05, "bending_stiffness": 0.02, "linear_density": 0.2, "rotary_inertia": 1e-6, "thickness": 0.01}
+_CUT = {"to": 0.1, "youngs_modulus": 1e9, "density": 1e3, "width": 0.01, "thickness": 0.005}
+_OWN_ROD: dict[str, Any] = {
+    "contacts": [],
+    "finger.masses": [],
+    "finger.tendons.offset": 0.002,
+    "finger.half_thickness": None,
+    "finger.strain_limit": None,
+}
+_FORCE = {"kind": "force", "at": 0.06, "force": {"times": [0.0, 1.0], "values": [[0.0, 0.1], [0.2, 0.3]]}}
+_MOMENT = {"kind": "moment", "at": 0.05, "moment": 0.01}
+_SHIPPED = ("close_on_mug", "three_tendons", "winch_loop", "motor_pulley", "spirob")
+_STRAIGHT = {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
+CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
+    "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
+    "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
+    "shape": (
+        "close_on_mug",
+        {
+            "finger.rest_curvature": {"breaks": [0.05], "values": [1.0, 2.0]},
+            "finger.tip_body": {"mass": 0.01, "rotary_inertia": 1e-6, "center_of_mass": [0.0, 0.01]},
+            "finger.masses": [{"at": 0.1, "mass": 0.01}, {"at": 0.15, "mass": 0.02}],
+        },
+    ),
+    "conduit": ("close_on_mug", {"finger.tendons.friction": 0.1, "finger.tendons.conduit_bend": 1.0}),
+    "fixed object": (
+        "close_on_mug",
+        {
+            "object_moves": False,
+            "table": None,
+            "out_of_plane_gravity": 0.0,
+            "supports": {},
+            "object.position": [0.1, 0.1],
+        },
+    ),
+    **{
+        f"object: {shape}": ("close_on_mug", {"object": {"shape": shape, **_PLACE, **own}})
+        for shape, own in _SHAPES.items()
+    },
+    **{
+        f"member: {shape}": (
+            "close_on_mug",
+            {"object": {"shape": "union", **_PLACE, "members": [{"shape": shape, **own}, {"shape": shape, **own}]}},
+        )
+        for shape, own in _SHAPES.items()
+    },
+    "supports": ("close_on_mug", {"supports": _SUPPORTS}),
+    "table in the plane": (
+        "close_on_mug",
+        {"out_of_plane_gravity": 0.0, "table": {"friction": 0.3, "point": [0.0, -0.5], "normal_angle": 1.57}},
+    ),
+    "sections": ("close_on_mug", {"finger.rod": {"length": 0.1, "sections": [_BENT, _CUT]}, **_OWN_ROD}),
+    "section": (
+        "close_on_mug",
+        {
+            "finger.rod": {
+                "length": 0.1,
+                "sections": [{"to": 0.1, "diameter": 0.01, "rest_curvature": 0.1}],
+                "youngs_modulus": 1e9,
+                "density": 1e3,
+            },
+            **_OWN_ROD,
+        },
+    ),
+    "tip moment": ("close_on_mug", {"finger.tendons": None, "actuation": {"tip_moment": 0.01}}),
+    "dry friction": ("close_on_mug", {"finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}]}),
+    "dry friction, bent": (
+        "close_on_mug",
+        {
+            "finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}],
+            "initial": {"q": [0.1, 0.2, 0.3], "qd": [0.1, 0.2, 0.3], "reached_by": "pulling"},
+        },
+    ),
+    "bent above rest": ("close_on_mug", {"initial": {"q_above_rest": [0.1, 0.2, 0.3]}}),
+    "stops": ("close_on_mug", {"finger.stops": {"curvature": 20.0, "stiffness_ratio": 30.0}}),
+    "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
+    "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
+    "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),
+    "slack winches": ("winch_loop", {"finger.tendons.drive.pretension": 0.0, "finger.tendons.drive.slack": 0.001}),
+    "motor with a gear": (
+        "motor_pulley",
+        {
+            "finger.tendons.drive.backlash": 0.01,
+            "finger.tendons.drive.gear_stiffness": 20.0,
+            "actuation": {"angles": [0.1]},
+        },
+    ),
+    **{
+        f"motor, {key}": (
+            "motor_pulley",
+            {
+                "finger.tendons.drive.position_gain": None,
+                "finger.tendons.drive.rate_gain": 0.0,
+                "finger.tendons.drive.torque_constant": constant,
+                "actuation": {key: [0.01]},
+            },
+        )
+        for key, constant in (("torques", None), ("currents", 0.02))
+    },
+}
+"""Scenes beside the shipped ones: name of one of these, and changes."""
+NOT_ALONE = {
+    "schema_version": "there is one",
+    "object.free": "scenes of simulation refuse it",
+    "fidelity.tolerance": "it excludes other keys",
+    "fidelity.residual": "it belongs to the one model for which it was learned",
+    "initial.motor_angles": "it needs an equilibrium",
+    "initial.friction_states": "initial.reached_by must be state",
+    "finger.tendons.drive.arrangement": "it changes the number of inputs",
+}
+"""Keys of which no other value is tried, and why."""
+_MOST_PLACES = 12
+"""Places of a key that are tried, those with a value first."""
+_NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
+"""Values of what is none, or zero."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A key in one scene."""
+
+    base: str
+    path: str
+    key: str  # without indices and names of entries
+    field: FieldInfo
+    value: Any
+
+
+@cache
+def bases() -> dict[str, Scene]:
+    """Scenes by name."""
+    shipped = {name: cg.load(CONFIGS / f"{name}.yaml") for name in _SHIPPED}
+    shipped = {name: scene.changed(_STRAIGHT) for name, scene in shipped.items()}
+    return {name: shipped[base].changed(changes) for name, (base, changes) in CHANGES.items()} | shipped
+
+
+def classes() -> set[type[BaseModel]]:
+    """Classes of all values that a scene can have."""
+    found: set[type[BaseModel]] = set()
+
+    def walk(one: Any) -> None:
+        if isinstance(one, type) and issubclass(one, BaseModel) and one not in found:
+            found.add(one)
+            for field in one.model_fields.values():
+                walk(field.annotation)
+        for part in typing.get_args(one):
+            walk(part)
+
+    walk(Scene)
+    return found
+
+
+def owner(kind: type[BaseModel], name: str) -> type[BaseModel]:
+    """The class that declares a field."""
+    return [one for one in kind.__mro__ if name in inspect.get_annotations(one)][-1]
+
+
+@cache
+def keys() -> dict[str, set[str]]:
+    """Fields by declaring class, without words that choose the class."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for kind in classes():
+        for name, field in kind.model_fields.items():
+            if len(options(field.annotation)) != 1:
+                found[owner(kind, name).__name__].add(name)
+    return found
+
+
+@cache
+def places() -> dict[str, dict[str, list[Place]]]:
+    """By declaring class and field, where it is in the scenes; without words that choose the class."""
+    found: dict[str, dict[str, list[Place]]] = defaultdict(lambda: defaultdict(list))
+
+    def walk(base: str, value: Any, path: str, key: str) -> None:
+        if isinstance(value, BaseModel):
+            for name, field in type(value).model_fields.items():
+                one = getattr(value, name)
+                inner = f"{path}.{name}".removeprefix("."), f"{key}.{name}".removeprefix(".")
+                if len(options(field.annotation)) != 1:
+                    found[owner(type(value), name).__name__][name].append(Place(base, *inner, field, one))
+                walk(base, one, *inner)
+        elif isinstance(value, tuple):
+            for k, one in enumerate(value):
+                walk(base, one, f"{path}[{k}]", key)
+        elif isinstance(value, dict):
+            for name, one in value.items():
+                walk(base, one, f"{path}.{name}", key)
+
+    for base, scene in bases().items():
+        walk(base, scene, "", "")
+    for fields in found.values():
+        for name, own in fields.items():
+            fields[name] = sorted(own, key=lambda one: one.value in (None, ()))[:_MOST_PLACES]
+    return found
+
+
+def options(annotation: Any) -> list[Any]:
+    """The words of an annotation."""
+    if typing.get_origin(annotation) is Literal:
+        return list(typing.get_args(annotation))
+    return [word for part in typing.get_args(annotation) for word in options(part)]
+
+
+def others(place: Place, like: list[Place]) -> Iterator[Any]:
+    """Other values that a key may have."""
+    value = place.value
+    if isinstance(value, bool):
+        yield not value
+    elif isinstance(value, int):
+        yield from (value + 1, value - 1)
+    elif isinstance(value, float):
+        yield from (1.01 * value + 1e-4, 0.99 * value, value + 1.0)
+    elif isinstance(value, tuple) and value and all(isinstance(one, float | tuple) for one in value):
+        yield [larger(one) for one in value]
+        yield from ([*value[:k], larger(value[k]), *value[k + 1 :]] for k in range(len(value)))
+    elif value is None:
+        yield from (place.field.examples or ())
+    if isinstance(value, tuple):
+        yield value[:-1]
+    yield from (word for word in options(place.field.annotation) if word != value)
+    yield from (one.value for one in like if one.value not in (value, None, ()))
+    if value is None or value == 0.0:
+        yield from (*_NUMBERS, "word")
+
+
+def larger(value: Any) -> Any:
+    """A number, or numbers, a little larger."""
+    return [larger(one) for one in value] if isinstance(value, tuple) else 1.01 * value + 1e-4
+
+
+def is_part(field: FieldInfo) -> bool:
+    """Whether a field has values of classes alone, whose own keys are tried."""
+
+    def kinds(one: Any) -> Iterator[bool]:
+        parts = [part for part in typing.get_args(one) if part not in (type(None), Ellipsis)]
+        if isinstance(one, type) or not parts:
+            yield isinstance(one, type) and issubclass(one, BaseModel)
+        elif typing.get_origin(one) is Annotated:
+            yield from kinds(parts[0])
+        else:
+            for part in parts[1:] if typing.get_origin(one) is dict else parts:
+                yield from kinds(part)
+
+    return all(kinds(field.annotation))
