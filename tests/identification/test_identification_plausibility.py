@@ -12,9 +12,9 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.plausibility import Misfit, judge, misfits
+from continuum_grasp.identification.plausibility import Verdict, judge, misfits
 from continuum_grasp.identification.problem import Problem
-from continuum_grasp.identification.slips import slips_of, try_undo
+from continuum_grasp.identification.slips import slips_of, undone
 from tests.identification.test_identification_doubts import ONE
 from tests.identification_cases import LENGTH, ROD, elastica, loaded_scene
 from tests.marks import few
@@ -51,11 +51,16 @@ def _fails(*_: Any) -> Problem:
     raise SolverError("no search here", status="none")
 
 
-def reason_of(poses: Poses, off: float, sigma: float | None = None, loss: str = "squares") -> str:
-    """Why readings are refused whose predictions are off by so much."""
+def verdict_of(poses: Poses, off: float, sigma: float | None = None, loss: str = "squares") -> Verdict:
+    """Judge readings whose predictions are off by so much."""
     problem = Problem([Missed(poses, sigma)], [ONE], loss)
     noise = np.full(problem.measured.size, 1e-6 if sigma is None else sigma)
-    return judge(problem, problem.measured + off, noise, [(poses, SCENE)], _fails).reason
+    return judge(problem, problem.measured + off, noise, [(poses, SCENE)], _fails)
+
+
+def reason_of(*given: Any, **keys: Any) -> str:
+    """Why readings are refused."""
+    return verdict_of(*given, **keys).reason
 
 
 @pytest.mark.parametrize(
@@ -91,14 +96,14 @@ def test_bends_are_refused_from_a_share_of_their_range_on(quantity, values, limi
     assert found.limit == pytest.approx(limit)
 
 
-def test_slips_are_tried_from_half_the_scatter_on():
-    small = Misfit("set", "positions", "m", 0.999e-3, 4e-3, 2e-3)
-    assert not small.doubtful
-    assert small._replace(rms=1.001e-3).doubtful
-    # and from a fifth of what is refused on, where the measurements hardly differ
-    repeats = small._replace(limit=5e-3, scatter=0.0)
-    assert not repeats.doubtful
-    assert repeats._replace(rms=1.001e-3).doubtful
+def test_readings_that_their_means_predict_better_are_doubtful():
+    """From a fifth of what is refused on: repeats of one condition do not scatter."""
+    for spread, least in ((0.01, 0.01), (1e-6, 0.2 * 0.05)):
+        poses = Poses([Reading("x", 0.5 * LENGTH + LENGTH * spread * np.array([1.0, -1.0, 1.0, -1.0]))])
+        for share, doubtful in ((0.999, False), (1.001, True)):
+            found = verdict_of(poses, share * least * LENGTH)
+            assert not found.reason
+            assert bool(found.warnings) == doubtful
 
 
 @pytest.mark.parametrize(
@@ -134,7 +139,7 @@ def test_bends_of_the_other_sign_are_named_and_written_only_when_asked_for(side,
     data = Poses([Reading("bend", -moments * LENGTH / ROD["bending_stiffness"])], {"tip_moment": moments})
     fit = cg.identify(scene, data, parameters=["bending_stiffness"], accept_implausible=True)
     assert fit.status == "implausible"
-    expected = {"bend has the other sign in the data", "tip_moment has the other sign"}
+    expected = {"bend has the other sign in the data", "tip_moment has the other sign in the data"}
     assert {cause.split(":")[0] for cause in fit.causes} == expected
     for accepted in (True, False):  # what the first run wrote does not stay
         replace(fit, accepted=accepted).save(tmp_path)
@@ -157,6 +162,6 @@ def test_an_undone_slip_done_twice_is_the_data():
     scene = loaded_scene(1)
     for slip in slips_of([(poses, scene)]):
         if any(word in slip.words for word in ("other sign", "swapped", "180", "points")):
-            twice = try_undo(slip, *try_undo(slip, poses, scene))
+            twice = undone(slip, *undone(slip, poses, scene))
             assert [list(one.values) for one in twice[0].measured] == [list(one.values) for one in poses.measured]
             assert list(twice[0].conditions["load_1_y"]) == [1.0, 2.0]
