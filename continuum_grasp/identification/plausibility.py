@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,9 @@ _BEYOND = 5.0
 _STATED = 0.2
 """Least misfit that is refused where the noise is stated, per that where it is not [1]: models of real fingers
 are off by a hundredth of their length however well a camera sees."""
+_UNEXPLAINED = 0.5
+"""Misfit per scatter of the measurements about their means [1] from which slips are tried although it is small: a clamp
+angle that is sought meets swapped columns of x and y to 4 % of the length."""
 _BETTER = 3.0
 """Misfit without a slip per that with it [1] from which the slip is named as the cause, and greatest misfit per the
 least of all slips [1] up to which others are named as well."""
@@ -45,6 +49,10 @@ _NOTHING = 0.01
 """Misfit per what is plausible [1] below which no slip explains the data better than another."""
 _REFITTED = 4
 """Slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a minute."""
+_MEASURED = {*KIND_OF, "frequency", "decay rate"}
+"""Columns on whose values no prediction depends."""
+_BASE = ("base_x", "base_y")
+"""Unknowns of a base that is elsewhere."""
 _BEND = 2.0
 """Bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]."""
 
@@ -62,6 +70,11 @@ class Misfit(NamedTuple):
     scatter: float
     """Of the measurements about their means, r.m.s.; infinite where they are too few."""
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether slips are to be tried."""
+        return self.rms > min(self.limit, max(_UNEXPLAINED * self.scatter, _STATED * self.limit))
+
 
 class Verdict(NamedTuple):
     """Why measurements are refused, empty where they are not; what explains them; and what is doubtful only."""
@@ -74,20 +87,22 @@ class Verdict(NamedTuple):
 def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, build: Build) -> Verdict:
     """Judge a fit by its predictions (m,) and the standard deviations (m,) of what was measured."""
     left = misfits(problem, predictions)
-    texts = [
-        f"{one.kind} of {one.set}: the model is off by {one.rms:.3g} {one.unit} r.m.s., "
-        f"at most {one.limit:.2g} {one.unit} is plausible"
-        for one in sorted(left, key=lambda one: one.rms / one.limit)[-1:]
-        if one.rms > one.limit
-    ]
-    reason = "; ".join(filter(None, [_too_far(problem, sigma, given), *texts]))
+    reason, doubtful = _too_far(problem, sigma, given), [one for one in left if one.doubtful]
+    causes = explain(problem, given, build, left) if reason or doubtful else ()
+    worst = max(left, key=lambda one: one.rms / one.limit)
+    if worst.rms > worst.limit or (causes and not reason):
+        plausible = "which a slip in the data explains"
+        if worst.rms > worst.limit:
+            plausible = f"at most {worst.limit:.2g} {worst.unit} is plausible"
+        missed = f"{worst.kind} of {worst.set}: the model is off by {worst.rms:.3g} {worst.unit} r.m.s., {plausible}"
+        reason = f"{reason}; {missed}" if reason else missed
     if reason:
-        return Verdict(reason, explain(problem, given, build, left), ())
+        return Verdict(reason, causes, ())
     warnings = [
         f"{one.kind} of {one.set}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter "
         f"by {one.scatter:.2g}: check units, signs and conditions of the data"
-        for one in left
-        if one.rms > max(one.scatter, _STATED * one.limit)
+        for one in doubtful
+        if one.rms > one.scatter
     ]
     return Verdict("", (), tuple(warnings))
 
@@ -151,55 +166,53 @@ def _too_far(problem: Problem, sigma: Array, given: Given) -> str:
 def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """Slips that explain the measurements, by trying them: those that are best at the start values are fitted anew.
 
-    Without misfits ``left`` of a fit, as where there is none, every slip that leads to a plausible one is named.
+    There are no misfits ``left`` where no parameters were found.
     """
-    before, tried = _total(left) if left else math.inf, []
-    for slip in slips_of(given):
-        # all sets have it, or those alone that are missed
-        for sets in ({data.name for data, _ in given}, {one.set for one in left if one.rms > one.limit}):
-            pairs = [undone(slip, *one) if one[0].name in sets else None for one in given]
-            concerned = [data.name for (data, _), one in zip(given, pairs, strict=True) if one]
-            words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(given) else "")
-            if not concerned or words in [known for _, known, _ in tried]:
-                continue
-            try:
-                blocks = [
-                    block if one is None else _other_values(block, slip, *old) or build([one], problem.sought).blocks[0]
-                    for block, old, one in zip(problem.blocks, given, pairs, strict=True)
-                ]
-                trial = problem.of(blocks, problem.sought)
-                total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
-            except ContinuumGraspError:
-                continue
-            new = [one or old for one, old in zip(pairs, given, strict=True)]
-            tried.append((total, words, partial(build, new, problem.sought)))
-    trials = sorted((one for one in tried if math.isfinite(one[0])), key=lambda one: one[0])[:_REFITTED]
-    most = max(_BETTER * trials[0][0], _NOTHING) if trials else 0.0
-    found = [one for one in (_refitted(words, trial, before) for total, words, trial in trials if total <= most) if one]
+    before, tried = _total(left) if left else math.inf, {}
+    everywhere, missed = {block.name for block in problem.blocks}, {one.set for one in left if one.doubtful}
+    for slip, sets in product(slips_of(given), (everywhere, missed)):
+        pairs = [undone(slip, *one) if one[0].name in sets else None for one in given]
+        concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
+        words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(given) else "")
+        if not concerned or words in tried:
+            continue
+        try:
+            blocks = [
+                block if pair is None else _other_values(block, slip, data) or build([pair], problem.sought).blocks[0]
+                for block, (data, _), pair in zip(problem.blocks, given, pairs, strict=True)
+            ]
+            trial = problem.of(blocks, problem.sought)
+            total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
+        except ContinuumGraspError:
+            continue
+        tried[words] = total, partial(problem.of, blocks, problem.sought)
+    ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
+    found = []
+    for words, (total, undo) in ranked:
+        if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
+            found += _refitted(words, undo, before)
     if not found and any(entry.quantity in ("x", "y") for entry in problem.entries):
-        elsewhere = _refitted("the base is elsewhere", partial(_elsewhere, problem, given, build), before)
-        found = [elsewhere] if elsewhere else []
+        found = _refitted("the base is elsewhere", partial(_elsewhere, problem, given, build), before)
     least = min((total for total, _ in found), default=0.0)
     return tuple(text for total, text in found if total <= max(_BETTER * least, _NOTHING))
 
 
-def _refitted(words: str, build: Callable[[], Problem], before: float) -> tuple[float, str] | None:
-    """Misfit without a slip, and what to say of it; None where it does not explain the measurements."""
+def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tuple[float, str]]:
+    """Misfit without a slip, and what to say of it; nothing where it does not explain the measurements."""
     try:
-        trial = build()
+        trial = undo()
         solution = trial.solve(lambda share: None)
     except ContinuumGraspError:
-        return None
-    after = misfits(trial, solution.predictions)
-    total = _total(after)
+        return []
+    left = misfits(trial, solution.predictions)
     # values of nearly zero are met by any stiff finger
-    if total * _BETTER >= before or any(one.rms > min(one.limit, one.scatter) for one in after if one.limit < math.inf):
-        return None
-    of_base = zip(trial.unknowns, solution.values, strict=True)
-    off = ", ".join(f"{one.name} by {value:.3g} {one.unit}" for one, value in of_base if one.target.startswith("base_"))
-    worst = max(after, key=lambda one: one.rms / one.limit)
-    text = f"{words}{f' ({off})' if 'elsewhere' in words else ''}: undone, the model is off by "
-    return total, f"{text}{worst.rms:.3g} {worst.unit} r.m.s."
+    missed = [one for one in left if one.limit < math.inf and one.rms > min(one.limit, one.scatter)]
+    if missed or _total(left) * _BETTER >= before:
+        return []
+    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one.target in _BASE]
+    by = f" ({', '.join(f'{one.name} {value:.3g} {one.unit}' for one, value in shifts)} off)" if shifts else ""
+    worst = max(left, key=lambda one: one.rms / one.limit)
+    return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 
 
 def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
@@ -208,7 +221,7 @@ def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
     if not any(one.target == "base_angle" for one in sought):
         sought += read_unknowns(scene, ["clamp_angle"])
     length = scene.finger.rod.length
-    shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in ("base_x", "base_y")]
+    shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in _BASE]
     blocks = [_Shifted(block, len(sought)) for block in build(given, sought).blocks]
     return problem.of(blocks, [*sought, *shift])
 
@@ -228,11 +241,12 @@ class _Shifted(Block):
         return y + self._along @ values[own], np.insert(slopes, [self._count] * 2, self._along, axis=1)
 
 
-def _other_values(block: Block, slip: Slip, data: Data, scene: Scene) -> Block | None:
-    """The block with other measured values, which saves a model, where predictions do not depend on them."""
-    if not slip.predicts_alike or (isinstance(data, TipPath) and data.start != "scene"):
+def _other_values(block: Block, slip: Slip, data: Data) -> Block | None:
+    """The block with other measured values, without a new model, where predictions do not depend on them."""
+    factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
+    if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
         return None
-    found, factors = copy(block), {name: factor for name, (_, factor) in slip.columns.items()}
+    found = copy(block)
     found.entries = [replace(one, value=factors.get(one.quantity, 1.0) * one.value) for one in block.entries]
     return found
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.data import KIND_OF, UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.read import unit_of_entry
 from continuum_grasp.labels import name_of, split_unit
 from continuum_grasp.scene.simulate import Scene
@@ -37,8 +37,6 @@ _GROUPS = {
     "frequencies": {"frequency": 1, "decay rate": 1},
 }
 """Columns whose units are taken for others together, with the power of that unit; all others by their names."""
-_MEASURED = {*KIND_OF, "frequency", "decay rate"}
-"""Columns on whose values no prediction depends."""
 
 
 class Slip(NamedTuple):
@@ -51,11 +49,6 @@ class Slip(NamedTuple):
     """What the angle of the base lacks [rad]."""
     gravity: float = 1.0
     """Factor on gravity [1]."""
-
-    @property
-    def predicts_alike(self) -> bool:
-        """Whether it changes measured values alone, so that predictions stay."""
-        return bool(self.columns) and all(name == to and name in _MEASURED for name, (to, _) in self.columns.items())
 
 
 def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
@@ -74,15 +67,14 @@ def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
         powers = _GROUPS.get(group, dict.fromkeys(names, 1))
         for words, factor in _factors(group, *units[names[0]], names[0]) if names else ():
             yield Slip(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
-    commands = [name_of(label) for label in given[0][1].finger.input_labels]
-    readings = [name for name in units if re.fullmatch(r"\w+ \d+", name)]
-    for words, names in {
-        "tendons are numbered from the other side": [*commands, *readings],
-        "commands of the tendons are swapped": commands if readings else [],
-        "readings of the drives are swapped": readings,
-    }.items():
-        if len(commands) > 1 and names:
-            yield Slip(words, {name: (_renumbered(name, len(commands)), 1.0) for name in names})
+    names = [name_of(label) for label in given[0][1].finger.input_labels]
+    commands = _renumbered(names)
+    rows = [_renumbered([f"{one} {k + 1}" for k in range(len(names))]) for one in UNIT_OF if f"{one} 1" in units]
+    readings = {name: to for row in rows for name, to in row.items()}
+    if len(names) > 1:
+        yield Slip("tendons are numbered from the other side", {**commands, **readings})
+        yield Slip("commands of the tendons are swapped", commands)
+        yield Slip("readings of the drives are swapped", readings)
     for degrees in (90, -90, 180):
         yield Slip(f"finger.base.angle is {degrees} degrees too small", {}, turn=math.radians(degrees))
     yield Slip("gravity points the other way", {}, gravity=-1.0)
@@ -131,9 +123,8 @@ def _factors(group: str, unit: str, scene: Scene, name: str) -> Iterator[tuple[s
         yield f"{verb} in {si}, read as {other}", 1.0 / size
 
 
-def _renumbered(name: str, count: int) -> str:
-    stem, number = re.fullmatch(r"(.*?)(\d+)", name).groups()
-    return f"{stem}{count + 1 - int(number)}"
+def _renumbered(names: Sequence[str]) -> Columns:
+    return {name: (to, 1.0) for name, to in zip(names, reversed(names), strict=True)}
 
 
 def _undone_data(slip: Slip, data: Data) -> Data:

@@ -12,7 +12,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.plausibility import Verdict, judge, misfits
+from continuum_grasp.identification.plausibility import Misfit, judge, misfits
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.slips import slips_of, undone
 from tests.identification.test_identification_doubts import ONE
@@ -51,16 +51,11 @@ def _fails(*_: Any) -> Problem:
     raise SolverError("no search here", status="none")
 
 
-def verdict_of(poses: Poses, off: float, sigma: float | None = None, loss: str = "squares") -> Verdict:
-    """Judge readings whose predictions are off by so much."""
+def reason_of(poses: Poses, off: float, sigma: float | None = None, loss: str = "squares") -> str:
+    """Why readings are refused whose predictions are off by so much."""
     problem = Problem([Missed(poses, sigma)], [ONE], loss)
     noise = np.full(problem.measured.size, 1e-6 if sigma is None else sigma)
-    return judge(problem, problem.measured + off, noise, [(poses, SCENE)], _fails)
-
-
-def reason_of(*given: Any, **keys: Any) -> str:
-    """Why readings are refused."""
-    return verdict_of(*given, **keys).reason
+    return judge(problem, problem.measured + off, noise, [(poses, SCENE)], _fails).reason
 
 
 @pytest.mark.parametrize(
@@ -96,14 +91,14 @@ def test_bends_are_refused_from_a_share_of_their_range_on(quantity, values, limi
     assert found.limit == pytest.approx(limit)
 
 
-def test_readings_that_their_means_predict_better_are_doubtful():
-    """From a fifth of what is refused on: repeats of one condition do not scatter."""
-    for spread, least in ((0.01, 0.01), (1e-6, 0.2 * 0.05)):
-        poses = Poses([Reading("x", 0.5 * LENGTH + LENGTH * spread * np.array([1.0, -1.0, 1.0, -1.0]))])
-        for share, doubtful in ((0.999, False), (1.001, True)):
-            found = verdict_of(poses, share * least * LENGTH)
-            assert not found.reason
-            assert bool(found.warnings) == doubtful
+def test_slips_are_tried_from_half_the_scatter_on():
+    small = Misfit("set", "positions", "m", 0.999e-3, 4e-3, 2e-3)
+    assert not small.doubtful
+    assert small._replace(rms=1.001e-3).doubtful
+    # and from a fifth of what is refused on, where the measurements hardly differ
+    repeats = small._replace(limit=5e-3, scatter=0.0)
+    assert not repeats.doubtful
+    assert repeats._replace(rms=1.001e-3).doubtful
 
 
 @pytest.mark.parametrize(
