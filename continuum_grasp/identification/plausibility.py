@@ -168,7 +168,8 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
 
     There are no misfits ``left`` where no parameters were found.
     """
-    before, tried = _total(left) if left else math.inf, {}
+    before = _total(left) if left else math.inf
+    tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
     everywhere, missed = {block.name for block in problem.blocks}, {one.set for one in left if one.doubtful}
     for slip, sets in product(slips_of(given), (everywhere, missed)):
         pairs = [undone(slip, *one) if one[0].name in sets else None for one in given]
@@ -187,7 +188,7 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
             continue
         tried[words] = total, partial(problem.of, blocks, problem.sought)
     ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
-    found = []
+    found: list[tuple[float, str]] = []
     for words, (total, undo) in ranked:
         if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
             found += _refitted(words, undo, before)

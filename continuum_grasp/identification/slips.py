@@ -141,8 +141,8 @@ def _undone_data(slip: Slip, data: Data) -> Data:
 
     if isinstance(data, TipPath):
         # x and y are readings as all others: of the same place and deviation
-        own = {"x": None, "y": None, "at": None, "sigma": None}
-        return replace(data, t=scaled("t", data.t), measured=read(data.readings), before=read(data.before), **own)
+        moved = replace(data, x=None, y=None, at=None, sigma=None, measured=read(data.readings))
+        return replace(moved, t=scaled("t", data.t), before=read(data.before))
     given = {slip.columns.get(name, (name, 1.0))[0]: scaled(name, values) for name, values in data.conditions.items()}
     if isinstance(data, Poses):
         return replace(data, measured=read(data.measured), conditions=given)
@@ -160,7 +160,8 @@ def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
     if scene.actuation is None or not slip.columns.keys() & {"t", *names}:
         return
     key, given = scene.actuation.given
-    later, found = slip.columns.get("t", ("t", 1.0))[1], list(given)
+    later = slip.columns.get("t", ("t", 1.0))[1]
+    found: list[Any] = list(given)
     for name, one in zip(names, given, strict=True):
         to, factor = slip.columns.get(name, (name, 1.0))
         found[names.index(to)] = (
