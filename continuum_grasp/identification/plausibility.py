@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +19,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import KIND_OF, Data, Frequencies, TipPath
+from continuum_grasp.identification.data import KIND_OF, Data, TipPath
 from continuum_grasp.identification.problem import Problem
-from continuum_grasp.identification.slips import readings_of, slips_of, try_undo
+from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.scene.simulate import Scene
 
@@ -39,17 +40,19 @@ _STATED = 0.2
 """Least misfit that is refused where the noise is stated, per that where it is not [1]: models of real fingers
 are off by a hundredth of their length however well a camera sees."""
 _UNEXPLAINED = 0.5
-"""Misfit per scatter of the measurements about their means [1] from which slips are tried although it is small."""
+"""Misfit per scatter of the measurements about their means [1] from which slips are tried although it is small: a clamp
+angle that is sought meets swapped columns of x and y to 4 % of the length."""
 _BETTER = 3.0
-"""Misfit without a slip per that with it [1] from which the slip is named as the cause."""
-_ALIKE = 1.5
-"""Misfit per least one [1] up to which another slip explains the data as well."""
+"""Misfit without a slip per that with it [1] from which the slip is named as the cause, and greatest misfit per the
+least of all slips [1] up to which others are named as well."""
 _NOTHING = 0.01
-"""Misfit with a slip per that without it [1] below which no slip explains the data better than another."""
+"""Misfit per what is plausible [1] below which no slip explains the data better than another."""
 _REFITTED = 4
 """Slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a minute."""
-_OF_BASE = ("base_angle", "base_x", "base_y")
-"""Targets of unknowns that say where the base is."""
+_MEASURED = {*KIND_OF, "frequency", "decay rate"}
+"""Columns on whose values no prediction depends."""
+_BASE = ("base_x", "base_y")
+"""Unknowns of a base that is elsewhere."""
 _BEND = 2.0
 """Bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]."""
 
@@ -65,12 +68,7 @@ class Misfit(NamedTuple):
     """Misfit from which the data are refused; infinite for decay rates, which scatter by a factor of five between the
     postures of one rod."""
     scatter: float
-    """Of the measurements about their means, r.m.s."""
-
-    @property
-    def what(self) -> str:
-        """Set and kind, for messages."""
-        return f"{self.kind} of {self.set}"
+    """Of the measurements about their means, r.m.s.; infinite where they are too few."""
 
     @property
     def doubtful(self) -> bool:
@@ -89,177 +87,153 @@ class Verdict(NamedTuple):
 def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, build: Build) -> Verdict:
     """Judge a fit by its predictions (m,) and the standard deviations (m,) of what was measured."""
     left = misfits(problem, predictions)
-    far = _too_far(problem, sigma, given)
-    above = [one for one in left if one.rms > one.limit]
-    doubtful = [one for one in left if one.doubtful]
-    if not (far or doubtful):
-        return Verdict("", (), ())
-    worst = max(above or doubtful or left, key=lambda one: one.rms / one.limit)
-    causes = explain(problem, given, build, left)
-    texts = [far] if far else []
-    if above or (causes and not far):
-        texts.append(
-            f"{worst.what}: the model is off by {worst.rms:.3g} {worst.unit} r.m.s., "
-            + (f"at most {worst.limit:.2g} {worst.unit} is plausible" if above else "which a slip in the data explains")
-        )
-    warnings = (
-        ()
-        if texts
-        else tuple(
-            f"{one.what}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter by "
-            f"{one.scatter:.2g}: check units, signs and conditions of the data"
-            for one in doubtful
-            if one.rms > one.scatter
-        )
-    )
-    return Verdict("; ".join(texts), causes, warnings)
+    reason, doubtful = _too_far(problem, sigma, given), [one for one in left if one.doubtful]
+    causes = explain(problem, given, build, left) if reason or doubtful else ()
+    worst = max(left, key=lambda one: one.rms / one.limit)
+    if worst.rms > worst.limit or (causes and not reason):
+        plausible = "which a slip in the data explains"
+        if worst.rms > worst.limit:
+            plausible = f"at most {worst.limit:.2g} {worst.unit} is plausible"
+        missed = f"{worst.kind} of {worst.set}: the model is off by {worst.rms:.3g} {worst.unit} r.m.s., {plausible}"
+        reason = f"{reason}; {missed}" if reason else missed
+    if reason:
+        return Verdict(reason, causes, ())
+    warnings = [
+        f"{one.kind} of {one.set}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter "
+        f"by {one.scatter:.2g}: check units, signs and conditions of the data"
+        for one in doubtful
+        if one.rms > one.scatter
+    ]
+    return Verdict("", (), tuple(warnings))
 
 
 def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
     """Misfits of the fitted entries, by set and kind."""
     found = []
     for block, part in zip(problem.blocks, problem.parts, strict=True):
-        kinds = np.array([KIND_OF.get(entry.quantity, entry.quantity) for entry in block.entries])
-        series = np.array([entry.series for entry in block.entries])
-        for kind in dict.fromkeys(kinds.tolist()):
-            chosen = (kinds == kind) & problem.fitted[part]
-            if not chosen.any() or block.finger is None:
-                continue
-            measured, missed = problem.measured[part][chosen], (predictions - problem.measured)[part][chosen]
-            entries = [entry for entry, there in zip(block.entries, chosen, strict=True) if there]
-            means = {name: measured[series[chosen] == name].mean() for name in dict.fromkeys(series[chosen].tolist())}
-            about = measured - np.array([means[entry.series] for entry in entries])
-            size, share = _size(kind, measured, block.finger.rod.length)
-            limit = share * size
-            stated = [entry.sigma for entry in entries if entry.sigma is not None]
+        missed = zip(block.entries, (predictions - problem.measured)[part], strict=True)
+        rows = [(KIND_OF.get(one.quantity, one.quantity), one, off) for one, off in missed if one.fitted]
+        for kind in dict.fromkeys(kind for kind, _, _ in rows):
+            entries = [one for other, one, _ in rows if other == kind]
+            values, series = (np.array([getattr(one, key) for one in entries]) for key in ("value", "series"))
+            about = [values[series == one] - values[series == one].mean() for one in dict.fromkeys(series)]
+            scatter = float(np.std(np.concatenate(about))) if values.size > 2 * len(about) else math.inf
+            limit = _limit(kind, values, block.finger.rod.length if block.finger else math.inf)
+            stated = [one.sigma for one in entries if one.sigma is not None]
             if stated and math.isfinite(limit):
                 limit = max(_BEYOND * max(stated), _STATED * limit)
-            rms = problem.spread(missed, float(missed.size))
-            scatter = float(np.sqrt(np.mean(about**2))) if about.size > 2 * len(means) else math.inf
+            rms = problem.spread(np.array([off for other, _, off in rows if other == kind]), float(values.size))
             found.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter))
     return found
 
 
-def _size(kind: str, measured: Array, length: float) -> tuple[float, float]:
-    """Size of what is measured, and the share of it that a misfit may have."""
-    if kind == "positions":
-        return length, _PART
-    if kind == "angles":
-        return max(_BEND, float(np.ptp(measured))), _PART
+def _limit(kind: str, measured: Array, length: float) -> float:
+    """Misfit from which measurements without a stated deviation are refused."""
     size = float(np.sqrt(np.mean(measured**2)))
-    if kind == "frequency":
-        return size, _PART
+    sizes = {
+        "positions": _PART * length,
+        "angles": _PART * max(_BEND, float(np.ptp(measured))),
+        "frequency": _PART * size,
+        "decay rate": math.inf,
+    }
     # of drives: a model that is off by as much as it is to explain; friction and lags are large parts of these
-    return size, math.inf if kind == "decay rate" else 1.0
+    return sizes.get(kind, size)
 
 
 def _too_far(problem: Problem, sigma: Array, given: Given) -> str:
     """What lies beyond the reach of the finger: farther from the base than the finger is long up to there."""
-    found, count, total = "", 0, 0
-    most = 0.0
+    found, over = "", [np.zeros(0)]
     for (data, scene), block, part in zip(given, problem.blocks, problem.parts, strict=True):
-        if isinstance(data, Frequencies):
-            continue
         readings = readings_of(data)
-        rows = np.stack([np.asarray(one.values, dtype=float) for one in readings], axis=1)
-        noise = sigma[part].reshape(rows.shape)
         base, length = scene.finger.base.position, scene.finger.rod.length
         for place in dict.fromkeys(one.at for one in readings if one.quantity in ("x", "y")):
             here = [k for k, one in enumerate(readings) if one.quantity in ("x", "y") and one.at == place]
-            away = rows[:, here] - np.array([base["xy".index(readings[k].quantity)] for k in here])
-            distance = np.linalg.norm(away, axis=1)
-            reach = length if place is None else place
-            over = distance - reach - np.maximum(_PART * length, _BEYOND * noise[:, here].max(axis=1))
-            total, count = total + over.size, count + int(np.sum(over > 0.0))
-            if over.max() > most:
-                most, row = float(over.max()), int(np.argmax(over))
+            away = [np.asarray(readings[k].values) - base["xy".index(readings[k].quantity)] for k in here]
+            noise = sigma[part].reshape(-1, len(readings))[:, here].max(axis=1)
+            distance, reach = np.linalg.norm(away, axis=0), length if place is None else place
+            beyond = distance - reach - np.maximum(_PART * length, _BEYOND * noise)
+            if beyond.max() > max(0.0, np.concatenate(over).max(initial=0.0)):
+                row = int(np.argmax(beyond))
                 found = (
                     f"{block.name}: {block.entries[row * len(readings) + here[0]].label} is {distance[row]:.3g} m from "
                     f"the base, where the finger is {reach:g} m long"
                 )
+            over.append(beyond)
     # a robust loss expects outliers, and is misled only if most of the readings are
-    return found if count > (0.5 * total if problem.robust else 0.0) else ""
+    return found if not problem.robust or np.mean(np.concatenate(over) > 0.0) > 0.5 else ""
 
 
 def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """Slips that explain the measurements, by trying them: those that are best at the start values are fitted anew.
 
-    Without misfits ``left`` of a fit, as where there is none, every slip that leads to a plausible one is named.
+    There are no misfits ``left`` where no parameters were found.
     """
-    unknowns, before, tried = problem.unknowns[: problem.shared], _total(left) if left else math.inf, {}
-    for slip in slips_of(given):
-        for sets in ({data.name for data, _ in given}, {one.set for one in left if one.doubtful}):
-            changed = [try_undo(slip, *one) if one[0].name in sets else None for one in given]
-            concerned = tuple(data.name for (data, _), one in zip(given, changed, strict=True) if one is not None)
-            if not concerned or (slip.words, concerned) in tried:
-                continue
-            new = [one or old for one, old in zip(changed, given, strict=True)]
-            try:
-                blocks = [
-                    block if one is None else _again(block, old, one) or build([one], unknowns).blocks[0]
-                    for block, old, one in zip(problem.blocks, given, changed, strict=True)
-                ]
-                trial = problem.of(blocks, unknowns)
-                values = np.array([one.start for one in trial.unknowns])
-                total = float(np.nan_to_num(_total(misfits(trial, trial.predict(values)[0])), nan=math.inf))
-            except ContinuumGraspError:
-                total = math.inf
-            tried[slip.words, concerned] = total, new
-    worst = max(left, key=lambda one: one.rms / one.limit, default=None)
-    ranked = sorted(tried.items(), key=lambda one: one[1][0])[:_REFITTED]
-    trials = [
-        (slip, concerned, partial(build, new, unknowns))
-        for (slip, concerned), (total, new) in ranked
-        if total <= max(_BETTER * ranked[0][1][0], _NOTHING * before)
-    ]
-    found = [one for one in (_refitted(*trial, before, worst, len(given)) for trial in trials) if one is not None]
+    before = _total(left) if left else math.inf
+    tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
+    everywhere, missed = {block.name for block in problem.blocks}, {one.set for one in left if one.doubtful}
+    for slip, sets in product(slips_of(given), (everywhere, missed)):
+        pairs = [undone(slip, *one) if one[0].name in sets else None for one in given]
+        concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
+        words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(given) else "")
+        if not concerned or words in tried:
+            continue
+        try:
+            blocks = [
+                block if pair is None else _other_values(block, slip, data) or build([pair], problem.sought).blocks[0]
+                for block, (data, _), pair in zip(problem.blocks, given, pairs, strict=True)
+            ]
+            trial = problem.of(blocks, problem.sought)
+            total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
+        except ContinuumGraspError:
+            continue
+        tried[words] = total, partial(problem.of, blocks, problem.sought)
+    ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
+    found: list[tuple[float, str]] = []
+    for words, (total, undo) in ranked:
+        if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
+            found += _refitted(words, undo, before)
     if not found and any(entry.quantity in ("x", "y") for entry in problem.entries):
-        elsewhere = partial(_elsewhere, given, unknowns, build)
-        moved = _refitted("the base is elsewhere", (), elsewhere, before, worst, len(given))
-        found = [] if moved is None else [moved]
+        found = _refitted("the base is elsewhere", partial(_elsewhere, problem, given, build), before)
     least = min((total for total, _ in found), default=0.0)
-    return tuple(text for total, text in found if total <= max(_ALIKE * least, _NOTHING * before))
+    return tuple(text for total, text in found if total <= max(_BETTER * least, _NOTHING))
 
 
-def _refitted(
-    slip: str, concerned: tuple[str, ...], build: Callable[[], Problem], before: float, worst: Misfit | None, sets: int
-) -> tuple[float, str] | None:
-    """Misfit without a slip, and what to say of it; None where it does not explain the measurements."""
+def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tuple[float, str]]:
+    """Misfit without a slip, and what to say of it; nothing where it does not explain the measurements."""
     try:
-        trial = build()
+        trial = undo()
         solution = trial.solve(lambda share: None)
     except ContinuumGraspError:
-        return None
-    after = misfits(trial, solution.predictions)
-    total = _total(after)
-    if not (total * _BETTER < before and all(one.rms <= one.limit for one in after)):
-        return None
-    same = next((one for one in after if worst and one.what == worst.what), after[0])
-    where = f" in {', '.join(concerned)}" if 0 < len(concerned) < sets else ""
-    of_base = zip(trial.unknowns, solution.values, strict=True)
-    by = ", ".join(f"{one.name} {value:.3g} {one.unit}" for one, value in of_base if one.target in _OF_BASE)
-    at = f" ({by} off)" if not concerned else ""
-    return total, f"{slip}{where}{at}: undone, the model is off by {same.rms:.3g} {same.unit} r.m.s."
+        return []
+    left = misfits(trial, solution.predictions)
+    # values of nearly zero are met by any stiff finger
+    missed = [one for one in left if one.limit < math.inf and one.rms > min(one.limit, one.scatter)]
+    if missed or _total(left) * _BETTER >= before:
+        return []
+    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one.target in _BASE]
+    by = f" ({', '.join(f'{one.name} {value:.3g} {one.unit}' for one, value in shifts)} off)" if shifts else ""
+    worst = max(left, key=lambda one: one.rms / one.limit)
+    return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 
 
-def _elsewhere(given: Given, unknowns: Sequence[Unknown], build: Build) -> Problem:
+def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
     """The problem with the place of the base, and its angle, sought as well."""
-    scene, sought = given[0][1], list(unknowns)
+    scene, sought = given[0][1], list(problem.sought)
     if not any(one.target == "base_angle" for one in sought):
         sought += read_unknowns(scene, ["clamp_angle"])
     length = scene.finger.rod.length
-    shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in ("base_x", "base_y")]
-    problem = build(given, sought)
-    return problem.of([_Shifted(block, len(sought)) for block in problem.blocks], [*sought, *shift])
+    shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in _BASE]
+    blocks = [_Shifted(block, len(sought)) for block in build(given, sought).blocks]
+    return problem.of(blocks, [*sought, *shift])
 
 
 class _Shifted(Block):
     """A block whose positions are shifted by two further unknowns, behind the first ``count``."""
 
     def __init__(self, block: Block, count: int) -> None:
-        self.__dict__.update(block.__dict__)
-        self._block, self._count = block, count
+        self.name, self.entries, self.finger, self.own = block.name, block.entries, block.finger, block.own
         self.moves, self.kinked, self.ordered, self.free = block.moves, block.kinked, block.ordered, block.free
+        self._block, self._count = block, count
         self._along = np.array([[entry.quantity == axis for axis in "xy"] for entry in block.entries], dtype=float)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
@@ -268,22 +242,13 @@ class _Shifted(Block):
         return y + self._along @ values[own], np.insert(slopes, [self._count] * 2, self._along, axis=1)
 
 
-def _again(block: Block, old: tuple[Data, Scene], new: tuple[Data, Scene]) -> Block | None:
-    """The block with other measured values, where nothing else has changed that its predictions depend on."""
-    (before, scene), (data, other) = old, new
-    if scene is not other or (isinstance(before, TipPath) and before.start != "scene"):
+def _other_values(block: Block, slip: Slip, data: Data) -> Block | None:
+    """The block with other measured values, without a new model, where predictions do not depend on them."""
+    factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
+    if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
         return None
-    if any(getattr(before, key, None) is not getattr(data, key, None) for key in ("t", "mode", "conditions")):
-        return None
-    if [(one.what, one.since) for one in readings_of(before)] != [(one.what, one.since) for one in readings_of(data)]:
-        return None
-    if isinstance(data, Frequencies):
-        columns = [values for values in (data.frequency, data.decay_rate) if values is not None]
-    else:
-        columns = [one.values for one in readings_of(data)]
     found = copy(block)
-    values = np.stack([np.asarray(column, dtype=float) for column in columns], axis=1).ravel()
-    found.entries = [replace(entry, value=float(v)) for entry, v in zip(block.entries, values, strict=True)]
+    found.entries = [replace(one, value=factors.get(one.quantity, 1.0) * one.value) for one in block.entries]
     return found
 
 

@@ -56,8 +56,8 @@ class Solution(NamedTuple):
 class Problem:
     """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
 
-    The first ``shared`` unknowns are those of all sets, the others of one set each. ``parts`` are the entries of each
-    set among all.
+    The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given. ``parts``
+    are the entries of each set among all.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class Problem:
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
-        self.blocks, self._loss = list(blocks), loss
+        self.blocks, self.sought, self._loss = list(blocks), tuple(unknowns), loss
         shared = [one for one in unknowns if not one.per_set]
         self.unknowns, self.shared, self._columns = list(shared), len(shared), []
         for block in blocks:

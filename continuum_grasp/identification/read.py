@@ -219,11 +219,11 @@ def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key
     for k, one in enumerate(conditions):
         if one.name in found:
             raise InputError(f"{one.name} is given twice", key=f"{key}.conditions[{k}].name")
-        found[one.name] = _column(table, one, _unit_of_entry(one.name, scene, f"{key}.conditions[{k}].name"))
+        found[one.name] = _column(table, one, unit_of_entry(one.name, scene, f"{key}.conditions[{k}].name"))
     return found
 
 
-def _unit_of_entry(name: str, scene: Scene, key: str) -> str:
+def unit_of_entry(name: str, scene: Scene, key: str) -> str:
     """Unit of an input, force or parameter of the model."""
     # inputs are those of any model, so none is chosen by tolerance
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})

@@ -14,7 +14,7 @@ from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.plausibility import Misfit, judge, misfits
 from continuum_grasp.identification.problem import Problem
-from continuum_grasp.identification.slips import slips_of, try_undo
+from continuum_grasp.identification.slips import slips_of, undone
 from tests.identification.test_identification_doubts import ONE
 from tests.identification_cases import LENGTH, ROD, elastica, loaded_scene
 from tests.marks import few
@@ -134,7 +134,7 @@ def test_bends_of_the_other_sign_are_named_and_written_only_when_asked_for(side,
     data = Poses([Reading("bend", -moments * LENGTH / ROD["bending_stiffness"])], {"tip_moment": moments})
     fit = cg.identify(scene, data, parameters=["bending_stiffness"], accept_implausible=True)
     assert fit.status == "implausible"
-    expected = {"bend has the other sign in the data", "tip_moment has the other sign"}
+    expected = {"bend has the other sign in the data", "tip_moment has the other sign in the data"}
     assert {cause.split(":")[0] for cause in fit.causes} == expected
     for accepted in (True, False):  # what the first run wrote does not stay
         replace(fit, accepted=accepted).save(tmp_path)
@@ -157,6 +157,6 @@ def test_an_undone_slip_done_twice_is_the_data():
     scene = loaded_scene(1)
     for slip in slips_of([(poses, scene)]):
         if any(word in slip.words for word in ("other sign", "swapped", "180", "points")):
-            twice = try_undo(slip, *try_undo(slip, poses, scene))
+            twice = undone(slip, *undone(slip, poses, scene))
             assert [list(one.values) for one in twice[0].measured] == [list(one.values) for one in poses.measured]
             assert list(twice[0].conditions["load_1_y"]) == [1.0, 2.0]
