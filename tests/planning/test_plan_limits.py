@@ -147,13 +147,13 @@ def tightening(monkeypatch, *rounds, fails=()):
 
 
 def test_bounds_are_tightened_where_they_are_left_between_nodes(monkeypatch):
-    soft, kept = 1.0, (np.zeros((3, 2)),)
+    soft, within = 1.0, (np.zeros((3, 2)),)
     for share, count in ((0.999, 0), (1.001, 1)):
         left = [[share * 2e-4, soft], [0.0, soft], [0.0, soft]]
-        assert tightening(monkeypatch, left, *kept)[0] == count
+        assert tightening(monkeypatch, left, *within)[0] == count
     # Both nodes of the interval, of which the one at the start cannot move, and by a tenth more, added up.
     _, margins, _, _ = tightening(
-        monkeypatch, [[0.0, soft], [0.0, soft], [0.1, soft]], [[0.2, 0], [0, 0], [0, 0]], *kept
+        monkeypatch, [[0.0, soft], [0.0, soft], [0.1, soft]], [[0.2, 0], [0, 0], [0, 0]], *within
     )
     assert margins[0][:, 0] == pytest.approx([0.0, 0.11, 0.11])
     assert margins[1][:, 0] == pytest.approx([0.22, 0.11, 0.11])
@@ -161,7 +161,7 @@ def test_bounds_are_tightened_where_they_are_left_between_nodes(monkeypatch):
     # No more than five rounds; where multipliers mislead, once more without; where that fails, the plan stays.
     always = [[1.0, 0.0]] * 3
     assert tightening(monkeypatch, always)[0] == 5
-    count, _, solved, stays = tightening(monkeypatch, always, *kept, fails=(0,))
+    count, _, solved, stays = tightening(monkeypatch, always, *within, fails=(0,))
     assert (count, len(solved), stays) == (1, 2, False)
     count, _, solved, stays = tightening(monkeypatch, always, fails=(0, 1))
     assert (count, len(solved), stays) == (0, 2, True)
