@@ -246,11 +246,6 @@ FAULTS: tuple[Fault, ...] = (
         ("return self.reserve >= HOLDS", "return self.reserve >= -1.0"),
         tests="grasp/test_grasp_robust.py grasp/test_grasp_response.py",
     ),
-    *_in(
-        "grasp/faces.py",
-        ("share = at[0] if face else", "share = at[1] if face else"),
-        tests="grasp/test_grasp_certificate.py grasp/test_grasp_robust.py grasp/test_grasp_stations.py",
-    ),
     # design, sweeps
     *_in(
         "design/held.py",

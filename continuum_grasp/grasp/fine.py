@@ -101,7 +101,6 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
     search = Search(scene, budget)
     if not budget.over:
         search.attempt(start_from(result.scene, dict(result.arrays)))
-        search.slide()
     stable = result.certificate is None or result.certificate.stability.stable
     best = search.best or (None if stable else search.unstable)
     if best is not None and not budget.stopped:

@@ -1,10 +1,10 @@
-"""The search: starts of every set of contacts, faces and corners next to those found, each answer verified."""
+"""The search: starts of every set of contacts, each answer verified."""
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.exploration import Basin, Exploration
-from continuum_grasp.grasp.faces import neighbors
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -27,8 +26,6 @@ from continuum_grasp.scene.grasp_options import Effort
 
 Array = NDArray[Any]
 
-SAME = 1e-6
-"""Relative difference up to which two objectives are the same grasp's: a thousand times what IPOPT leaves."""
 NEAR = 1e-3
 """Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no
 sensitivities, and 0.1 % of tension is below the model's error."""
@@ -56,8 +53,6 @@ BENT = 0.06
 tension repairs had 0.031 there."""
 LEAST_DIFFERENCE = 1e-4
 """Tension that is none, per the greatest."""
-SLIDES = 12
-"""How often contacts may pass on to the next face or corner: as often as a box has faces and corners, and more."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +155,7 @@ class Search:
         return self._scans.keys() == set(contact_modes(self.scene))
 
     def exhaust(self) -> None:
-        """Solve from rough starts, then let contacts pass on to the next faces and corners."""
+        """Solve from rough starts, then on from the best grasp where its solver was stopped."""
         if self.proven:
             return
         modes = contact_modes(self.scene)
@@ -171,7 +166,6 @@ class Search:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
-            self.slide()
 
     def _from_dense(self, modes: list[frozenset[str]]) -> None:
         """Solve from the basins of denser scans: short pieces of curves lie between the places of the others."""
@@ -428,20 +422,6 @@ class Search:
         solver.prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return solver
-
-    def slide(self) -> None:
-        """From the best grasp, pass contacts on to the next face or corner as long as that helps."""
-        for _ in range(SLIDES):
-            best = self.best
-            if best is None or self.budget.over:
-                return
-            least = best.attempt.objective - SAME * max(1.0, abs(best.attempt.objective))
-            for features, x0 in neighbors(self.scene, best.solver, best.attempt):
-                found = self.attempt(replace(best.attempt.start, label="next face"), features=features, x0=x0)
-                if found is not None and found in self.good and found.attempt.objective < least:
-                    break
-            else:
-                return
 
 
 def _same(one: Start, two: Start) -> bool:

@@ -11,7 +11,6 @@ import pytest
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.exploration import Basin
 from continuum_grasp.grasp.search import Search, branch_of
-from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 
@@ -33,10 +32,6 @@ def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0):
         label="scan", estimate=estimate, imbalance=imbalance, tensions={"finger": tensions},
         contacts={"finger.tip": contact}, fingers={"finger": SimpleNamespace(sides=(1,))},
     )  # fmt: skip
-
-
-def start_with_label():
-    return Start("scan", (0.0, 0.0, 0.0), {}, {})
 
 
 def grasp(tension=TENSION, objective=1.0, optimal=True, press=1.0):
@@ -127,23 +122,3 @@ def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     monkeypatch.setattr(module, "start_from", lambda scene, arrays: arrays)
     search._from_least_tension()
     assert len(starts) == 3
-
-
-@pytest.mark.parametrize(("better", "passed"), [(0, 1), (3, 4), (40, 12)])
-def test_contacts_pass_on_to_the_next_face_as_long_as_that_helps(monkeypatch, better, passed):
-    """Each pass improves the objective by a part, up to as many as help; twelve passes go around any box."""
-    search, _ = searching(grasp(objective=100.0))
-    search.best.attempt.start, search.best.attempt.features = start_with_label(), {}
-    tried = []
-
-    def attempt(start, **options):
-        tried.append(grasp(objective=100.0 - min(len(tried) + 1, better)))
-        tried[-1].attempt.start, tried[-1].attempt.features = start, {}
-        search.good.append(tried[-1])
-        return tried[-1]
-
-    search.attempt = attempt
-    monkeypatch.setattr(module, "neighbors", lambda *_: iter([({}, None)]))
-    search.slide()
-    assert len(tried) == passed
-    assert search.best.attempt.objective == 100.0 - min(better, 12)

@@ -1,0 +1,270 @@
+"""The limits of the check of plans: hand-made results just within and just beyond each, and the word of a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from plan_cases import small
+
+from continuum_grasp.nlp import Status
+from continuum_grasp.planning import PlanStatus, fine
+from continuum_grasp.planning.diagnosis import missed_goals
+from continuum_grasp.planning.guess import Path
+from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.problem import PlanProblem
+from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.solve import _result
+
+LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, 4
+"""Of the hand-made plan: finger [m], greatest deviation per length [1], nodes, and parts of an interval."""
+
+
+@dataclass
+class Made:
+    """A plan at rest whose states are x and y of the tip [m], a bound's row and a soft one's [1]."""
+
+    scene: Any
+    warnings: tuple[str, ...] = ()
+    status: str = "optimal"
+    message: str = ""
+    advice: str = ""
+    deviation: Any = None
+    finer: Any = None
+    duration: float = 1.0
+    length: float = LENGTH
+
+    def __post_init__(self):
+        self.t, self.u = np.linspace(0.0, 1.0, NODES), np.zeros((NODES, 1))
+        self.x, self.tip = np.zeros((NODES, 4)), np.zeros((NODES, 2))
+
+
+def rows_of(count):
+    return lambda x, u, p: x[2:]
+
+
+def model_of(names=("x", "y", "row", "soft row")):
+    return SimpleNamespace(
+        nu=1, p_nominal=(), x_names=names, contact_names=(), tip=lambda x, u, p: x[:2],
+        bending_rate=lambda x, u, p: np.zeros(1),
+        system=SimpleNamespace(finger_model=SimpleNamespace(lengths=(1.0,), family="arc")),
+    )  # fmt: skip
+
+
+def verdict(monkeypatch, states, *, drift=0.0, method="multiple_shooting", end="moving", friction=False, finer=0.0):
+    """What the check says of states; after the last the tip moves on [m/s], and on a finer model is off [m]."""
+    own, other = model_of(("x", "y", "friction_1 [1]", "")) if friction else model_of(), model_of()
+    check = SimpleNamespace(tolerance=TOLERANCE, finer="finer" if finer else None, contact_law=None)
+    scene = SimpleNamespace(transcription=method, goal=SimpleNamespace(end=end), check=check, contact_law=None)
+    scene.model_copy = lambda update: scene
+
+    def simulated(scene, model, path, x0, parts=PARTS):
+        if model is other:
+            return np.zeros((NODES, 4)) + np.outer(np.arange(NODES) == NODES - 1, [finer, 0.0, 0.0, 0.0])
+        after = x0 + np.array([0.6, 0.8, 0.0, 0.0]) * drift * path.duration
+        return states if len(path.u) == NODES else np.array([x0, after])
+
+    monkeypatch.setattr(fine, "simulated", simulated)
+    monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
+    monkeypatch.setattr(fine, "first_state_of_plan", lambda *_: (np.zeros(4), None))
+    monkeypatch.setattr(fine, "Prediction", lambda _: other)
+    bounded = SimpleNamespace(names=("speed", "comfort"), least=[-1.0, -1.0], most=[2.0, 2.0])
+    motion = SimpleNamespace(
+        scene=scene, prediction=own, bounded=bounded, hard=np.array([True, False]), rows=SimpleNamespace(map=rows_of)
+    )
+    return fine.checked(Made(scene), motion)
+
+
+def at(row, *values):
+    """States that are zero but for one row."""
+    states = np.zeros((PARTS * (NODES - 1) + 1, 4))
+    states[row, : len(values)] = values
+    return states
+
+
+def off(amount, row=PARTS):
+    """States whose tip is off by an amount [m] at a row."""
+    return at(row, 0.6 * amount, 0.8 * amount)
+
+
+SHOOTING = {"method": "single_shooting"}
+HELD = {**SHOOTING, "end": "held", "friction": True}
+VERDICTS = [
+    ("tip off the plan [m]", TOLERANCE * LENGTH, "a fine simulation is up to", lambda a: (off(a), {})),
+    ("tip off a plan in the inputs alone [m]", TOLERANCE * LENGTH, "no plan: a fine simulation of its inputs",
+     lambda a: (off(a), SHOOTING)),
+    ("tip that moves on [m/s], in 0.1 s", TOLERANCE * LENGTH / 0.1, "no plan: the tip moves on",
+     lambda a: (off(0.0), {**HELD, "drift": a})),
+    ("a bound that is left upwards", 2.0 + 1e-3, "between the nodes speed is left", lambda a: (at(2, 0, 0, a), {})),
+    ("a bound that is left downwards", 1.0 + 1e-3, "between the nodes speed is left", lambda a: (at(6, 0, 0, -a), {})),
+    ("tip off on a finer model [m]", 0.01 * LENGTH, "on 1 elements (arc) the tip ends",
+     lambda a: (off(0.0), {"finer": a})),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("limit", "text", "made"), [row[1:] for row in VERDICTS], ids=[row[0] for row in VERDICTS])
+def test_a_check_says_so_beyond_its_limit_alone(monkeypatch, limit, text, made):
+    # Some limits are a bound and a part of a thousand.
+    for share, beyond in ((1.0 - 1e-6, False), (1.0 + 1e-6, True)):
+        states, how = made(share * limit)
+        found = verdict(monkeypatch, states, **how)
+        refused = beyond and text.startswith("no plan")
+        assert found.status == ("not_solved" if refused else "optimal")
+        assert any(said.startswith(text) for said in (*found.warnings, found.message)) is beyond
+
+
+def test_what_no_check_is_about_goes_unsaid(monkeypatch):
+    """A tip off between nodes, soft bounds, the first state's bound, drift of what need not stay."""
+    first = at(0, 0.0, 0.0, 9.0)
+    assert not verdict(monkeypatch, off(1.0, row=PARTS + 1)).warnings
+    assert not verdict(monkeypatch, at(3, 0.0, 0.0, 0.0, 9.0)).warnings
+    assert not verdict(monkeypatch, first).warnings
+    for how in ({**HELD, "end": "still"}, {**HELD, "friction": False}, {**HELD, "method": "collocation"}):
+        assert verdict(monkeypatch, off(0.0), **how, drift=1.0).status == "optimal"
+
+
+def tightening(monkeypatch, *rounds, fails=()):
+    """Rounds, margins and solver runs where bounds are left by so much in each round; whether the first plan stays."""
+    shares, margins, solved = iter(rounds), [], []
+    monkeypatch.setattr(fine, "simulated", lambda *_: None)
+    monkeypatch.setattr(fine, "excess_over_intervals", lambda *_: np.array(next(shares, rounds[-1]), dtype=float))
+    motion = SimpleNamespace(hard=np.array([True, False]), scene=None, prediction=None)
+    problem = SimpleNamespace(
+        motion=motion, grid=SimpleNamespace(intervals=3), path=lambda w: SimpleNamespace(x=[None]),
+        bounds=SimpleNamespace(tighten=lambda m: margins.append(m.copy())),
+    )  # fmt: skip
+
+    def solve(*given):
+        solved.append(given)
+        return SimpleNamespace(x=None, multipliers=None, converged=len(solved) - 1 not in fails)
+
+    first = SimpleNamespace(x=None, multipliers=None)
+    found, count = fine.satisfied_between_nodes(problem, first, solve, lambda: False)
+    return count, margins, solved, found is first
+
+
+def test_bounds_are_tightened_where_they_are_left_between_nodes(monkeypatch):
+    soft, within = 1.0, (np.zeros((3, 2)),)
+    for share, count in ((0.999, 0), (1.001, 1)):
+        left = [[share * 2e-4, soft], [0.0, soft], [0.0, soft]]
+        assert tightening(monkeypatch, left, *within)[0] == count
+    # Both nodes of the interval, of which the one at the start cannot move, and by a tenth more, added up.
+    _, margins, _, _ = tightening(
+        monkeypatch, [[0.0, soft], [0.0, soft], [0.1, soft]], [[0.2, 0], [0, 0], [0, 0]], *within
+    )
+    assert margins[0][:, 0] == pytest.approx([0.0, 0.11, 0.11])
+    assert margins[1][:, 0] == pytest.approx([0.22, 0.11, 0.11])
+    assert not margins[1][:, 1].any()
+    # No more than five rounds; where multipliers mislead, once more without; where that fails, the plan stays.
+    always = [[1.0, 0.0]] * 3
+    assert tightening(monkeypatch, always)[0] == 5
+    count, _, solved, stays = tightening(monkeypatch, always, *within, fails=(0,))
+    assert (count, len(solved), stays) == (1, 2, False)
+    count, _, solved, stays = tightening(monkeypatch, always, fails=(0, 1))
+    assert (count, len(solved), stays) == (0, 2, True)
+
+
+@pytest.mark.parametrize(
+    ("rate", "interval", "method", "substeps"),
+    [
+        # A step times the fastest rate is at most 0.1: four parts of 0.1 s have steps for 4/s each, 2 to 200.
+        (0.0, 0.1, "rk4", 2),
+        (7.99, 0.1, "rk4", 2),
+        (8.01, 0.1, "rk4", 3),
+        (799.9, 0.1, "rk4", 200),
+        (800.1, 0.1, "rodas", 50),
+        # Beyond, steps of 0.5 ms at most, four at least.
+        (1e9, 4e-3, "rodas", 4),
+        (1e9, 7.999e-3, "rodas", 4),
+        (1e9, 8.001e-3, "rodas", 5),
+    ],
+)
+def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, rate, interval, method, substeps):
+    asked = []
+    monkeypatch.setattr(fine, "_rollout", lambda model, method, steps: asked.append((method, steps)) or run)
+
+    def run(begin, parts, count, h, *_):
+        asked.append((count, h))
+        return np.zeros((1, parts + 1, 1)), [parts]
+
+    monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
+    model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0)
+    scene = SimpleNamespace(input_limits=((0.0,), (1.0,)), load_varies=False, input=SimpleNamespace(form="held"))
+    path = Path(np.zeros((3, 1)), np.zeros((3, 1)), 2 * interval)
+    assert len(fine.simulated(scene, model, path, np.zeros(1))) == 9
+    assert asked[0] == (method, 8 * substeps)
+    assert asked[1] == (substeps, pytest.approx(interval / 4 / substeps))
+
+
+GOALS = [
+    ({}, 1e-5 * 0.1 * 0.3, 1e-5 * 0.5),
+    ({"weight": 1.0}, 0.01 * 0.3, 0.05),
+    ({"weight": 1.0, "tolerance": 2e-3}, 2e-3, 2e-3),
+]
+"""Aims of a finger of 0.3 m, and the errors up to which its tip [m] and its bend [rad] meet them."""
+
+
+@pytest.mark.parametrize(("aim", "length", "angle"), GOALS)
+def test_a_goal_is_missed_beyond_its_tolerance_alone(aim, length, angle):
+    """A straight finger along y, and goals beside it."""
+    for share, missed in ((0.999, []), (1.001, ["goal tip", "goal bending"])):
+        tip, bend = (0.6 * share * length, 0.3 - 0.8 * share * length), share * angle
+        goal = {"tip": {"value": tip, **aim}, "bending": {"value": (bend,), **aim}, "end": "moving"}
+        motion = Motion(small(goal=goal, intervals=2))
+        problem = PlanProblem(motion, np.zeros(motion.nx))
+        w = problem.start(Path(np.zeros((3, motion.nx)), np.zeros((3, 1)), 0.1))
+        found, worst = missed_goals(problem, w, weighted="weight" in aim)
+        assert [text.split(":")[0] for text in found] == missed
+        assert worst == pytest.approx(share * max(length / 0.03, angle / 0.5), rel=1e-9)
+
+
+@pytest.mark.parametrize(("method", "limit"), [("multiple_shooting", 1e-6), ("single_shooting", 1e-5)])
+def test_an_attempt_is_a_plan_up_to_its_violation(method, limit):
+    search = Search(small(method=method, intervals=2))
+    for share, good in ((0.999, True), (1.001, False)):
+        search.best = None
+        search._solved = lambda *_, v=share * limit, **__: SimpleNamespace(violation=v, converged=True, objective=1.0)
+        assert search._try("made up", np.zeros(1)) is good
+        assert (search.best is not None) is good
+
+
+@pytest.fixture(scope="module")
+def searched():
+    search = Search(small(intervals=5))
+    search.run()
+    assert search.best is not None
+    return search
+
+
+STATUSES = [
+    (PlanStatus.OPTIMAL, "solved", {}),
+    (PlanStatus.FEASIBLE, "but the iterations were used up before the optimum", {"converged": False}),
+    (PlanStatus.FEASIBLE, "(solver.max_total_iterations) before the search was complete", {"cut": "iterations"}),
+    (PlanStatus.FEASIBLE, "(solver.time_limit) before the search was complete", {"cut": "clock"}),
+    (PlanStatus.NOT_SOLVED, "no plan was found: the iterations were used up", {"found": False}),
+    (PlanStatus.NOT_SOLVED, "(solver.max_total_iterations)", {"found": False, "cut": "iterations"}),
+    (PlanStatus.STOPPED, "(solver.time_limit)", {"found": False, "cut": "clock"}),
+    (PlanStatus.INFEASIBLE, "stops it", {"found": False, "diagnosis": True}),
+    (PlanStatus.STOPPED, "(solver.time_limit)", {"found": False, "diagnosis": True, "cut": "clock"}),
+]
+
+
+@pytest.mark.parametrize(("status", "text", "how"), STATUSES)
+def test_a_plan_says_in_a_word_how_the_search_ended(monkeypatch, searched, status, text, how):
+    best = searched.best
+    if not how.get("converged", True) or not how.get("found", True):
+        best = replace(best, status=Status.ITERATION_LIMIT, outcome="Maximum_Iterations_Exceeded")
+    cut = how.get("cut", "")
+    monkeypatch.setattr(searched, "attempts", [("direct", best)])
+    monkeypatch.setattr(searched, "relaxed", [("direct", best)])
+    monkeypatch.setattr(searched, "best", best if how.get("found", True) else None)
+    monkeypatch.setattr(searched, "budget", SimpleNamespace(cut=cut, stopped=cut == "clock"))
+    if how.get("diagnosis"):
+        monkeypatch.setattr(searched, "diagnosis", SimpleNamespace(message="what stops it", advice="", violated=("x",)))
+    found = _result(searched)
+    assert found.status is status
+    assert text in found.message
+    assert found.solved is (best is searched.best)
