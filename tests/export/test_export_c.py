@@ -12,8 +12,10 @@ import pytest
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
+from tests.marks import but
 
-CASES = [("friction", "float"), ("contact", "double"), ("winches", "double"), ("motor", "float")]
+WOUND = [("winches", "double"), ("motor", "float")]
+CASES = but(WOUND, [("friction", "float"), ("contact", "double"), *WOUND])
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
 MAY_NEED = {"memcpy", "memset"}
 """What compiled code may call beyond its own."""

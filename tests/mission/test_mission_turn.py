@@ -144,7 +144,7 @@ def test_several_fingers_do_not_turn():
         [
             ([0.020, -0.008], "stands 6.86 mm inside of palm"),
             ([0.080, -0.008], "the straight finger overlaps the object"),
-            ([0.029, 0.200], "does not reach the object"),
+            ([0.029, 0.200], "out of reach"),
             ([0.030, -0.070], "first at 0.072 m of its length, not with its tip"),
         ],
         2,
