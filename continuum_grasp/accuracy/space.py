@@ -160,7 +160,7 @@ def _shapes(model: FingerModel, q: Array, u: Array) -> Array:
 
 
 def finer_equilibrium(found: Equilibrium) -> Equilibrium | None:
-    """The same equilibrium in elements of half the length; None where it cannot be had, SolverError if not found."""
+    """Solve for an equilibrium in elements of half the length; None where none can be had, SolverError if lost."""
     if found.scene is None:
         return None
     try:

@@ -116,7 +116,7 @@ class Field:
         return replace(self, low=low, high=high, scale=scale)
 
     def around(self, scale: float) -> Field:
-        """The same of a number without a range of its own, from the size of usual values."""
+        """Give a number without a range of its own one from the size of its usual values."""
         return self.within(-REACH * scale, REACH * scale, scale)
 
     @property

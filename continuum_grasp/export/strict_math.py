@@ -42,7 +42,7 @@ class _Series:
     logarithm: int
     """Terms of artanh(s) / s in s^2; the first left out is below half a rounding at the greatest s, 0.172."""
     arctangent: int
-    """The same of arctan(t) / t in t^2, at tan(pi / 8)."""
+    """Terms of arctan(t) / t in t^2; the first left out is below half a rounding at tan(pi / 8)."""
     half_pi_rest: float
     """pi / 2 less its nearest number."""
     saturation: float
@@ -65,22 +65,22 @@ class _Series:
 
     @property
     def sine_series(self) -> list[float]:
-        """The same of sin(x) / x in x^2."""
+        """Coefficients of sin(x) / x in x^2."""
         return [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(self.sine - 1, -1, -1)]
 
     @property
     def cosine_series(self) -> list[float]:
-        """The same of cos(x) in x^2."""
+        """Coefficients of cos(x) in x^2."""
         return [(-1.0) ** k / math.factorial(2 * k) for k in range(self.sine, -1, -1)]
 
     @property
     def logarithm_series(self) -> list[float]:
-        """The same of 2 artanh(s) / s in s^2."""
+        """Coefficients of 2 artanh(s) / s in s^2."""
         return [2.0 / (2 * k + 1) for k in range(self.logarithm - 1, -1, -1)]
 
     @property
     def arctangent_series(self) -> list[float]:
-        """The same of arctan(t) / t in t^2."""
+        """Coefficients of arctan(t) / t in t^2."""
         return [(-1.0) ** k / (2 * k + 1) for k in range(self.arctangent - 1, -1, -1)]
 
 
@@ -187,7 +187,7 @@ _NEEDS = {
     "acos": ("sqrt", "atan2"),
     "pow": ("exp", "log"),
 }
-"""What the C of a function calls."""
+"""Functions that the C of a function calls."""
 
 
 def _with_needs(names: Iterable[str]) -> list[str]:

@@ -40,7 +40,7 @@ class Entry:
     series: str = ""
     """Entries of one block and one series follow each other: one reading, row by row or instant by instant."""
     quantity: str = ""
-    """What was measured: that of its reading, frequency or decay rate."""
+    """Quantity that was measured: a reading, a frequency or a decay rate."""
 
 
 class Block:

@@ -86,7 +86,7 @@ def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[
 
 
 def _as_known(one: Assignment, stiffer: float) -> Assignment:
-    """The same task, of a finger that is as its controller knows it, on pads that are stiffer."""
+    """Replace the plant of a task by the finger that its controller knows, on pads that are stiffer."""
     law = one.mission.contact_law
     mission = one.mission.replaced(
         more_contacts=(), plant=Plant(), contact_law=law.replaced(stiffness=stiffer * law.stiffness)

@@ -169,7 +169,7 @@ def _makers(
     ranges: Mapping[str, Sequence[float]] | None,
     preview: bool,
 ) -> dict[str, Callable[[], Unit]]:
-    """What makes the units that are asked for, by their kinds."""
+    """Builders of the units that are asked for, by their kinds."""
     if isinstance(scene, Scene):
         if what is not None and chosen([what] if isinstance(what, str) else what, WHAT, "part", "what") != ["plant"]:
             raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")

@@ -54,7 +54,7 @@ def held_postures(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> Iterator
 
 
 def _given(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> dict[str, Array]:
-    """What is stored with ``held.`` before its name, without it; a finger may have that name."""
+    """Arrays stored under ``held.``, by their names without it; a finger may be called ``held``."""
     reached = {f"held.{key}" for key in (*OF_FINGER, "family") if "held" in grasp.scene.named_fingers}
     held = (key for key in arrays if key.startswith("held.") and key not in reached)
     return {key.removeprefix("held."): np.asarray(arrays[key]) for key in held}
@@ -65,7 +65,7 @@ def _frictional(grasp: RecomputedGrasp) -> list[RecomputedFinger]:
 
 
 def _misfits(grasp: RecomputedGrasp, given: Mapping[str, Array]) -> int:
-    """How many arrays of postures are missing, unknown, or of another number of postures, contacts or states."""
+    """Count arrays of postures that are missing, unknown, or of another number of postures, contacts or states."""
     names = given.get("contact_names", np.zeros(0))
     count = {f"{finger.name}.friction_states": finger.setup.friction_states for finger in _frictional(grasp)}
     expected = {"object.pose", *OF_CONTACTS, *count, *(f"{f.name}.{key}" for f in grasp.fingers for key in OF_FINGER)}

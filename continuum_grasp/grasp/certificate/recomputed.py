@@ -31,7 +31,7 @@ SHARE = 1e-3
 tendons which balance each other to 1e-9 leave as much."""
 OF_FINGER = "q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone"
 OF_CONTACTS = tuple(f"contact_{key}" for key in ("names", "positions", "normals", "forces", "stations", "parts"))
-"""What is stored of each finger, after its name and a dot, and of the contacts."""
+"""Names of the arrays stored of each finger, after its name and a dot, and of the contacts."""
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
 _STEP = 1e-30
