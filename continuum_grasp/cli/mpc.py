@@ -93,7 +93,7 @@ def mpc(
             others = compared(scene, progress=report)
     found = run.metrics()
     output.warn(run.warnings)
-    output.pairs({"status": run.ended, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
+    output.pairs({"status": run.outcome, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
     output.say("")
     output.table(*found.rows())
     output.say("")
@@ -104,7 +104,7 @@ def mpc(
     output.pairs(saved_in(folder, files))
     metrics = {name: asdict(other.metrics()) for name, other in others.items()}
     values = {"duration": run.t[-1], "metrics": asdict(found), "compared": metrics}
-    output.conclude(run, folder, files, status=run.ended, **values)
+    output.conclude(run, folder, files, status=run.outcome, **values)
     if run.tripped:
         raise typer.Exit(_FAILED)
 

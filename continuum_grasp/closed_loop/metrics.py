@@ -12,7 +12,7 @@ from continuum_grasp.control.ocp.cost_terms import Tracked
 
 Array = NDArray[np.float64]
 
-_FINAL = 0.1
+FINAL = 0.1
 """Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
 
 
@@ -103,7 +103,7 @@ class Metrics:
 def tracking_of(group: Tracked, error: Array) -> Tracking:
     """Evaluate the errors of one tracked quantity (K + 1, nr)."""
     own = error[:, group.columns]
-    last = own[-max(1, round(_FINAL * len(own))) :].mean(axis=0)
+    last = own[-max(1, round(FINAL * len(own))) :].mean(axis=0)
     # A point's error is the length of its vector; other quantities are scalars, points of one dimension.
     size = 2 if group.of_points else 1
     sizes = np.linalg.norm(own.reshape(len(own), -1, size), axis=2)

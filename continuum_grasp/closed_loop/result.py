@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import Metrics, rms, times_of, tracking_of, violation_of
+from continuum_grasp.closed_loop.metrics import FINAL, Metrics, amount, rms, times_of, tracking_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.log import ControlLog
@@ -150,8 +150,18 @@ class ControlRun(MotionResult):
 
     @property
     def outcome(self) -> str:
-        """How the run ended; ``status`` is of each command."""
-        return self.ended
+        """How the run ended, or ``missed`` where it finished far from a setpoint; ``status`` is of each command."""
+        return "missed" if self.ended == "finished" and self.missed else self.ended
+
+    @cached_property
+    def missed(self) -> dict[str, float]:
+        """By how much quantities are off setpoints that stood long enough to be met, by name [m or rad]."""
+        others = np.flatnonzero((self.r != self.r[-1]).any(axis=1))
+        stood = len(self.r) - 1 - (others[-1] + 1 if others.size else 0)
+        if stood * self.period < max(_STOOD, FINAL * self.t[-1]):
+            return {}
+        limits = {"m": _OFF * self.scene.finger.rod.length, "rad": 2.0 * _OFF}
+        return {one.name: one.final for one in self.metrics().tracking if one.final > limits.get(one.unit, np.inf)}
 
     def pairs(self) -> dict[str, str]:
         """Time, errors of what is tracked, times of the controller, counts."""
@@ -306,6 +316,12 @@ class ControlRun(MotionResult):
         if odd:
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())
             found.append(f"of {len(self.status)} commands, {counts}")
+        for name, off in self.missed.items():
+            unit = next(one.unit for one in self.metrics().tracking if one.name == name)
+            found.append(
+                f"{name}: {amount(off, unit)} off a setpoint that stood; likely cause: no posture that inputs within "
+                "their bounds hold is there, or something is in the way"
+            )
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
             found.append(
@@ -338,7 +354,7 @@ class ControlRun(MotionResult):
         """Metrics, events, and the names of all columns; ``status`` is how the run ended."""
         keys = ("x", "u", "y", "r", "p", "estimated", "phase")
         return {
-            "status": self.ended,
+            "status": self.outcome,
             "seed": self.scene.plant.seed,
             "metrics": asdict(self.metrics()),
             "events": [list(event) for event in self.events],
@@ -355,7 +371,7 @@ class ControlRun(MotionResult):
     def report(self) -> str:
         """The table as text."""
         found = self.metrics()
-        lines = [self.name or "closed loop", f"{self.ended}: {self.t[-1]:g} s in {len(self.u)} periods", ""]
+        lines = [self.name or "closed loop", f"{self.outcome}: {self.t[-1]:g} s in {len(self.u)} periods", ""]
         rows = found.rows()
         widths = [max(len(row[k]) for row in rows) for k in range(4)]
         lines += ["  ".join([row[0].ljust(widths[0]), *(row[k].rjust(widths[k]) for k in (1, 2, 3))]) for row in rows]
@@ -366,6 +382,11 @@ class ControlRun(MotionResult):
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
+_STOOD = 0.5
+"""Time for which a setpoint has to stand for its error at the end to count [s]: some periods of a finger's sway."""
+_OFF = 0.05
+"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], as much
+as moves the tip as far."""
 _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 

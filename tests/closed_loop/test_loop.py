@@ -461,6 +461,29 @@ def test_other_controllers_have_other_scenes():
     assert replace(run(), ended="stopped").metrics() == run().metrics()
 
 
+@pytest.mark.parametrize(
+    ("share", "stood", "ended", "outcome"),
+    [
+        (0.0499, 0.6, "finished", "finished"),
+        (0.0501, 0.6, "finished", "missed"),
+        (0.0501, 0.6, "tripped", "tripped"),
+        (0.0501, 0.5, "finished", "missed"),
+        (0.0501, 0.48, "finished", "finished"),
+    ],
+)
+def test_a_setpoint_that_stood_is_met_or_the_run_says_that_it_is_missed(share, stood, ended, outcome):
+    done, period = run(), 0.02
+    r = done.r[-1:].repeat(len(done.t), 0)
+    tracked = r.copy()
+    tracked[:, :2] += share * FINGER.rod.length * np.array([0.6, 0.8])
+    r[: len(done.u) - round(stood / period)] += 1e-3
+    assert done.r_names[:2] == ("tip_x [m]", "tip_y [m]")
+    found = replace(done, r=r, tracked=tracked, t=2.0 * done.t, period=period, ended=ended)
+    assert found.outcome == outcome
+    words = [word for word in found.warnings if word.startswith("tip: 9.02 mm off a setpoint that stood")]
+    assert len(words) == len(found.missed)
+
+
 # -- pictures ---------------------------------------------------------------------------------------------------------
 
 
