@@ -92,14 +92,14 @@ def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:
 
 def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Function:
     """(y = scaled [q, u]) -> errors of the goal and of balance, and their Jacobian."""
-    model, n, reach = motion.prediction, len(first.q), motion.reach
+    model, n, reach = _without_play(motion.prediction, motion.scene), len(first.q), motion.reach
     y = ca.SX.sym("y", n + motion.nu)
     q, u = y[:n] * ca.DM(reach), y[n:] * ca.DM(motion.scales.u)
     # A state at rest is affine in q and u, but for motors.
     base = model.at_rest(np.zeros(n), np.zeros(motion.nu))
     by_q = np.array([model.at_rest(e, np.zeros(motion.nu)) - base for e in np.eye(n)]).T
     by_u = np.array([model.at_rest(np.zeros(n), e) - base for e in np.eye(motion.nu)]).T
-    x = _driven(motion, ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u), q, u)
+    x = _driven(model, ca.DM(base) + ca.mtimes(ca.DM(by_q), q) + ca.mtimes(ca.DM(by_u), u), q, u)
     s = x / ca.DM(motion.scales.x)
     if motion.linear:
         s = ca.vertcat(s, y[n:])
@@ -124,9 +124,17 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
 
 
-def _driven(motion: Motion, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
+def _without_play(model: Prediction, scene: PlanScene) -> Prediction:
+    """The model with gears that are rigid: within a play the finger feels nothing of an input, which leaves no slopes."""
+    if not any(winch.has_play for winch in model.system.finger_model.structure.winches):
+        return model
+    drive = scene.finger.winches[0].replaced(backlash=0.0, gear_stiffness=None)
+    return Prediction(scene.replaced(finger=scene.finger.with_tendons(drive=drive)))
+
+
+def _driven(model: Prediction, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
     """States with winches and motors as they are at rest."""
-    finger = motion.prediction.system.finger_model
+    finger = model.system.finger_model
     if not finger.structure.winches:
         return x
     inputs = ca.vertcat(u, ca.SX.zeros(finger.nu - u.numel()))

@@ -19,4 +19,5 @@ def test_there_are_as_many_faults_as_promised():
 def test_every_fault_fits_its_file_and_has_tests(fault):
     text = (ROOT / fault.file).read_text(encoding="utf-8")
     assert fault.put_into(text) != text
-    assert fault.tests and all((ROOT / path).exists() for path in fault.tests)
+    assert fault.tests
+    assert all((ROOT / path).exists() for path in fault.tests)

@@ -433,16 +433,15 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
 
 
 @pytest.mark.deep
-def test_it_is_dropped_without_friction_and_repeats_bit_for_bit(runner, held):
+def test_it_stays_on_the_ground_without_friction_and_repeats_bit_for_bit(runner, held):
     """Other plants in between leave no trace, nor do they change what is read off a run."""
     before = held.run.readings.plant.p
-    dropped = runner.run(Variation(friction=0.3))
-    assert not np.array_equal(dropped.run.readings.plant.p, before)
+    slipping = runner.run(Variation(friction=0.3))
+    assert not np.array_equal(slipping.run.readings.plant.p, before)
     assert np.array_equal(held.run.readings.plant.p, before)
     read = held.run.readings.contacts(held.run.x, np.vstack([held.run.u, held.run.u[-1:]]), held.run.w)
     assert np.array_equal(read.force, held.run.contacts.force)
-    assert not dropped.verdict.held
-    assert dropped.verdict.sunk > 0.04
+    assert (slipping.status, slipping.verdict.held, slipping.verdict.sunk) == ("not_lifted", False, 0.0)
     again = runner.run()
     assert np.array_equal(again.run.x, held.run.x)
     assert np.array_equal(again.run.u, held.run.u)
