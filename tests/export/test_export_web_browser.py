@@ -95,19 +95,28 @@ def test_the_tip_follows_a_dragged_target(opened):
     assert found["code"] >= 0
 
 
+def mean_tip(page):
+    """Of half a second, in which the noise of the camera lets the tip wander by a millimeter."""
+    tips = []
+    for _ in range(20):
+        page.evaluate("page.advance(25)")
+        tips.append(page.evaluate(MOTION)["tip"])
+    return np.mean(tips, axis=0)
+
+
 @pytest.mark.deep
 def test_a_pushed_finger_gives_way_and_comes_back(opened):
     page = stopped(opened("steady_tip"))
     page.evaluate("page.advance(1500)")
-    before = np.array(page.evaluate(MOTION)["tip"])
+    before, start = mean_tip(page), np.array(page.evaluate(MOTION)["tip"])
     middle = page.evaluate("page.section(12)")
     drag(page, middle, np.array(middle) + np.array([0.05, 0.0]))
     page.evaluate("page.advance(30)")
     assert page.evaluate("page.world.push[2]") > 0.0
-    assert np.linalg.norm(np.array(page.evaluate(MOTION)["tip"]) - before) > 1e-3
+    assert np.linalg.norm(np.array(page.evaluate(MOTION)["tip"]) - start) > 1e-3
     page.mouse.up()
-    page.evaluate("page.advance(2000)")
-    assert np.linalg.norm(np.array(page.evaluate(MOTION)["tip"]) - before) < 3e-3
+    page.evaluate("page.advance(1500)")
+    assert np.linalg.norm(mean_tip(page) - before) < 2e-3
 
 
 def test_a_mug_is_held_and_a_hand_pulls_it_out(opened):
