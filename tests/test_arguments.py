@@ -150,3 +150,17 @@ def test_arguments_are_checked_without_being_used_up():
         return sum(values) + len(list(names))
 
     assert total([1, 2], (name for name in "ab")) == 5
+
+
+@pytest.mark.parametrize(("value", "taken"), [(5e-324, True), (0.0, False), (-5e-324, False), (1.7e308, True)])
+def test_what_is_above_zero_begins_right_above_it(value, taken):
+    if taken:
+        assert arguments.positive("step", value) == value
+    else:
+        with pytest.raises(InputError, match="above 0"):
+            arguments.positive("step", value)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_whole_numbers_beyond_the_doubles_keep_their_sign(sign):
+    assert arguments.within("speed", sign * 10**400, -math.inf, math.inf) == sign * math.inf

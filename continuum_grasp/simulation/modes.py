@@ -152,6 +152,10 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
     )
 
 
+_ROUNDING = 1e-7
+"""Frequency per the greatest one below which it is that of rounding [1]: squares are off by some 1e-16 of the greatest."""
+
+
 def _pulsations(values: NDArray[Any]) -> Array:
     """Angular frequencies [rad/s] of their squares; zero where a square is negative, which marks what is unstable."""
     return np.asarray(np.sqrt(values.astype(complex)).real)
@@ -160,7 +164,7 @@ def _pulsations(values: NDArray[Any]) -> Array:
 def _frequencies(mass: Array, stiffness: Array) -> Array:
     """Natural frequencies [Hz]."""
     found = _pulsations(_eigen(mass, stiffness)[0])
-    found[found <= 1e-9 * found.max(initial=0.0)] = 0.0
+    found[found <= _ROUNDING * found.max(initial=0.0)] = 0.0
     return found / (2.0 * np.pi)
 
 

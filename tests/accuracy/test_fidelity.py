@@ -12,7 +12,8 @@ import continuum_grasp as cg
 from benchmarks.bench_fidelity import again, cheaper
 from benchmarks.graded_rods import RODS
 from benchmarks.random_scenes import random_scene
-from continuum_grasp.accuracy import choose
+from continuum_grasp.accuracy import choose, motion
+from continuum_grasp.accuracy.choice import RANGES, _bending_range
 from continuum_grasp.accuracy.choose import choose_fidelity
 from continuum_grasp.accuracy.truth import load_cases
 from continuum_grasp.cli import app
@@ -240,3 +241,36 @@ def test_the_command_line_says_what_was_chosen(tmp_path):
     refused = CliRunner().invoke(app, ["validate", str(HANGING_FINGER), "--set", "fidelity.tolerance=-1 %"])
     assert refused.exit_code == 2
     assert "fidelity.tolerance: out of range" in refused.output
+
+
+@pytest.mark.parametrize(("share", "chosen"), [(0.999, 2), (1.001, 3)])
+def test_the_declared_range_leaves_a_margin_of_a_tenth(share, chosen):
+    """Over what the exact rod bends: 1.1 times as much decides between two ranges."""
+
+    class Bent:
+        def curvature_reach(self, start, end, moving):
+            return share * RANGES[2] / 1.1 / 0.1
+
+    assert _bending_range(scene(), Bent(), (0.1, 0.1)) == RANGES[chosen]
+
+
+@pytest.mark.parametrize(("share", "substeps"), [(0.999, 4), (1.001, 5)])
+def test_the_pace_is_that_of_the_fewest_steps_within_the_tolerance(share, substeps, monkeypatch):
+    """Of a motion whose error is known: that of four sub-steps decides."""
+    model = cg.FingerModel(cg.Finger(rod=cg.Rod(length=0.2, linear_density=0.03, bending_stiffness=0.006)))
+
+    class Known:
+        step = 0.01
+
+        def __init__(self, scene, model):
+            pass
+
+        def states(self, substeps, instants):
+            pass
+
+        def tip(self, substeps):
+            return np.array([[0.0, share * 0.2e-4 / (4.0**-4 - 8.0**-4) * substeps**-4.0]])
+
+    monkeypatch.setattr(motion, "Runs", Known)
+    monkeypatch.setattr(motion, "evaluation_ns", lambda model: 1.0)
+    assert motion.pace(None, model, 1e-4).steps_per_second == substeps / Known.step

@@ -18,8 +18,10 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.core import cache, core
+from continuum_grasp.core.batches import Scan
 from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
+from continuum_grasp.core.integrators import step_function
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.finger_model import FUNCTIONS
 from continuum_grasp.model.functions import MATRICES
@@ -242,6 +244,35 @@ def test_methods_have_the_order_of_their_table(family, method, varying):
     errors = [np.abs(end(steps, method) - reference).max() for steps in (160, 320)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(INTEGRATORS[method].order, abs=0.3)
     assert errors[1] < {4: 1e-3, 2: 1e-2}[INTEGRATORS[method].order] * np.abs(reference).max()
+
+
+def test_the_step_of_plants_with_contacts_has_its_order():
+    model = small()[0]
+    x0, inputs = 0.3 * state(model, 0.5).x, [*3 * [[5.0, 1.0]], *3 * [np.zeros(model.nw)], []]
+
+    def end(method: str, steps: int) -> np.ndarray:
+        x, step = x0, step_function(model, method)
+        for _ in range(steps):
+            x = step(x, *inputs, 0.08 / steps)
+        return np.array(x).ravel()
+
+    reference = end("rk4", 640)
+    errors = [np.abs(end("ros2", steps) - reference).max() for steps in (80, 160)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(INTEGRATORS["ros2"].order, abs=0.3)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_a_recursion_without_a_compiler_is_that_of_its_steps(back):
+    """Three rows of a signal hold for two steps each, two rows of a result are sums over three."""
+    carry, signal = ca.SX.sym("carry"), ca.SX.sym("signal")
+    function = ca.Function("f", [carry, signal], [carry + signal, carry * signal])
+    scan, given = Scan(function, lambda source: None), np.array([1.0, 2.0, 4.0])
+    found, sums = scan(6, [np.array([[0.5]]), given.reshape(1, 3, 1)], [2], back)
+    way = -1 if back else 1
+    each = np.repeat(given, 2)[::way]
+    path = 0.5 + np.append(0.0, np.cumsum(each))
+    assert found[0, :, 0] == pytest.approx(path[::way])
+    assert sums[0, :, 0] == pytest.approx((path[:-1] * each)[::way].reshape(2, 3).sum(axis=1))
 
 
 def test_every_method_is_documented():

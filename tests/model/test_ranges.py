@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.quadrature import _ERRORS, RANGES, STRICT, node_count
 from continuum_grasp.scene import BasePose, Damping, Finger, PointMass, Rod
 
 ROD = Rod(length=0.6, linear_density=0.02, bending_stiffness=0.047)
@@ -55,3 +57,19 @@ def test_motions_stay_within_them(count, tapered):
     use, bend = (np.array(core.batch(name, shapes, None, None)) for name in ("range_use", "bending"))
     assert np.abs(bend.sum(axis=1)).max() > 1.2
     assert 0.2 < use.max() <= 1.0
+
+
+@pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
+@pytest.mark.parametrize("column", range(len(RANGES)))
+def test_nodes_are_those_of_the_least_range_that_covers_a_bend(column, accuracy):
+    wanted = accuracy if accuracy > STRICT else 0.1 * accuracy
+
+    def enough(at):
+        return next(count for count, errors in _ERRORS.items() if errors[at] <= wanted)
+
+    assert node_count(0.999 * RANGES[column], accuracy) == node_count(RANGES[column], accuracy) == enough(column)
+    if column + 1 < len(RANGES):
+        assert node_count(1.001 * RANGES[column], accuracy) == enough(column + 1)
+    else:
+        with pytest.raises(InputError, match="beyond one turn"):
+            node_count(1.001 * RANGES[column], accuracy)

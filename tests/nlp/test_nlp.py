@@ -282,3 +282,12 @@ def test_an_unknown_solver_is_refused_with_the_names_of_those_there_are():
     configs = Path(__file__).parents[2] / "configs"
     with pytest.raises(ContinuumGraspError, match="ipopt"):
         load(configs / "grasp" / "mug.yaml", ["solver.method=simplex"])
+
+
+@pytest.mark.parametrize(
+    ("error", "violation", "solved"), [(0.999, 0.999, True), (1.001, 0.0, False), (0.0, 1.001, False)]
+)
+def test_a_point_is_solved_up_to_both_tolerances(error, violation, solved):
+    solver = new_solver(Settings("ipopt", tolerance=1e-6, constraint_tolerance=1e-9))
+    status = solver._status(Status.FAILED, 1e-6 * error, 1e-9 * violation)
+    assert (status is Status.SOLVED) == solved

@@ -537,3 +537,11 @@ def test_near_the_buckling_load_there_is_a_warning(share, warned, without_compil
     assert any("near a buckling load" in warning for warning in found.warnings) == warned
     arcs = equilibrium(rod_scene(UNIT, "arc", 2, angle=UPRIGHT, gravity=NONE, loads=loads))
     assert any("near a buckling load" in warning for warning in arcs.warnings) == (0.9 < share < 1.2)
+
+
+@pytest.mark.parametrize("s", [-1e-9, 1.0 + 1e-9])
+def test_places_beyond_the_ends_are_refused(s):
+    found = solve_elastica(unit())
+    assert found.position(np.clip(s, 0.0, 1.0)) == pytest.approx([np.clip(s, 0.0, 1.0), 0.0], abs=1e-9)
+    with pytest.raises(InputError, match=r"between 0 and 1\.0 m"):
+        found.position(s)

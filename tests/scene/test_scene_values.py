@@ -157,3 +157,14 @@ def test_what_no_grasp_can_be_is_said(name):
     with pytest.raises(InputError) as caught:
         cg.load(Path(__file__).parents[2] / "configs/grasp/mug.yaml", [change])
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("excess", "taken"), [(0.999e-6, True), (1.001e-6, False), (1e-3, False)])
+def test_a_duration_is_a_whole_number_of_steps_but_for_rounding(excess, taken):
+    """By a share of the number of steps."""
+    given = {"duration": 1.0, "step": 1.0 / (10.0 * (1.0 + excess))}
+    if taken:
+        cg.Timing(**given)
+    else:
+        with pytest.raises(InputError, match="whole number of steps"):
+            cg.Timing(**given)
