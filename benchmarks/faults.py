@@ -234,7 +234,7 @@ FAULTS: tuple[Fault, ...] = (
     *_in(
         "grasp/quality/resistance.py",
         ("high = float(min(2.0 * spare[0][0]", "high = float(min(1.0 * spare[0][0]"),
-        tests="grasp/test_grasp_quality.py",
+        tests="grasp/test_grasp_quality.py grasp/test_grasp_response.py",
     ),
     *_in(
         "grasp/closing/verdict.py",

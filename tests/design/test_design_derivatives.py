@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import root
 
 import continuum_grasp as cg
 from continuum_grasp.design.evaluation import DesignProblem
 from continuum_grasp.design.expression import Expression
+from continuum_grasp.design.held import HeldGrasp, Stencil
+from continuum_grasp.nlp import NLP, Multipliers
 from continuum_grasp.scene.assembly import placed
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import design_space_of
@@ -298,6 +304,53 @@ def test_tolerated_errors_are_differentiated_too():
     assert slopes[2] == pytest.approx(0.1 * slopes[0], rel=1e-6)
     ends = [cg.optimize_grasp(cg.load(ARCS).changed({"contacts.friction": 0.5 + h})).tension for h in (-1e-3, 1e-3)]
     assert slopes[1] == pytest.approx(0.05 * (ends[1] - ends[0]) / 2e-3, rel=1e-4)
+
+
+def test_unknowns_follow_the_bounds_and_rows_that_hold_them(monkeypatch):
+    """Least of x Q x / 2 - a x with rows s (C x + w |x|^2 / 2) - d, all of them moving along t: Newton's method with
+    what is active as equations. Unknowns are at an upper, at a lower and between equal bounds, free, and beyond a limit
+    that is relaxed; rows are equal, at most and at least zero, and not active.
+    """
+    rng, n, rows, first = np.random.default_rng(4), 7, 4, slice(3)  # what is active stands first
+    root_q, C, w = rng.normal(size=(n, n)), rng.normal(size=(rows, n)), rng.normal(size=rows)
+    Q = root_q @ root_q.T + 3.0 * np.eye(n)
+    x, forces, bound_forces = rng.normal(size=n), np.array([0.7, 1.3, -0.4, 0.0]), np.array([0.9, -0.6, 0.5, *4 * [0]])
+    inner = C @ x + 0.5 * w * (x @ x)
+    a = Q @ x + C.T @ forces + (w @ forces) * x + bound_forces
+    moved = rng.normal(size=n), rng.normal(size=rows), rng.normal(size=3)
+
+    def numbers(t):
+        return np.concatenate([a + t * moved[0], inner + [0.0, 0.0, 0.0, 1.0] + t * moved[1], [1.0 + 0.8 * t]])
+
+    def bounds(t):
+        low, high = x - 1.0, x + 1.0
+        high[[0, 2]] = x[[0, 2]] + t * moved[2][[0, 2]]
+        low[[1, 2]] = x[[1, 2]] + t * moved[2][[1, 2]]
+        high[6] = x[6] - 0.5
+        return low, high
+
+    def conditions(z, t):
+        at, row, bound = np.split(z, [n, n + 3])
+        scale = 1.0 + 0.8 * t
+        pushed = np.concatenate([bound, np.zeros(n - 3)]) - numbers(t)[:n]
+        gradient = Q @ at + scale * (C[first].T @ row + (w[first] @ row) * at) + pushed
+        value = scale * (C @ at + 0.5 * w * (at @ at)) - numbers(t)[n:-1]
+        return np.concatenate([gradient, value[first], (at - x)[first] - t * moved[2]])
+
+    here = np.concatenate([x, forces[first], bound_forces[first]])
+    ends = [root(conditions, here, args=(t,), tol=1e-13).x[:n] for t in (1e-4, -1e-4)]
+    X, p = ca.MX.sym("x", n), ca.MX.sym("p", n + rows + 1)
+    g = p[-1] * (ca.mtimes(C, X) + 0.5 * ca.sumsqr(X) * w) - p[n:-1]
+    problem = NLP("made up", X, 0.5 * ca.bilin(Q, X, X) - ca.dot(p[:n], X), g, p)
+    row_bounds = np.array([0.0, -np.inf, 0.0, -np.inf]), np.array([0.0, 0.0, np.inf, 0.0])
+    value = np.array(problem.functions["jac_g"](x, numbers(0.0))[0]).ravel()
+    attempt = SimpleNamespace(x=x, g=value, numbers=numbers(0.0), multipliers=Multipliers(bound_forces, forces))
+    solver = SimpleNamespace(derivatives=problem.functions, row_bounds=row_bounds)
+    monkeypatch.setattr(HeldGrasp, "_bounds", lambda _, t: bounds(t))
+    near = Stencil.of(lambda t: t)
+    low, high = (near.difference([bounds(t)[k] for t in near.scenes]) for k in (0, 1))
+    found = HeldGrasp(0.0, solver, attempt, {})._tangent(near, [numbers(t) for t in near.scenes], low, high)
+    np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-4, rtol=1e-5)
 
 
 def test_expressions_have_exact_derivatives():

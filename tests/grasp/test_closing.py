@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,7 +14,8 @@ from scipy.optimize import brentq
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import ClosingStatus, GraspResult, closing_path
-from continuum_grasp.grasp.closing.energy import Closing
+from continuum_grasp.grasp.closing.energy import Closing, Sight
+from continuum_grasp.grasp.closing.verdict import Ending, Step
 
 
 @cache
@@ -110,6 +113,24 @@ def test_a_round_foot_resists_turning_by_two_thirds_of_its_radius() -> None:
         taken.append(float(energy(x, p)))
     radius = 0.5 * scene.object.size
     assert (taken[1] - taken[0]) / 0.1 == pytest.approx(0.3 * scene.weight * 2.0 / 3.0 * radius, rel=1e-6)
+
+
+def test_the_moment_on_the_object_is_about_its_center_of_mass() -> None:
+    """On a disc normal forces run through the center and friction has the radius as its arm; moments about the center
+    of mass follow from the shift of the point. A peg that presses is none of the fingers.
+    """
+    pose, com, radius = np.array([0.3, -0.2, 0.7]), (0.02, -0.01), 0.04
+    rim = np.exp(1j * np.array([0.4, 2.0, 3.9]))
+    normal, friction = np.array([2.0, 9.0, 3.0]), np.array([0.5, -4.0, 0.8])
+    outward = np.stack([rim.real, rim.imag])
+    sight = Sight(np.zeros(0), np.zeros(3), outward, pose[:2, None] + radius * outward, np.zeros((2, 0)), pose)
+    closing: Any = SimpleNamespace(scene=SimpleNamespace(object=SimpleNamespace(com=com)))
+    step, here = Step(1.0, np.zeros(2), np.zeros(0), sight, normal, friction), [0, 2]
+    force = -((normal + 1j * friction) * rim)[here].sum()
+    arm = complex(*com) * np.exp(1j * pose[2])
+    moment = -radius * friction[here].sum() - (arm.conjugate() * force).imag
+    found = Ending(closing, {}, [], 0.0)._wrench(step, here)
+    np.testing.assert_allclose(found, [force.real, force.imag, moment], rtol=1e-12)
 
 
 @pytest.mark.deep

@@ -291,6 +291,20 @@ def test_mag_like_is_greatest_at_the_center_of_mass_for_translation():
             assert off.kinetic_aspect == pytest.approx(best.kinetic_aspect)
 
 
+@pytest.mark.parametrize("task", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("shift", [(0.02, 0.02), (-0.01, 0.03)])
+def test_the_object_aspect_is_that_of_forces_of_least_squares(shift, task):
+    """By the pseudoinverse of the grasp matrix: with arms from the center of mass, and from the contacts' center."""
+    scene, arrays = bent_pinch(shift)
+    squares = []
+    for center in (shift, (0.0, 0.0)):
+        arms = arrays["contact_positions"] - center
+        matrix = np.hstack([[[1.0, 0.0], [0.0, 1.0], [-y, x]] for x, y in arms])
+        squares.append(float(((np.linalg.pinv(matrix) @ task) ** 2).sum()))
+    found = mag_like(scene, arrays, [task]).object_aspect
+    assert found == pytest.approx(squares[1] / squares[0], rel=1e-9)
+
+
 def test_mag_like_knows_which_ways_a_finger_goes():
     finger = {"finger": straight_finger((0.0, 0.0, 0.0))}
     scene = make_scene(finger=make_finger((0.5, 0.5, 0.0), 0.0, weight=0.03))

@@ -129,6 +129,11 @@ def test_what_is_found_next_to_other_errors_is_what_ipopt_finds_from_the_grasp(
     for one, other in zip(found, [alone.to(error) for error in errors], strict=True):
         assert one.holds == other.holds
         assert one.reserve == pytest.approx(other.reserve, abs=2e-5)  # guarded places move it by up to 4e-5
+        friction = np.array([one.scene.friction(str(name)) for name in one.arrays["contact_names"]])
+        normal, *sideways = one.arrays["contact_forces"].T
+        beyond = float((np.hypot(*sideways) - friction * normal).max() / normal.max())
+        assert one.holds == (beyond < 1e-3)
+    assert {one.holds for one in found} == {True, False}
     assert alone.anew == len(errors)
     assert near.anew < len(errors) / 2
 
