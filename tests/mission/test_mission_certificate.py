@@ -140,7 +140,7 @@ def test_it_is_said_before_anything_runs(grasp, monkeypatch):
 
 @pytest.mark.deep
 def test_all_contacts_of_the_grasp_are_the_controllers_and_can_be_held(grasp):
-    """A second middle contact of 1 N at 0.12 m: one more element, one more force; the certificate knows its name."""
+    """A second middle contact of 1 N at 0.12 m: one more force to hold; the certificate knows its name."""
     arrays, middle = dict(grasp.arrays), grasp.contact("finger.middle")
     (row,) = np.flatnonzero(arrays["contact_names"] == "finger.middle")
     for key in [key for key in arrays if key.startswith("contact_")]:
