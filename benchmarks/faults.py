@@ -277,7 +277,7 @@ FAULTS: tuple[Fault, ...] = (
     *_in(
         "control/ocp/scene_problem.py",
         ("change = (model.u - held) / horizon.stage", "change = (model.u + held) / horizon.stage"),
-        tests="control/test_control_problem.py",
+        tests="control/test_control_problem.py control/test_cost_terms.py",
     ),
     *_in(
         "control/estimation/excitation.py",

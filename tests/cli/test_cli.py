@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp
 from continuum_grasp.cli import app
+from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.errors import NumericalError, SolverError
 from continuum_grasp.simulation.trajectory import Trajectory
 
@@ -46,6 +47,16 @@ def test_help_needs_nothing_heavy():
         f"{HEAVY[:-1]!r} if m in sys.modules))"
     )
     assert fresh(code).endswith("loaded:")
+
+
+def test_configurations_are_completed_up_to_three_folders_deep(tmp_path, monkeypatch):
+    folders = [Path(*"abcde"[:depth]) for depth in range(6)]
+    for folder in folders:
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / "rod.yaml").write_bytes(Path(RELEASE).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    found = complete_config(SimpleNamespace(info_name="modes"), "")
+    assert found == [str(folder / "rod.yaml") for folder in folders[:4]]
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux, which lists the threads of a process")

@@ -216,6 +216,18 @@ def test_a_conduit_takes_its_share_before_the_finger():
     assert angle == pytest.approx(np.log(1.0 + 0.1 * OFFSET / STIFFNESS * arriving * LENGTH) / 0.1, rel=1e-4)
 
 
+def test_friction_acts_towards_the_base_while_it_is_pulled_and_turns_around_from_there():
+    chain = at_rest(10, 0.1, single)
+    near, far = (chain.model.friction_along(0, a * LENGTH, (a + 0.3) * LENGTH) for a in (0.0, 0.7))
+    along = chain.model.function("along", near=near, far=far)
+    found = []
+    for tensions in (np.linspace(2.0, 20.0, 10), [17.0, 15.5], [13.0, 10.0]):
+        for tension in tensions:
+            chain.go([tension])
+        found.append(np.array(along(chain.x, [tension], chain.model.forces(0.0)[0])).ravel())
+    assert np.concatenate(found) == pytest.approx([1.0, 1.0, -1.0, 1.0, -1.0, -1.0], abs=1e-6)
+
+
 @pytest.mark.deep
 def test_it_presses_an_object_as_a_plant_of_elements_does():
     """Without friction of tendons, under gravity in the plane; both come to rest."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.stats import chi2
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.compiled import estimator_source
 from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimation import excitation
 from continuum_grasp.control.estimation.adaptation import Observability
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.field import Field
@@ -135,6 +137,22 @@ def test_a_delay_that_is_not_stated_is_found_as_half_of_it_in_the_lag():
     assert lag.observability is Observability.DEAD_TIME
     assert abs(2.0 * lag.value - (2.0 * 0.02 + 0.01)) < 3.0 * 2.0 * lag.std
     assert lag.value - 0.02 > lag.std
+
+
+def test_sensitivities_at_rest_are_weighed_by_the_deviation_of_their_mean(monkeypatch):
+    """A lag of first order over 50 ms of what an error e' = a e + g n makes, by its closed form; three deviations."""
+    a, g, slope, std, r = 0.7, 0.4, 2.0, 0.03, 1.0 - 0.01 / 0.06
+    of_error = (g * std) ** 2 / (1.0 - a**2)
+    of_mean = ((1.0 - r) * slope) ** 2 * of_error * (1.0 + a * r) / ((1.0 - r**2) * (1.0 - a * r))
+    # Sensitivities of a state, slope z^2 / 2, at 1 and at 2.
+    step = lambda z, *_: (z, np.array([[1.0, slope * z[0] ** 2 / 2.0], [0.0, 1.0]]))  # noqa: E731
+    estimation = SimpleNamespace(nx=1, nz=2, adapted=[SimpleNamespace(state=1)], step=step)
+    scene = SimpleNamespace(controller=SimpleNamespace(step=0.01))
+    monkeypatch.setattr(excitation, "noise_of", lambda *_: (None, np.ones(2), np.array([std**2])))
+    monkeypatch.setattr(excitation, "_rests", lambda *_: [(np.array([at]), None) for at in (1.0, 2.0)])
+    monkeypatch.setattr(excitation, "_stationary", lambda *_: (np.array([[a]]), np.array([[g]])))
+    found = excitation.quiet_sensitivities(scene, SimpleNamespace(p_nominal=()), estimation, 1)
+    assert np.abs(found).ravel() == pytest.approx([1.0 / (3.0 * math.sqrt((1.0 + 4.0) * of_mean))], rel=1e-6)
 
 
 @pytest.mark.parametrize("bent", [False, True])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control import Contact, ContactDetector, Controller, Estimator
+from continuum_grasp.control.estimation.free_finger import FreeFinger
 from continuum_grasp.errors import InputError
 from tests.contact_cases import (
     EXACT,
@@ -51,6 +52,15 @@ def test_its_gains_are_those_of_a_finger_whose_winch_is_locked(at, gain):
             chain.move([("length", wound)], (-force * math.cos(chain.angle), -force * math.sin(chain.angle)))
             tensions.append(chain.tensions[0])
         assert feels.gain[0, at] == pytest.approx((tensions[1] - tensions[0]) / 0.002, rel=5e-3)
+
+
+@pytest.mark.parametrize("curvature", [1e-6, 1.3 / LENGTH])
+def test_a_tendon_that_sticks_feels_no_more_than_balances_a_force_at_the_base(curvature):
+    """Per force across the end of an arc, on which it has a lever sin(k s) / k; to the tendon's side it slackens it."""
+    finger = FreeFinger(scene(0.0), (), (0.5 * LENGTH, LENGTH))
+    state = np.repeat([curvature, 0.0], [finger.n, finger.size - finger.n])
+    most = np.array(finger.gain(state, [0.0, 0.0], finger.nominal)[1])
+    assert most[0] == pytest.approx(-np.sin(curvature * np.array(finger.places)) / curvature / OFFSET)
 
 
 @pytest.mark.parametrize(("friction", "half"), [(0.05, 0.27), (0.1, 0.55), (0.2, 1.10), (0.3, 1.65)])

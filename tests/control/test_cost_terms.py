@@ -67,6 +67,16 @@ def test_its_gradient_is_that_of_finite_differences():
     assert np.array(gradient).ravel() == pytest.approx(difference, rel=1e-6, abs=1e-7)
 
 
+def test_the_rate_of_the_input_is_its_change_over_a_stage():
+    """As what is tracked [N m/s], and per its limit as what is bounded."""
+    stages = stages_of(swing_scene(**TURNED))
+    x = np.zeros(stages.nx)
+    x[-1] = 0.07  # the input before
+    tracked, rows = (np.array(of(x, 0.1, stages.p_nominal)).ravel() for of in (stages.outputs, stages.rows))
+    assert tracked[-1] == pytest.approx(0.03 / 0.01)
+    assert dict(zip(stages.c_names, rows, strict=True))["tip_moment_rate"] == pytest.approx(0.03 / 0.01 / 3.0)
+
+
 @pytest.mark.deep
 def test_the_tip_turns_to_its_setpoint_and_stays():
     """Arcs in a plane without gravity: the angle is tip moment times length per EI, whatever the elements."""

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import warnings
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from continuum_grasp.environments import TASKS, Ended, FingerEnv, FingerVectorEnv  # noqa: E402
+from continuum_grasp.environments import TASKS, Ended, FingerEnv, FingerVectorEnv, substeps  # noqa: E402
 
 FAST = {"plant.fidelity": {"family": "matched_clothoid", "elements": 2}}
 SWEEP = {
@@ -109,6 +110,19 @@ def test_steps_satisfy_the_tolerance_of_simulate():
         env.step(u)
         finer.step(u)
     assert np.abs(env._readings[:, -2:] - finer._readings[:, -2:]).max() < 1e-4 * 0.18
+
+
+def test_steps_are_compared_from_gentle_commands_to_the_whole_range(monkeypatch):
+    low, high, rest, given = np.array([1.0, -2.0]), np.array([9.0, 5.0]), np.array([3.0, -1.0]), []
+    monkeypatch.setattr(substeps, "_tips", lambda *asked: given.append(asked[4]) or np.zeros((100, 16, 2)))
+    scene = SimpleNamespace(finger=SimpleNamespace(rod=SimpleNamespace(length=0.2)), input_limits=(low, high))
+    model = SimpleNamespace(rest_input=rest)
+    plants = SimpleNamespace(p=np.zeros((3, 1)), scenes=[scene], model=model, period=0.01)
+    assert substeps.choose_substeps(plants, None, 0.0, 1.0) == (1, 0.0)
+    away = given[0] - rest
+    for share, lane in zip(np.linspace(0.1, 1.0, 16), np.moveaxis(away, 1, 0), strict=True):
+        assert np.all((lane >= share * (low - rest)) & (lane <= share * (high - rest)))
+    assert np.all(np.ptp(away[:, -1], axis=0) > 0.5 * (high - low))
 
 
 # -- rewards ----------------------------------------------------------------------------------------------------------

@@ -21,13 +21,14 @@ from continuum_grasp.export.web.plant import plant_of_loop
 from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assignment import _control_scene, assign
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.result import verdict_data
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.verdict import Verdict, judge
+from continuum_grasp.plotting.mission import _draw_moved
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
@@ -69,12 +70,23 @@ def held(runner):
 # -- what is to be done -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("stations", "elements"),
+    [((0.1,), [0.05, 0.05, 0.04, 0.04]), ((0.06, 0.12), [0.03, 0.03, 0.06, 0.03, 0.03])],
+)
+def test_elements_of_the_controller_end_at_the_contacts(stations, elements):
+    mission = load(MUG, [*QUICK, "controller.elements=[2, 2]"])
+    body = mission.grasp.object.replaced(free=None)
+    control = _control_scene(mission, mission.grasp.setups[0].finger, body, stations, {"finger.1": 1.0})
+    assert control.fidelity.elements == pytest.approx(elements)
+    assert control.contacts == stations
+
+
 def test_the_assignment_is_that_of_the_grasp(assignment, grasp):
     finger, control = grasp.fingers["finger"], assignment.control
     middle = grasp.contact("finger.middle")
     assert assignment.force == middle.normal_force
     assert control.contacts == (middle.station,)
-    assert sum(control.fidelity.elements) == pytest.approx(0.18)
     assert control.finger.tendons.max_tension == 60.0
     angles = np.unwrap(finger.backbone[:, 3])
     assert assignment.posture.sum() == pytest.approx(angles[-1] - angles[0])
@@ -366,6 +378,18 @@ def test_outcomes_are_counted_and_written(tmp_path):
     figure = run.plot()
     crosses = [line.get_xdata() for line in figure.axes[0].lines if line.get_marker() == "x"]
     assert [list(x) for x in crosses] == [[drawn[1].stiffness]]
+
+
+def test_motion_is_drawn_since_the_lift_began():
+    from matplotlib.figure import Figure
+
+    t = np.linspace(0.0, 4.0, 81)
+    pose = np.stack([t, 2.0 * t, 0.1 * t, 3.0 * t], axis=1)
+    mission = SimpleNamespace(t=t, spans=[SimpleNamespace(name="lift", start=1.5)], object_pose=pose)
+    axes = Figure().subplots()
+    _draw_moved(axes, mission)
+    for line, rate in zip(axes.lines, (1.0, 2.0, 3.0), strict=True):
+        assert line.get_ydata() == pytest.approx(1e3 * rate * (t - 1.5), abs=1e-9)
 
 
 # -- end to end -------------------------------------------------------------------------------------------------------

@@ -178,6 +178,14 @@ def test_a_recursion_by_hand():
     assert by_input.ravel().tolist() == [0.25, 0.5, 1.0]
     # d/da of a^3 x + a^2 u0 + a u1 + u2
     assert by_factor.ravel().tolist() == [3 * 0.25 * 2.0 + 2 * 0.5 * 1.0 + 2.0]
+    along = [np.zeros((1, 1)), np.zeros((1, 3, 1)), np.ones((1, 1, 1))]
+    pushed, given = operator.push(operator.residuals(rows, [states]), along)
+    assert pushed(given)[0].ravel().tolist() == [0.0, 2.0, 2 * 0.5 * 2.0 + 1.0, by_factor.item()]
+    # Cotangents are linear in those of the last state, which are all there are: pushed along themselves they stay.
+    found = pulled(needed)
+    along = [needed[0], *map(np.zeros_like, needed[1:])]
+    pushed, given = pulled.push(pulled.residuals(needed, found), along)
+    assert [out.tolist() for out in pushed(given)] == [out.tolist() for out in found]
 
 
 def test_no_rows_give_none():

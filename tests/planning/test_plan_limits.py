@@ -221,6 +221,16 @@ def test_a_goal_is_missed_beyond_its_tolerance_alone(aim, length, angle):
         assert worst == pytest.approx(share * max(length / 0.03, angle / 0.5), rel=1e-9)
 
 
+def test_a_shape_is_met_by_an_arc_through_its_points():
+    bend, at = 0.8, (0.1, 0.3)
+    points = [0.3 / bend * np.array((np.cos(bend * s / 0.3) - 1.0, np.sin(bend * s / 0.3))) for s in at]
+    goal = {"shape": {"at": at, "value": np.array(points).tolist()}, "end": "moving"}
+    motion = Motion(small(goal=goal, intervals=2))
+    problem = PlanProblem(motion, np.zeros(motion.nx))
+    w = problem.start(Path(np.tile([bend, 0.0], (3, 1)), np.zeros((3, 1)), 0.1))
+    assert missed_goals(problem, w, weighted=False) == ([], pytest.approx(0.0, abs=1e-9))
+
+
 @pytest.mark.parametrize(("method", "limit"), [("multiple_shooting", 1e-6), ("single_shooting", 1e-5)])
 def test_an_attempt_is_a_plan_up_to_its_violation(method, limit):
     search = Search(small(method=method, intervals=2))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import read_run, replacing, write_run
+from continuum_grasp.results import read_run, replacing, run_folder, write_run
 from continuum_grasp.results.plain import digest, plain
 
 ARRAYS = {"t": np.linspace(0.0, 1.0, 11), "x": np.arange(44.0).reshape(11, 4), "names": np.array(["a", "bc"])}
@@ -114,10 +114,11 @@ def test_every_cut_of_the_file_is_noticed(tmp_path: Path) -> None:
 
 
 def test_later_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("continuum_grasp.results.run_folder.FORMAT_VERSION", 99)
+    later = run_folder.FORMAT_VERSION + 1
+    monkeypatch.setattr(run_folder, "FORMAT_VERSION", later)
     write_run(tmp_path, {}, {})
     monkeypatch.undo()
-    with pytest.raises(InputError, match="format 99"):
+    with pytest.raises(InputError, match=f"format {later}"):
         read_run(tmp_path)
 
 

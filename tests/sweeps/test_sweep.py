@@ -115,6 +115,17 @@ def test_halton_fills_the_square_more_evenly():
     assert unevenness("halton") < 1.5
 
 
+def test_halton_points_are_radical_inverses_from_the_second_on_shifted_alike():
+    """In bases 2 and 3; the first would be the corner 0."""
+    keys = {"object.diameter": {"uniform": [0.25, 1.25]}, "contacts.friction": {"uniform": [0.0, 1.0]}}
+    inverses = [1 / 2, 1 / 4, 3 / 4, 1 / 8, 5 / 8], [1 / 3, 2 / 3, 1 / 9, 4 / 9, 7 / 9]
+    found = sampled(5, "halton", **keys)
+    for key, inverse in zip(keys, inverses, strict=True):
+        shift = column(found, key) - inverse
+        turns = shift - shift[0]
+        assert turns == pytest.approx(np.round(turns), abs=1e-12)
+
+
 @pytest.mark.parametrize("method", ["random", "halton"])
 def test_draws_are_the_same_again_and_begin_alike_for_a_greater_count(method):
     keys = {"object.diameter": {"uniform": [0.06, 0.10]}, "object.mass": {"normal": [0.3, 0.1]}}
