@@ -39,10 +39,37 @@ from continuum_grasp.export.source import (
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
+_ARGUMENT = "an argument of the functions"
+_FINGER_ALONE = "the package moves the finger; contact takes where the object is"
+_PACKAGE = Consumer(
+    "export-c",
+    unneeded={
+        **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
+        **dict.fromkeys(
+            ("time.duration", "time.method", "time.tolerance", "time.space_error"), "steps are the caller's"
+        ),
+        **dict.fromkeys(
+            ("object.mass", "out_of_plane_gravity", "moment_of_inertia", "table", "supports", "object_moves"),
+            _FINGER_ALONE,
+        ),
+        "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.strain_limit": "where fidelity.bending_range is not given it limits that, by which states are checked",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+        "finger.damping.friction_cells": "of a finger with dry friction",
+    },
+)
+_LOOP = Consumer(
+    "export-c of closed loops",
+    unneeded={
+        **dict.fromkeys(("plant", "loads"), "the package has the controller, and no plant"),
+        "controller.deadline": "the caller has the clock, and says whether the last command was late",
+    },
+)
 
 
 @dataclass(frozen=True)
