@@ -81,9 +81,7 @@ def chain_of_guides(scene: Scene) -> Iterator[object]:
 
 def equilibrium_and_modes(scene: Scene) -> Iterator[object]:
     """What statics and modes find, without an object, of a finger that was pulled where it has friction."""
-    alone: dict[str, Any] = {
-        name: Surroundings.model_fields[name].get_default(call_default_factory=True) for name in _AROUND
-    }
+    alone: dict[str, Any] = {name: getattr(Surroundings(), name) for name in _AROUND}
     initial = scene.initial
     if scene.finger.has_friction and initial.reached_by is None:
         initial = initial.replaced(reached_by="pulling")

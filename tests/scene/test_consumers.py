@@ -105,10 +105,12 @@ def ignored(name: str, found: list[Place]) -> str:
     declared = {**consumer.refused, **consumer.otherwise, **consumer.unneeded}
     if heads[0] not in own or key in NOT_ALONE or any(fnmatchcase(head, one) for head in heads for one in declared):
         return ""
-    taken = [place for place in found if of_base(name, place.base) is not None]
-    tried = False
-    for place in taken:
+    taken = tried = False
+    for place in found:
         base, before = bases(root)[place.base], of_base(name, place.base)
+        if before is None:
+            continue
+        taken = True
         for value in others(place, found):
             try:
                 scene = base.changed({place.path: value})
