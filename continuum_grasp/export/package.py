@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
@@ -164,49 +164,39 @@ def export_c(
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     check_package(Path(folder))
-    files, values = package_files(
-        given,
-        real=real,
-        what=what,
-        prefix=prefix,
-        target=target,
-        ranges=ranges,
-        step=step,
-        substeps=substeps,
-        sections=sections,
-        error=error,
-        measured=measured,
-    )
+    asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured)
+    files, values = package_files(given, asked)
     write_package(Path(folder), files)
     return Package(Path(folder), tuple(sorted(files)), values)
 
 
-def package_files(
-    given: Given,
-    *,
-    real: str | None = None,
-    what: Sequence[str] | None = None,
-    prefix: str = "finger",
-    target: str = "host",
-    ranges: Mapping[str, Sequence[float]] | None = None,
-    step: float | None = None,
-    substeps: int = 1,
-    sections: int = 25,
-    error: float | None = None,
-    measured: bool = False,
-    tested: bool = True,
-) -> tuple[dict[str, str], dict[str, Any]]:
+class Asked(NamedTuple):
+    """How a package is to be, as the arguments of ``export_c`` say."""
+
+    real: str | None = None
+    what: Sequence[str] | None = None
+    prefix: str = "finger"
+    target: str = "host"
+    ranges: Mapping[str, Sequence[float]] | None = None
+    step: float | None = None
+    substeps: int = 1
+    sections: int = 25
+    error: float | None = None
+    measured: bool = False
+
+
+def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[dict[str, str], dict[str, Any]]:
     """Files of a package by path, and what its manifest holds; one that is not ``tested`` is its library alone."""
-    asked = positive(error, "error")
-    target, computed_in = target_of(target, real)
+    limit = positive(asked.error, "error") or _ASKED_ERROR
+    target, computed_in = target_of(asked.target, asked.real)
     kind = REALS[computed_in]
     source = source_of(given, kind)
-    names = parts_of(what, source)
-    longest = source.step if step is None else positive(step, "step")
+    names = parts_of(asked.what, source)
+    longest = source.step if asked.step is None else positive(asked.step, "step")
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
-    subject = _subject(source, names, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
-    subject = replace(subject, sections=sections_of(sections), surroundings=source.surroundings)
+    subject = _subject(source, names, kind, asked, longest)
+    subject = replace(subject, sections=sections_of(asked.sections), surroundings=source.surroundings)
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     parts = [made[name] for name in names]
@@ -220,7 +210,6 @@ def package_files(
         exact = (call for part in wide for call in part.calls)
         for seed, (narrow, true) in enumerate(zip(contents.calls, exact, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
-    limit = _ASKED_ERROR if asked is None else asked
     check_errors(kind, errors, limit)
     vectors = vectors_of(subject, contents.calls) if tested else []
     files = library_files(contents)
@@ -233,7 +222,7 @@ def package_files(
     counts = {v.name: v.count for v in vectors}
     if tested:
         files |= _further_files(contents, target, vectors)
-    found = measure(files, target) if measured else None
+    found = measure(files, target) if asked.measured else None
     if tested:
         touching = "contact" not in names and (source.configuration or {}).get("object") is not None
         files["README.md"] = readme(
@@ -266,21 +255,14 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
     return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
-def _subject(
-    source: Source,
-    names: Sequence[str],
-    prefix: str,
-    kind: Real,
-    ranges: Mapping[str, Sequence[float]],
-    longest: float | None,
-    substeps: int,
-) -> Subject:
+def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
+    prefix, substeps = prefix_of(asked.prefix), count_of(asked.substeps)
     if isinstance(source.loop, RtiSolver):
-        if ranges:
+        if asked.ranges:
             raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
         return Subject.of_loop(Loop.of_solver(source.loop, kind), prefix, kind)
-    subject = Subject.of(source.finger, prefix, kind, ranges, longest, substeps)
+    subject = Subject.of(source.finger, prefix, kind, asked.ranges or {}, longest, substeps)
     if source.loop is None:
         return subject
     return replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))
