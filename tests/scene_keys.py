@@ -56,6 +56,7 @@ _OWN_ROD: dict[str, Any] = {
 }
 _FORCE = {"kind": "force", "at": 0.06, "force": {"times": [0.0, 1.0], "values": [[0.0, 0.1], [0.2, 0.3]]}}
 _MOMENT = {"kind": "moment", "at": 0.05, "moment": 0.01}
+_DRY = {"dry_friction": [{"stiffness": 0.01, "moment": 0.01}], "friction_cells": 3}
 _SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
     Scene: {
         name: {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
@@ -123,11 +124,12 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
     "tip moment": ("close_on_mug", {"finger.tendons": None, "actuation": {"tip_moment": 0.01}}),
-    "dry friction": ("close_on_mug", {"finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}]}),
+    "dry friction": ("close_on_mug", {"finger.damping": _DRY}),
     "dry friction, bent": (
         "close_on_mug",
         {
-            "finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}],
+            "finger.damping": _DRY,
+            "fidelity": {"family": "clothoid", "elements": 2},
             "initial": {"q": [0.1, 0.2, 0.3], "qd": [0.1, 0.2, 0.3], "reached_by": "pulling"},
         },
     ),
@@ -136,7 +138,14 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
     "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
     "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),
-    "slack winches": ("winch_loop", {"finger.tendons.drive.pretension": 0.0, "finger.tendons.drive.slack": 0.001}),
+    "slack winches": (
+        "winch_loop",
+        {
+            "finger.tendons.friction": 0.0,
+            "finger.tendons.drive.pretension": 0.0,
+            "finger.tendons.drive.slack": 0.001,
+        },
+    ),
     "motor with a gear": (
         "motor_pulley",
         {
@@ -181,6 +190,7 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
     "all tracked": (
         "turn_bar",
         {
+            "estimator.object_acceleration_std": 0.2,
             "controller.cost": {
                 **{key: {"running": 1.0} for key in ("tip", "bending", "tip_angle", "object_position", "object_angle")},
                 "contact_force": {"running": 1.0, "of": ["finger.tip"]},
@@ -232,7 +242,7 @@ NOT_ALONE = {
 }
 """Keys of which no other value is tried, and why."""
 _MOST_PLACES = 12
-"""Places of a key that are tried, those with a value first."""
+"""Places of a key that are tried, those with a value first, each once before any again."""
 _NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
 """Values of what is none, or zero."""
 
@@ -313,7 +323,9 @@ def places(root: type[BaseModel]) -> dict[str, dict[str, list[Place]]]:
         walk(base, scene, "", "")
     for fields in found.values():
         for name, own in fields.items():
-            fields[name] = sorted(own, key=lambda one: one.value in (None, (), {}))[:_MOST_PLACES]
+            values = [one.value for one in own]
+            ranks = [(value in (None, (), {}), value in values[:k], k) for k, value in enumerate(values)]
+            fields[name] = [own[k] for *_, k in sorted(ranks)][:_MOST_PLACES]
     return found
 
 

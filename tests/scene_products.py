@@ -12,21 +12,19 @@ import numpy as np
 from pydantic import BaseModel
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.converged import Converged
-from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
 from continuum_grasp.environments.spaces import observed_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
+from continuum_grasp.export.web.plant import plant_of_scene
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.loads import Actuation, Samples
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.modes import modes
@@ -80,12 +78,16 @@ def chain_of_guides(scene: Scene) -> Iterator[object]:
 
 
 def equilibrium_and_modes(scene: Scene) -> Iterator[object]:
-    """What statics and modes find, without an object, of a finger that was pulled where it has friction."""
+    """What statics and modes find, without an object, at the last inputs, pulled where the finger has friction."""
     alone: dict[str, Any] = {name: getattr(Surroundings(), name) for name in _AROUND}
     initial = scene.initial
     if scene.finger.has_friction and initial.reached_by is None:
         initial = initial.replaced(reached_by="pulling")
-    found = modes(scene.replaced(**alone, initial=initial), points=5)
+    actuation = scene.actuation
+    if actuation is not None:
+        key, given = actuation.given
+        actuation = Actuation.of(key, [one.values[-1] if isinstance(one, Samples) else one for one in given])
+    found = modes(scene.replaced(**alone, initial=initial, actuation=actuation), points=5)
     yield from (found.equilibrium.q, found.equilibrium.u, found.equilibrium.w, found.backbone)
     yield from (found.frequencies_hz, found.damping_ratios, found.stuck_frequencies_hz, found.free_frequencies_hz)
 
@@ -100,9 +102,9 @@ def package(scene: Scene) -> Iterator[object]:
         yield System(source.finger.structure.asked[0], surroundings=source.surroundings).touch
 
 
-def page(scene: Scene | ControlScene) -> Iterator[object]:
+def page(scene: Scene) -> Iterator[object]:
     """What a web page computes by."""
-    plant = plant_of_scene(scene) if isinstance(scene, Scene) else plant_of_loop(scene)[0]
+    plant = plant_of_scene(scene)
     yield from (plant.rate, plant.acting, plant.sensed, plant.start, plant.rest, plant.p, plant.x_names)
     yield from (plant.signals.u(at) for at in _INSTANTS)
     yield from (plant.signals.w(at) for at in _INSTANTS)
@@ -124,29 +126,6 @@ def loop(scene: ControlScene) -> Iterator[object]:
     yield Loop.of(scene, REALS["double"], ["mpc"])
 
 
-def closed_loop(scene: ControlScene) -> Iterator[object]:
-    """What run_closed_loop makes: a controller and a plant."""
-    yield from loop(scene)
-    plant = Plant(scene)
-    yield from (plant.model.start, plant.model.forces(_INSTANTS), plant.method, plant.period)
-    sensors = plant.sensors
-    yield from (sensors.names, sensors.delay, sensors.std, sensors.value, sensors._rng.random())
-    if scene.plant.guides is None:
-        yield from (plant.model.forward_dynamics(*plant.model.symbols), plant.model.rest_input)
-    yield scene.duration
-
-
-def unit(scene: ControlScene) -> Iterator[object]:
-    """What export-fmu makes of a plant."""
-    yield loop_plant_unit(scene, "finger").sources
-
-
-def converged(scene: ControlScene) -> Iterator[object]:
-    """What NMPC to convergence solves."""
-    made = Converged(scene)
-    yield made.stages, made.period
-
-
 MAKERS: dict[str, tuple[type[BaseModel], Callable[[Any], Iterator[object]], tuple[str, ...]]] = {
     "export-mjcf": (Scene, chain_of_hinges, tuple(Scene.model_fields)),
     "plant.guides": (Scene, chain_of_guides, ("finger", "gravity", "contacts", *_AROUND)),
@@ -155,9 +134,5 @@ MAKERS: dict[str, tuple[type[BaseModel], Callable[[Any], Iterator[object]], tupl
     "export-web": (Scene, page, tuple(Scene.model_fields)),
     "environments": (ControlScene, lanes, tuple(ControlScene.model_fields)),
     "export-c of closed loops": (ControlScene, loop, tuple(ControlScene.model_fields)),
-    "mpc": (ControlScene, closed_loop, tuple(ControlScene.model_fields)),
-    "export-fmu of plants": (ControlScene, unit, tuple(ControlScene.model_fields)),
-    "export-web of closed loops": (ControlScene, page, tuple(ControlScene.model_fields)),
-    "mpc --compare": (ControlScene, converged, tuple(ControlScene.model_fields)),
 }
 """By consumer the kind of scene, what it makes, and the keys that are its own."""

@@ -60,7 +60,6 @@ _PACKAGE = Consumer(
         "fidelity.frequencies": "of fidelity.tolerance",
         "finger.strain_limit": "where fidelity.bending_range is not given it limits that, by which states are checked",
         "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
-        "finger.damping.friction_cells": "of a finger with dry friction",
     },
 )
 _LOOP = Consumer(

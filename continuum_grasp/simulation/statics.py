@@ -202,7 +202,9 @@ _STATICS = Consumer(
         "fidelity.frequencies": "of fidelity.tolerance: modes keep it at two, statics at none",
         **{f"initial.{key}": "an equilibrium is sought" for key in ("pose", "q", "q_above_rest", "qd")},
         "initial.held_by": "released at time zero",
-        "finger.half_thickness": "of contacts, and of the strain limit",
+        **dict.fromkeys(
+            ("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts, and of the strain limit"
+        ),
         "finger.strain_limit": "what is bent beyond it is reported; it limits a bending_range that is not given",
         "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",
@@ -211,6 +213,10 @@ _STATICS = Consumer(
         "finger.tendons.time_constant": "commands are reached",
         "finger.tendons.drive.time_constant": "commands are reached",
         "finger.tendons.drive.rate_max": "commands are reached",
+        **{
+            f"finger.tendons.drive.{key}": "of initial.motor_angles: other motors are where commands lead, or free"
+            for key in ("viscous_friction", "coulomb_friction", "presliding_angle", "rate_gain", "torque_max")
+        },
     },
 )
 

@@ -233,6 +233,16 @@ def plant_of_scene(given: Scene) -> WebPlant:
 _PAGE = Consumer(
     "export-web",
     refused={"plant.guides": "a page has no code that integrates a chain of guides: leave it out"},
+    unneeded={
+        "name": "the title of the page alone",
+        "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
+        **dict.fromkeys(
+            ("time.step", "time.method", "time.tolerance", "time.space_error"), "a page has steps of its own"
+        ),
+        "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+    },
 )
 
 
