@@ -185,6 +185,8 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
         "winches",
         {"estimator.measured.tension": 0.1, "estimator.contact_detection": {"places": [0.09], "payload": 0.001}},
     ),
+    "state given": ("wrap_post", {"estimator": None}),
+    "motor": ("motor_servo", {"loads": []}),
     "contact of motors": ("motor_servo", {"estimator.measured.torque": 0.001, "estimator.contact_detection": {}}),
     "guides": ("winches", {"plant": {"guides": 20}}),
     "all tracked": (
@@ -192,12 +194,14 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "estimator.object_acceleration_std": 0.2,
             "controller.cost": {
+                "shape": {"at": [0.09], "running": 1.0},
                 **{key: {"running": 1.0} for key in ("tip", "bending", "tip_angle", "object_position", "object_angle")},
                 "contact_force": {"running": 1.0, "of": ["finger.tip"]},
                 "effort": 1e-3,
             },
             "reference": {
                 "tip": [0.0, 0.15],
+                "shape": [0.0, 0.08],
                 "bending": [0.1, 0.1],
                 "tip_angle": [0.1],
                 "object_position": [0.035, 0.2],
@@ -222,6 +226,7 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
                 "finger.tendons.drive.rate_gain": 0.0,
                 "finger.tendons.drive.torque_constant": constant,
                 f"controller.input.{key}": [-0.2, 0.2],
+                "loads": [],
                 "controller.input.angles": None,
                 f"estimator.measured.{key.removesuffix('s')}": 0.001,
             },

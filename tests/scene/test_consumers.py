@@ -127,9 +127,10 @@ def ignored(name: str, found: list[Place]) -> str:
             except InputError as error:
                 if error.key and error.key.split("[")[0] in key:
                     return ""
-    if tried:
-        return f"{key}: ignored in silence; declare it in the consumer"
-    return "" if not taken or is_part(found[0].field) else f"{key}: no other value is known (tests/scene_keys.py)"
+    if not taken or is_part(found[0].field):  # the keys of a part are tried themselves
+        return ""
+    why = "ignored in silence; declare it in the consumer" if tried else "no other value is known (tests/scene_keys.py)"
+    return f"{key}: {why}"
 
 
 def test_the_scenes_have_every_key():
