@@ -11,7 +11,9 @@ from itertools import zip_longest
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.errors import InputError
+from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import KINDS
@@ -151,3 +153,27 @@ def test_no_key_is_ignored_in_silence(name, kind):
     found = places(MAKERS[name][0])[kind]
     wrong = [text for field in keys(MAKERS[name][0])[kind] if (text := ignored(name, found[field]))]
     assert not wrong
+
+
+MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
+
+
+@pytest.mark.parametrize(
+    ("key", "refused"),
+    [
+        ("object", lambda: solve_elastica(cg.load(MUG))),
+        ("object", lambda: cg.choose_fidelity(cg.load(MUG), 0.01)),
+        ("plant.noise", lambda: cg.load(POST, ["estimator=null", "plant.noise=2.0"])),
+        ("plant.object_mass", lambda: PlantModel(cg.load(POST, ["plant.object_mass=1.1"]))),
+    ],
+)
+def test_what_would_have_no_effect_is_refused(key, refused):
+    with pytest.raises(InputError) as caught:
+        refused()
+    assert caught.value.key == key
+
+
+def test_environments_list_what_they_do_not_keep():
+    given = cg.load("configs/mpc/steady_tip.yaml", ["plant.seed=3", "controller.bounds.speed=20.0"])
+    listed = [text.partition(":")[0] for text in CONSUMERS["environments"].check(given)]
+    assert listed == ["controller.bounds.speed", "plant.seed"]
