@@ -83,6 +83,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
             "finger.masses": [{"at": 0.1, "mass": 0.01}, {"at": 0.15, "mass": 0.02}],
         },
     ),
+    "parameters": ("close_on_mug", {"parameters": ["bending_stiffness"]}),
     "conduit": ("close_on_mug", {"finger.tendons.friction": 0.1, "finger.tendons.conduit_bend": 1.0}),
     "fixed object": (
         "close_on_mug",
@@ -128,8 +129,9 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "dry friction, bent": (
         "close_on_mug",
         {
-            "finger.damping": _DRY,
+            "finger.damping": {**_DRY, "friction_cells": 5},
             "fidelity": {"family": "clothoid", "elements": 2},
+            "contacts": [],
             "initial": {"q": [0.1, 0.2, 0.3], "qd": [0.1, 0.2, 0.3], "reached_by": "pulling"},
         },
     ),
@@ -185,7 +187,10 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
         "winches",
         {"estimator.measured.tension": 0.1, "estimator.contact_detection": {"places": [0.09], "payload": 0.001}},
     ),
-    "state given": ("wrap_post", {"estimator": None}),
+    "state given": (
+        "wrap_post",
+        {"estimator": None, "controller.bounds.curvature": 40.0, "controller.horizon.substeps": 4},
+    ),
     "motor": ("motor_servo", {"loads": []}),
     "contact of motors": ("motor_servo", {"estimator.measured.torque": 0.001, "estimator.contact_detection": {}}),
     "guides": ("winches", {"plant": {"guides": 20}}),

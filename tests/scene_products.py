@@ -19,7 +19,8 @@ from continuum_grasp.environments.spaces import observed_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.mjcf.write import export_mjcf
-from continuum_grasp.export.source import source_of
+from continuum_grasp.export.ranges import input_fields
+from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_scene
 from continuum_grasp.model import FingerModel, System
@@ -108,6 +109,7 @@ def page(scene: Scene) -> Iterator[object]:
     yield from (plant.rate, plant.acting, plant.sensed, plant.start, plant.rest, plant.p, plant.x_names)
     yield from (plant.signals.u(at) for at in _INSTANTS)
     yield from (plant.signals.w(at) for at in _INSTANTS)
+    yield input_fields(plant.system.finger_model)
 
 
 def lanes(scene: ControlScene) -> Iterator[object]:
@@ -123,7 +125,7 @@ def lanes(scene: ControlScene) -> Iterator[object]:
 
 def loop(scene: ControlScene) -> Iterator[object]:
     """What export-c makes of a closed loop."""
-    yield Loop.of(scene, REALS["double"], ["mpc"])
+    yield from (names_of(scene), Loop.of(scene, REALS["double"], ["mpc"]))
 
 
 MAKERS: dict[str, tuple[type[BaseModel], Callable[[Any], Iterator[object]], tuple[str, ...]]] = {

@@ -58,6 +58,7 @@ _PACKAGE = Consumer(
             _FINGER_ALONE,
         ),
         "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
         "finger.strain_limit": "where fidelity.bending_range is not given it limits that, by which states are checked",
         "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
     },

@@ -240,6 +240,8 @@ _PAGE = Consumer(
             ("time.step", "time.method", "time.tolerance", "time.space_error"), "a page has steps of its own"
         ),
         "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.tendons.min_tension": "a limit of commands: sliders begin at zero",
+        "supports.touch": "of grasps",
         "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
         "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
     },
