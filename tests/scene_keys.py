@@ -189,7 +189,7 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "state given": (
         "wrap_post",
-        {"estimator": None, "controller.bounds.curvature": 40.0, "controller.horizon.substeps": 4},
+        {"estimator": None, "controller.bounds.curvature": 10.0, "controller.horizon.substeps": 4},
     ),
     "motor": ("motor_servo", {"loads": []}),
     "contact of motors": ("motor_servo", {"estimator.measured.torque": 0.001, "estimator.contact_detection": {}}),
