@@ -1,4 +1,6 @@
-"""Every key of simulated scenes, in scenes that together have all of them, with other values that it can have."""
+"""Every key of simulated scenes and of closed loops, in scenes that together have all of them, with other values that
+it can have.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import continuum_grasp as cg
+from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.simulate import Scene
 
-CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
+CONFIGS = Path(__file__).parents[1] / "configs"
 _CORNERS = [[0.02, -0.01], [0.02, 0.03], [-0.02, 0.02]]
 _SHAPES: dict[str, dict[str, Any]] = {
     "circle": {"diameter": 0.04},
@@ -53,9 +56,23 @@ _OWN_ROD: dict[str, Any] = {
 }
 _FORCE = {"kind": "force", "at": 0.06, "force": {"times": [0.0, 1.0], "values": [[0.0, 0.1], [0.2, 0.3]]}}
 _MOMENT = {"kind": "moment", "at": 0.05, "moment": 0.01}
-_SHIPPED = ("close_on_mug", "three_tendons", "winch_loop", "motor_pulley", "spirob")
-_STRAIGHT = {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
-CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
+_DRY = {"dry_friction": [{"stiffness": 0.01, "moment": 0.01}], "friction_cells": 3}
+_SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
+    Scene: {
+        name: {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
+        for name in ("close_on_mug", "three_tendons", "winch_loop", "motor_pulley", "spirob")
+    },
+    ControlScene: {
+        name: {"plant.fidelity": {"family": "arc", "elements": 2}}
+        for name in (
+            *("steady_tip", "turn_bar", "unknown_payload", "wrap_post", "winches", "motor_servo", "tip_circle"),
+            *("keep_out", "three_tendons", "nitinol_moment", "saturation", "tip_steps"),
+        )
+    },
+}
+"""Shipped scenes by kind, and what is changed in all of them."""
+_FOLDERS = {Scene: "simulate", ControlScene: "mpc"}
+_CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
     "shape": (
@@ -66,6 +83,7 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
             "finger.masses": [{"at": 0.1, "mass": 0.01}, {"at": 0.15, "mass": 0.02}],
         },
     ),
+    "parameters": ("close_on_mug", {"parameters": ["bending_stiffness"]}),
     "conduit": ("close_on_mug", {"finger.tendons.friction": 0.1, "finger.tendons.conduit_bend": 1.0}),
     "fixed object": (
         "close_on_mug",
@@ -107,11 +125,13 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
     "tip moment": ("close_on_mug", {"finger.tendons": None, "actuation": {"tip_moment": 0.01}}),
-    "dry friction": ("close_on_mug", {"finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}]}),
+    "dry friction": ("close_on_mug", {"finger.damping": _DRY}),
     "dry friction, bent": (
         "close_on_mug",
         {
-            "finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}],
+            "finger.damping": {**_DRY, "friction_cells": 5},
+            "fidelity": {"family": "clothoid", "elements": 2},
+            "contacts": [],
             "initial": {"q": [0.1, 0.2, 0.3], "qd": [0.1, 0.2, 0.3], "reached_by": "pulling"},
         },
     ),
@@ -120,7 +140,14 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
     "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
     "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),
-    "slack winches": ("winch_loop", {"finger.tendons.drive.pretension": 0.0, "finger.tendons.drive.slack": 0.001}),
+    "slack winches": (
+        "winch_loop",
+        {
+            "finger.tendons.friction": 0.0,
+            "finger.tendons.drive.pretension": 0.0,
+            "finger.tendons.drive.slack": 0.001,
+        },
+    ),
     "motor with a gear": (
         "motor_pulley",
         {
@@ -142,7 +169,78 @@ CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
         for key, constant in (("torques", None), ("currents", 0.02))
     },
 }
-"""Scenes beside the shipped ones: name of one of these, and changes."""
+_LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
+    "scenarios": (
+        "steady_tip",
+        {"controller.scenarios": [{"stiffness": 0.8, "damping": 0.9, "tip_mass": 0.001, "time_constant": 0.02}, {}]},
+    ),
+    "scenarios of winches": (
+        "winches",
+        {
+            "controller.scenarios": [
+                {"tendon_friction": 0.1, "presliding": 1e-5, "axial_stiffness": 9e3, "series_stiffness": 3e4},
+                {},
+            ]
+        },
+    ),
+    "contact": (
+        "winches",
+        {"estimator.measured.tension": 0.1, "estimator.contact_detection": {"places": [0.09], "payload": 0.001}},
+    ),
+    "state given": (
+        "wrap_post",
+        {"estimator": None, "controller.bounds.curvature": 10.0, "controller.horizon.substeps": 4},
+    ),
+    "motor": ("motor_servo", {"loads": []}),
+    "contact of motors": ("motor_servo", {"estimator.measured.torque": 0.001, "estimator.contact_detection": {}}),
+    "guides": ("winches", {"plant": {"guides": 20}}),
+    "all tracked": (
+        "turn_bar",
+        {
+            "estimator.object_acceleration_std": 0.2,
+            "controller.cost": {
+                "shape": {"at": [0.09], "running": 1.0},
+                **{key: {"running": 1.0} for key in ("tip", "bending", "tip_angle", "object_position", "object_angle")},
+                "contact_force": {"running": 1.0, "of": ["finger.tip"]},
+                "effort": 1e-3,
+            },
+            "reference": {
+                "tip": [0.0, 0.15],
+                "shape": [0.0, 0.08],
+                "bending": [0.1, 0.1],
+                "tip_angle": [0.1],
+                "object_position": [0.035, 0.2],
+                "object_angle": [0.1],
+                "contact_force": [1.0],
+                "input": [2.0, 2.0],
+            },
+        },
+    ),
+    "touching": (
+        "wrap_post",
+        {
+            "estimator.disturbances": {"object_position": 0.004, "contact_friction": 0.5},
+            "estimator.spread.object_position": 0.003,
+        },
+    ),
+    **{
+        f"motor, {key}": (
+            "motor_servo",
+            {
+                "finger.tendons.drive.position_gain": None,
+                "finger.tendons.drive.rate_gain": 0.0,
+                "finger.tendons.drive.torque_constant": constant,
+                f"controller.input.{key}": [-0.2, 0.2],
+                "loads": [],
+                "controller.input.angles": None,
+                f"estimator.measured.{key.removesuffix('s')}": 0.001,
+            },
+        )
+        for key, constant in (("torques", None), ("currents", 0.02))
+    },
+}
+CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {Scene: _CHANGES, ControlScene: _LOOPS}
+"""Scenes beside the shipped ones, by kind: name of one of these, and changes."""
 NOT_ALONE = {
     "schema_version": "there is one",
     "object.free": "scenes of simulation refuse it",
@@ -154,7 +252,7 @@ NOT_ALONE = {
 }
 """Keys of which no other value is tried, and why."""
 _MOST_PLACES = 12
-"""Places of a key that are tried, those with a value first."""
+"""Places of a key that are tried, those with a value first, each once before any again."""
 _NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
 """Values of what is none, or zero."""
 
@@ -171,14 +269,15 @@ class Place:
 
 
 @cache
-def bases() -> dict[str, Scene]:
-    """Scenes by name."""
-    shipped = {name: cg.load(CONFIGS / f"{name}.yaml") for name in _SHIPPED}
-    shipped = {name: scene.changed(_STRAIGHT) for name, scene in shipped.items()}
-    return {name: shipped[base].changed(changes) for name, (base, changes) in CHANGES.items()} | shipped
+def bases(root: type[BaseModel]) -> dict[str, Any]:
+    """Scenes of a kind by name."""
+    folder = CONFIGS / _FOLDERS[root]
+    shipped = {name: cg.load(folder / f"{name}.yaml").changed(own) for name, own in _SHIPPED[root].items()}
+    return {name: shipped[base].changed(own) for name, (base, own) in CHANGES[root].items()} | shipped
 
 
-def classes() -> set[type[BaseModel]]:
+@cache
+def classes(root: type[BaseModel]) -> set[type[BaseModel]]:
     """Classes of all values that a scene can have."""
     found: set[type[BaseModel]] = set()
 
@@ -190,7 +289,7 @@ def classes() -> set[type[BaseModel]]:
         for part in typing.get_args(one):
             walk(part)
 
-    walk(Scene)
+    walk(root)
     return found
 
 
@@ -200,18 +299,18 @@ def owner(kind: type[BaseModel], name: str) -> type[BaseModel]:
 
 
 @cache
-def keys() -> dict[str, set[str]]:
-    """Fields by declaring class, without words that choose the class."""
+def keys(root: type[BaseModel]) -> dict[str, set[str]]:
+    """Fields by declaring class, without words that choose the class; of loops those that no simulated scene has."""
     found: dict[str, set[str]] = defaultdict(set)
-    for kind in classes():
+    for kind in classes(root) - (set() if root is Scene else classes(Scene)):
         for name, field in kind.model_fields.items():
-            if len(options(field.annotation)) != 1:
+            if not is_tag(field):
                 found[owner(kind, name).__name__].add(name)
     return found
 
 
 @cache
-def places() -> dict[str, dict[str, list[Place]]]:
+def places(root: type[BaseModel]) -> dict[str, dict[str, list[Place]]]:
     """By declaring class and field, where it is in the scenes; without words that choose the class."""
     found: dict[str, dict[str, list[Place]]] = defaultdict(lambda: defaultdict(list))
 
@@ -220,7 +319,7 @@ def places() -> dict[str, dict[str, list[Place]]]:
             for name, field in type(value).model_fields.items():
                 one = getattr(value, name)
                 inner = f"{path}.{name}".removeprefix("."), f"{key}.{name}".removeprefix(".")
-                if len(options(field.annotation)) != 1:
+                if not is_tag(field):
                     found[owner(type(value), name).__name__][name].append(Place(base, *inner, field, one))
                 walk(base, one, *inner)
         elif isinstance(value, tuple):
@@ -230,12 +329,19 @@ def places() -> dict[str, dict[str, list[Place]]]:
             for name, one in value.items():
                 walk(base, one, f"{path}.{name}", key)
 
-    for base, scene in bases().items():
+    for base, scene in bases(root).items():
         walk(base, scene, "", "")
     for fields in found.values():
         for name, own in fields.items():
-            fields[name] = sorted(own, key=lambda one: one.value in (None, ()))[:_MOST_PLACES]
+            values = [one.value for one in own]
+            ranks = [(value in (None, (), {}), value in values[:k], k) for k, value in enumerate(values)]
+            fields[name] = [own[k] for *_, k in sorted(ranks)][:_MOST_PLACES]
     return found
+
+
+def is_tag(field: FieldInfo) -> bool:
+    """Whether a field has one word alone, which chooses the class."""
+    return typing.get_origin(field.annotation) is Literal and len(options(field.annotation)) == 1
 
 
 def options(annotation: Any) -> list[Any]:

@@ -93,14 +93,6 @@ class Choice:
         return f"{self.elements} {self.family}{even}{terms}, range {self.bending_range:g} rad"
 
 
-def check_pose(scene: Scene, advice: str) -> None:
-    """Raise InputError where a scene gives its initial state in coordinates, which are those of one model."""
-    initial = scene.initial
-    if initial.coordinates is not None:
-        key = "initial.q_above_rest" if initial.q is None else "initial.q"
-        raise InputError(f"{key} is in coordinates of one model, and several are tried: {advice}", key=key)
-
-
 def open_families(scene: Scene) -> tuple[str, ...]:
     """Families that a scene can have, fine first."""
     matched = FingerModel(scene.model_copy(update={"fidelity": Fidelity()})).structure.matched

@@ -15,16 +15,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.accuracy.choice import (
-    ACCURACIES,
-    COUNTS,
-    Assessment,
-    Choice,
-    assess,
-    check_pose,
-    choices,
-    open_families,
-)
+from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.cache import private_folder
@@ -135,7 +126,6 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
         raise InputError("choosing needs a tolerance", key="fidelity.tolerance")
     if not isinstance(asked, int | float) or not 0.0 < asked <= 0.5:
         raise InputError(f"expected a number above 0 and up to 0.5, got {asked!r}", key="tolerance")
-    check_pose(scene, "give fidelity.family and elements, or a pose")
     truth = find_truth(scene)
     search = _Search(scene, truth, asked)
     for family in allowed_families(scene):

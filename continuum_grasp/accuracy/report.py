@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from continuum_grasp import interrupt
-from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, check_pose, choices, open_families
+from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.motion import (
     INSTANTS,
     Motion,
@@ -375,7 +375,6 @@ def accuracy_report(
     if not [whole("counts", count) for count in counts]:
         raise InputError("expected numbers of elements, got none", key="counts")
     given = scene_of(scene)
-    check_pose(given, "give a pose")
     given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
     truth = find_truth(given)
     measuring = ReportRows(given, truth, reference_motion(given, truth) if given.time is not None else None)

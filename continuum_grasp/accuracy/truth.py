@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import SEVERAL_MODELS, Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
 
 Array = NDArray[np.float64]
@@ -77,11 +77,7 @@ class Truth:
 
 def find_truth(scene: Scene) -> Truth:
     """Solve the exact rod in every load case of a scene; the equilibrium at time zero must be found."""
-    if scene.finger.has_dry_friction:
-        raise InputError(
-            "errors are measured against the elastic rod, which has no dry friction; leave it out",
-            key="finger.damping.dry_friction",
-        )
+    SEVERAL_MODELS.check(scene)
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
     found: list[TrueCase] = []
     omitted: list[str] = []

@@ -114,8 +114,30 @@ _LANES = Consumer(
     "environments",
     refused={"plant.guides": "a chain of guides does not run in vector lanes: leave it out"},
     otherwise={
-        f"controller.bounds.{key}": "an environment neither keeps it nor charges for what leaves it"
-        for key in ("curvature", "speed", "keep_out")
+        **{
+            f"controller.bounds.{key}": "an environment neither keeps it nor charges for what leaves it"
+            for key in ("curvature", "speed", "keep_out", "penalty")
+        },
+        "plant.seed": "episodes draw their noise by the seed of reset()",
+    },
+    unneeded={
+        "name": "a title alone",
+        "finger.strain_limit": "where fidelity.bending_range is not given it limits that, beyond which episodes end",
+        **{
+            f"controller.{key}": "of a controller: an agent is in its place"
+            for key in (
+                *("sqp_iterations", "start_iterations", "start_calls", "iterations", "scenarios", "supervisor"),
+                *("deadline", "horizon.method", "horizon.substeps"),
+            )
+        },
+        "controller.cost.*.terminal": "rewards are running costs",
+        **{
+            f"estimator.{key}": "of an estimator: observations are what is measured"
+            for key in (
+                *("disturbances", "spread", "adapt", "contact_detection", "acceleration_std", "initial_std"),
+                *("object_acceleration_std", "outlier", "frozen"),
+            )
+        },
     },
 )
 

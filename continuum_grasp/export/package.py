@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
@@ -39,10 +39,37 @@ from continuum_grasp.export.source import (
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
+_ARGUMENT = "an argument of the functions"
+_FINGER_ALONE = "the package moves the finger; contact takes where the object is"
+_PACKAGE = Consumer(
+    "export-c",
+    unneeded={
+        **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
+        **dict.fromkeys(
+            ("time.duration", "time.method", "time.tolerance", "time.space_error"), "steps are the caller's"
+        ),
+        **dict.fromkeys(
+            ("object.mass", "out_of_plane_gravity", "moment_of_inertia", "table", "supports", "object_moves"),
+            _FINGER_ALONE,
+        ),
+        "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
+        "finger.strain_limit": "where fidelity.bending_range is not given it limits that, by which states are checked",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+    },
+)
+_LOOP = Consumer(
+    "export-c of closed loops",
+    unneeded={
+        **dict.fromkeys(("plant", "loads"), "the package has the controller, and no plant"),
+        "controller.deadline": "the caller has the clock, and says whether the last command was late",
+    },
+)
 
 
 @dataclass(frozen=True)
@@ -137,49 +164,39 @@ def export_c(
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     check_package(Path(folder))
-    files, values = package_files(
-        given,
-        real=real,
-        what=what,
-        prefix=prefix,
-        target=target,
-        ranges=ranges,
-        step=step,
-        substeps=substeps,
-        sections=sections,
-        error=error,
-        measured=measured,
-    )
+    asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured)
+    files, values = package_files(given, asked)
     write_package(Path(folder), files)
     return Package(Path(folder), tuple(sorted(files)), values)
 
 
-def package_files(
-    given: Given,
-    *,
-    real: str | None = None,
-    what: Sequence[str] | None = None,
-    prefix: str = "finger",
-    target: str = "host",
-    ranges: Mapping[str, Sequence[float]] | None = None,
-    step: float | None = None,
-    substeps: int = 1,
-    sections: int = 25,
-    error: float | None = None,
-    measured: bool = False,
-    tested: bool = True,
-) -> tuple[dict[str, str], dict[str, Any]]:
+class Asked(NamedTuple):
+    """How a package is to be, as the arguments of ``export_c`` say."""
+
+    real: str | None = None
+    what: Sequence[str] | None = None
+    prefix: str = "finger"
+    target: str = "host"
+    ranges: Mapping[str, Sequence[float]] | None = None
+    step: float | None = None
+    substeps: int = 1
+    sections: int = 25
+    error: float | None = None
+    measured: bool = False
+
+
+def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[dict[str, str], dict[str, Any]]:
     """Files of a package by path, and what its manifest holds; one that is not ``tested`` is its library alone."""
-    asked = positive(error, "error")
-    target, computed_in = target_of(target, real)
+    limit = positive(asked.error, "error") or _ASKED_ERROR
+    target, computed_in = target_of(asked.target, asked.real)
     kind = REALS[computed_in]
     source = source_of(given, kind)
-    names = parts_of(what, source)
-    longest = source.step if step is None else positive(step, "step")
+    names = parts_of(asked.what, source)
+    longest = source.step if asked.step is None else positive(asked.step, "step")
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
-    subject = _subject(source, names, prefix_of(prefix), kind, ranges or {}, longest, count_of(substeps))
-    subject = replace(subject, sections=sections_of(sections), surroundings=source.surroundings)
+    subject = _subject(source, names, kind, asked, longest)
+    subject = replace(subject, sections=sections_of(asked.sections), surroundings=source.surroundings)
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     parts = [made[name] for name in names]
@@ -193,7 +210,6 @@ def package_files(
         exact = (call for part in wide for call in part.calls)
         for seed, (narrow, true) in enumerate(zip(contents.calls, exact, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
-    limit = _ASKED_ERROR if asked is None else asked
     check_errors(kind, errors, limit)
     vectors = vectors_of(subject, contents.calls) if tested else []
     files = library_files(contents)
@@ -206,7 +222,7 @@ def package_files(
     counts = {v.name: v.count for v in vectors}
     if tested:
         files |= _further_files(contents, target, vectors)
-    found = measure(files, target) if measured else None
+    found = measure(files, target) if asked.measured else None
     if tested:
         touching = "contact" not in names and (source.configuration or {}).get("object") is not None
         files["README.md"] = readme(
@@ -239,21 +255,14 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
     return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
-def _subject(
-    source: Source,
-    names: Sequence[str],
-    prefix: str,
-    kind: Real,
-    ranges: Mapping[str, Sequence[float]],
-    longest: float | None,
-    substeps: int,
-) -> Subject:
+def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
+    prefix, substeps = prefix_of(asked.prefix), count_of(asked.substeps)
     if isinstance(source.loop, RtiSolver):
-        if ranges:
+        if asked.ranges:
             raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
         return Subject.of_loop(Loop.of_solver(source.loop, kind), prefix, kind)
-    subject = Subject.of(source.finger, prefix, kind, ranges, longest, substeps)
+    subject = Subject.of(source.finger, prefix, kind, asked.ranges or {}, longest, substeps)
     if source.loop is None:
         return subject
     return replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.prediction import Prediction
@@ -81,11 +82,7 @@ def source_of(given: Given, real: Real) -> Source:
         raise InputError(
             f"expected a FingerModel, a Scene, a closed loop, a solver or the path of its file, got {given!r:.80}"
         )
-    scene = given
-    if scene.fidelity.tolerance is not None:
-        from continuum_grasp.accuracy.choose import resolve_fidelity
-
-        scene, _ = resolve_fidelity(scene)
+    scene, _ = resolve_fidelity(given)
     model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
     return Source(model, *names_of(scene), step, scene.model_dump(mode="json"), surroundings=scene)

@@ -21,12 +21,16 @@ from continuum_grasp.identification.control_logs import Log, read_logs
 from continuum_grasp.identification.residual import OneStepError, ResidualFit
 from continuum_grasp.identification.smoothing import Smoother, Steps
 from continuum_grasp.model.learned_residual import distance, terms
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.learned_residual import LearnedResidual, ResidualTraining
 from continuum_grasp.scene.load import scene_of
 
 Array = NDArray[np.float64]
 
+_LEARNING = Consumer(
+    "identify of a residual", refused={"object": "a residual is learned from free motion: leave the object out"}
+)
 _KERNELS = (0, 6, 12)
 """Numbers of kernels that are tried [1]. Twelve add a fifth to a controller's step with two clothoids."""
 _WIDTH = 6.0
@@ -104,8 +108,7 @@ def learn_residual(
     """
     started = perf_counter()
     scene = scene_of(scene, ControlScene)
-    if scene.object is not None:
-        raise InputError("a residual is learned from free motion: leave the object out", key="object")
+    _LEARNING.check(scene)
     if scene.fidelity.residual is not None:
         scene = scene.changed({"fidelity.residual": None})
     report = progress or (lambda share: None)

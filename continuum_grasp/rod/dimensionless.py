@@ -19,7 +19,7 @@ from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.profile import Curve, Profile
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.simulate import EXACT_ROD, Scene
 
 _PANELS, _NODES = 8, 16
 """Panels along the rod and their nodes, for means along it: exact to rounding unless a panel tapers to a tenth."""
@@ -200,6 +200,7 @@ def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None,
 
 def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
     """The rod of a scene with the values of loads and inputs at time zero, and further loads."""
+    EXACT_ROD.check(scene)
     length = scene.finger.rod.length
     dead: list[tuple[float, complex]] = []
     following: list[tuple[float, complex]] = []
@@ -212,12 +213,6 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
     actuation, tensions, wound = scene.actuation, None, None
-    if scene.finger.softening is not None:
-        raise InputError("the exact rod knows a linear material, and stops: leave it out", key="finger.softening")
-    if scene.initial.reached_by == "state":
-        raise InputError(
-            "the exact rod has no friction cells: reached_by must be pulling or releasing", key="initial.reached_by"
-        )
     if scene.finger.winches:
         given = () if actuation is None else actuation.given[1]
         commands = [_at_zero(value)[0] for value in given] or [0.0] * len(scene.finger.winches)

@@ -30,7 +30,8 @@ class Consumer:
     otherwise : mapping of str to str
         By key, what becomes of it instead: listed for the user.
     unneeded : mapping of str to str
-        By key, or that of a whole part, why nothing is missing without it: in the documentation alone.
+        By key, or that of a whole part, why nothing is missing without it: in the documentation alone. ``*`` is any
+        name.
     """
 
     name: str

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.controller import Controller, Plant
 from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
@@ -33,6 +34,23 @@ _OF_SCENARIOS = {
     "time_constant": ("drive_time_constant",),
 }
 """Model parameters behind the keys of ``controller.scenarios``."""
+
+
+_LOOP = Consumer(
+    "mpc",
+    refused={
+        "fidelity.tolerance": "is not for controllers: give family and elements",
+        "initial.motor_angles": "is for statics and simulations alone: command what motors do",
+    },
+)
+_STATE_GIVEN = Consumer(
+    "mpc without an estimator",
+    refused={
+        "plant.noise": "the controller is given the exact state: add an estimator",
+        "plant.delay": "the controller is given the state at once: add an estimator",
+    },
+    unneeded={"plant.seed": "nothing has noise"},
+)
 
 
 class ControlScene(FingerScene):
@@ -64,10 +82,10 @@ class ControlScene(FingerScene):
 
     def _check(self) -> None:
         self.initial.check_history(self.finger)
-        self.initial.check_no_motors()
         self.controller.input.check(self.finger, "controller.input")
-        if self.fidelity.tolerance is not None:
-            raise ValueError("fidelity.tolerance is not for controllers: give family and elements")
+        _LOOP.check(self)
+        if self.estimator is None:
+            _STATE_GIVEN.check(self)
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)

@@ -312,19 +312,6 @@ class Finger(Value):
         count = len(self.winches) or len(self.tendon_list)
         return f"{count} {self.input_key}" if count else "the tip moment"
 
-    def check_commands_tensions(self, key: str, what: str) -> None:
-        """Refuse winches and motors for ``what``, of a finger at ``key``."""
-        if self.winches:
-            raise ValueError(
-                f"{key}.tendons.drive: {what} know commanded tensions alone, got drive.kind: {self.winches[0].kind}; "
-                "leave it out"
-            )
-
-    def check_linear(self, key: str, what: str) -> None:
-        """Refuse a material that softens for ``what``, of a finger at ``key``."""
-        if self.softening is not None:
-            raise ValueError(f"{key}.softening: {what} know a linear material alone, and stops; leave it out")
-
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""

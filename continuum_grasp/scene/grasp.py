@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.grasp_options import (
@@ -43,6 +44,23 @@ TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 _TURNS = 360
 """Parts of the range of a free angle in which the distance from a support is sampled [1]."""
+
+
+_OF_FINGERS = {
+    "softening": "grasps know a linear material alone: leave it out",
+    "stops": "grasps do not know what this does to the finger: leave it out",
+    "tip_body": "grasps do not know what this does to the finger: leave it out",
+    "tendons.conduit_bend": "must be zero here: tensions of a grasp are those that enter the finger",
+    "fidelity.residual": "is not for grasps, whose elements are sought",
+    "fidelity.frequencies": "is not for grasps, which do not move",
+}
+_GRASP = Consumer(
+    "grasp",
+    refused={
+        **{f"{at}.{key}": text for at in ("finger", "fingers") for key, text in _OF_FINGERS.items()},
+        **{key: text for key, text in _OF_FINGERS.items() if key.startswith("fidelity.")},
+    },
+)
 
 
 @dataclass(frozen=True)
@@ -359,6 +377,7 @@ class GraspScene(Value):
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
+        _GRASP.check(self)
         for setup in self.setups:
             where = "finger" if self.fingers is None else f"fingers.{setup.name}"
             self._check_finger(setup, where)
@@ -381,18 +400,10 @@ class GraspScene(Value):
                 f"closing: its path knows no dry friction, which {where}.damping.dry_friction gives the bending; leave "
                 "one of both out"
             )
-        finger.check_linear(where, "grasps")
         if isinstance(finger.tendons, tuple) and not _are_pair(finger):
             raise ValueError(
                 f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
                 "offset and the second with the same offset on the other side, that end at the same place"
-            )
-        for key in ("stops", "tip_body"):
-            if getattr(finger, key) is not None:
-                raise ValueError(f"{where}.{key}: grasps do not know what this does to the finger; leave it out")
-        if any(tendon.conduit_bend for tendon in finger.tendon_list):
-            raise ValueError(
-                f"{where}.tendons.conduit_bend must be zero here: tensions of a grasp are those that enter the finger"
             )
         if setup.graded and finger.has_tendon_friction:
             raise ValueError(
@@ -406,10 +417,6 @@ class GraspScene(Value):
             )
         if isinstance(fidelity.elements, tuple):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
-        if fidelity.residual is not None:
-            raise ValueError("fidelity.residual is not for grasps, whose elements are sought")
-        if fidelity.frequencies != Fidelity().frequencies:
-            raise ValueError("fidelity.frequencies is not for grasps, which do not move")
         if all(m == "off" for m in setup.middles) and setup.tip == "off":
             raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
         if len(setup.before) != len(setup.middles):

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
@@ -235,6 +236,11 @@ class Excitation(Value):
             raise ValueError(f"duration = {self.duration} s is shorter than 200 samples of {self.sample} s")
 
 
+_FIT = Consumer(
+    "identify", refused={"object": "has no place here: measurements are of the finger alone, leave the object out"}
+)
+
+
 class IdentifyScene(Scene):
     """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
 
@@ -248,8 +254,7 @@ class IdentifyScene(Scene):
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
     def _check(self) -> None:
-        if self.object is not None:
-            raise ValueError("object has no place here: measurements are of the finger alone")
+        _FIT.check(self)
         names = [one.name for one in self.estimate]
         for k, name in enumerate(names):
             if name in names[:k]:

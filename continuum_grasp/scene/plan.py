@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
@@ -184,6 +185,16 @@ class FineCheck(Value):
     """Law of contact of the finer model; None: the same."""
 
 
+_PLAN = Consumer(
+    "plan",
+    refused={
+        "fidelity.tolerance": "is not for plans: give family and elements",
+        "initial.motor_angles": "is for statics and simulations alone: command what motors do",
+        "loads.follows": "is not for plans, whose forces keep their directions in the world",
+    },
+)
+
+
 class PlanScene(FingerScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
@@ -246,10 +257,8 @@ class PlanScene(FingerScene):
         if self.transcription == "single_shooting" and self.solver.method != "ipopt":
             raise ValueError("solver.method has no effect on method: single_shooting, which has its own; leave it out")
         self.initial.check_history(self.finger)
-        self.initial.check_no_motors()
+        _PLAN.check(self)
         self.input.check(self.finger, "input")
-        if self.fidelity.tolerance is not None:
-            raise ValueError("fidelity.tolerance is not for plans: give family and elements")
         self._check_contact()
         self._check_inputs()
         goal = self.goal
@@ -277,8 +286,6 @@ class PlanScene(FingerScene):
             # The model has forces as inputs at its contacts and tip alone.
             if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
                 raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
-            if load.follows:
-                raise ValueError(f"loads[{k}].follows is not for plans")
             if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
                 raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
 

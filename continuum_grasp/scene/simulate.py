@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
@@ -30,6 +31,29 @@ if TYPE_CHECKING:
     Method = str
 else:
     Method = Literal["auto", *SIMULATION_METHODS, "reference"]
+
+
+EXACT_ROD = Consumer(
+    "the exact rod (accuracy, fidelity.tolerance)",
+    refused={
+        "object": "the exact rod touches nothing: leave the object out, or give fidelity.family and elements",
+        "finger.softening": "the exact rod knows a linear material, and stops: leave it out",
+        "finger.damping.dry_friction": "errors are measured against the elastic rod, which has no dry friction in "
+        "bending: leave it out",
+        "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
+    },
+)
+_TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
+SEVERAL_MODELS = Consumer(
+    "accuracy, fidelity.tolerance", refused=dict.fromkeys(("initial.q", "initial.q_above_rest"), _TRIED)
+)
+_TOLERANCE = Consumer(
+    "fidelity.tolerance",
+    refused={
+        "finger.tendons.drive.kind=motor": "fidelity.tolerance is measured against the exact rod, which has no motors: "
+        "choose family and elements with drive.kind: length, and give them here"
+    },
+)
 
 
 class Fidelity(Value):
@@ -113,11 +137,6 @@ class Initial(Value):
         """Refuse a history of a finger that has none."""
         if self.reached_by is not None and not finger.has_friction:
             raise ValueError("initial.reached_by has no effect: neither tendons nor bending have friction")
-
-    def check_no_motors(self) -> None:
-        """Refuse angles of motors where these are where the commands lead."""
-        if self.motor_angles is not None:
-            raise ValueError("initial.motor_angles is for statics and simulations alone: command what motors do")
 
     def check_motors(self, finger: Finger) -> None:
         """Refuse angles of motors that a finger has not."""
@@ -228,18 +247,9 @@ class Scene(FingerScene):
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
-        if self.fidelity.tolerance is not None and any(drive.kind == "motor" for drive in self.finger.winches):
-            raise ValueError(
-                "fidelity.tolerance is measured against the exact rod, which has no motors: choose family and elements "
-                "with drive.kind: length, and give them here"
-            )
-        if self.fidelity.tolerance is not None and self.initial.reached_by == "state":
-            raise ValueError(
-                "fidelity.tolerance is measured against the exact rod, which has no friction cells: reached_by must be "
-                "pulling or releasing"
-            )
-        if self.object is not None and self.fidelity.tolerance is not None:
-            raise ValueError("fidelity.tolerance is not measured with an object; give family and elements")
+        if self.fidelity.tolerance is not None:
+            for one in (EXACT_ROD, SEVERAL_MODELS, _TOLERANCE):
+                one.check(self)
         lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")

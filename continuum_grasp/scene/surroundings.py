@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.supports import Peg, Support, Wall
@@ -15,6 +16,22 @@ from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Po
 
 _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
+
+
+_OF_OBJECTS = ("moment_of_inertia", "out_of_plane_gravity", "table", "supports")
+_EMPTY = Consumer(
+    "a scene without an object",
+    refused=dict.fromkeys(("contact_law", "object_moves", *_OF_OBJECTS), "has no meaning without an object"),
+)
+_FIXED = Consumer(
+    "a fixed object",
+    refused=dict.fromkeys(_OF_OBJECTS, "has no meaning for a fixed object: set object_moves"),
+    unneeded={"object.mass": "nothing moves it"},
+)
+_PLACED = Consumer(
+    "motions with an object",
+    refused={"object.free": "is for grasps; here the object starts where position and angle say"},
+)
 
 
 class ContactLaw(Value):
@@ -119,23 +136,17 @@ class Surroundings(Value):
     def _check(self) -> None:
         body = self.object
         if body is None:
-            given = [key for key in ("supports", "contact_law", "moment_of_inertia") if getattr(self, key)]
-            given += [key for key in ("object_moves", "out_of_plane_gravity", "table") if getattr(self, key)]
-            if given:
-                raise ValueError(f"{given[0]} has no meaning without an object")
+            _EMPTY.check(self)
             return
         if self.contact_law is None:
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
-        if body.free is not None:
-            raise ValueError("object.free is for grasps; here the object starts where position and angle say")
+        _PLACED.check(self)
         if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
         if self.table is not None and (self.table.wall is None) != (self.out_of_plane_gravity > 0.0):
             raise ValueError("table needs out_of_plane_gravity, or without it point and normal_angle")
         if not self.object_moves:
-            given = [key for key in ("moment_of_inertia", "out_of_plane_gravity", "table") if getattr(self, key)]
-            if given or self.supports:
-                raise ValueError(f"{(given or ['supports'])[0]} has no meaning for a fixed object: set object_moves")
+            _FIXED.check(self)
 
     @property
     def surroundings(self) -> Surroundings | None:

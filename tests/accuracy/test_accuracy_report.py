@@ -131,5 +131,5 @@ def test_a_table_reads_and_parses():
 def test_coordinates_of_one_model_are_refused():
     for key in ("q", "q_above_rest"):
         posed = rod_scene(NITINOL, "arc", 2, initial={key: [0.1, 0.1]})
-        with pytest.raises(cg.InputError, match=rf"initial\.{key} .* give a pose"):
+        with pytest.raises(cg.InputError, match=rf"initial\.{key}: .* give a pose"):
             cg.accuracy_report(posed)

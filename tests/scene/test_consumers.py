@@ -4,23 +4,24 @@ key that is not declared changes what a consumer makes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from fnmatch import fnmatchcase
 from functools import cache
 from itertools import zip_longest
 
-import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.errors import InputError
-from continuum_grasp.export.mjcf.write import export_mjcf
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import KINDS
 from continuum_grasp.scene.schema import json_schema
-from continuum_grasp.scene.simulate import Initial, Scene
-from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.simulate import Scene
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
+from tests.scene_products import MAKERS, parts
 
 FROM_OUTSIDE = {"Freedom", "LearnedResidual", "ResidualTraining"}
 """Classes of values that scenes of simulation refuse, or that belong to one model."""
@@ -30,8 +31,8 @@ schema_of = cache(json_schema)
 
 
 def known(key: str) -> bool:
-    """Whether a dotted key is one of a simulation or of a closed loop, by their schemas."""
-    for kind in ("simulate", "mpc"):
+    """Whether a dotted key is one of some kind of scene, by the schemas."""
+    for kind in KINDS:
         schema = schema_of(kind)
         nodes = [schema]
         for name in key.partition("=")[0].split("."):
@@ -42,7 +43,7 @@ def known(key: str) -> bool:
                     nodes.append(schema["$defs"][node["$ref"].rpartition("/")[2]])
                 nodes += [one for word in ("anyOf", "oneOf", "allOf") for one in node.get(word, ())]
                 nodes += [node[word] for word in ("items", "additionalProperties") if isinstance(node.get(word), dict)]
-                found += [node["properties"][name]] if name in node.get("properties", {}) else []
+                found += [one for key, one in node.get("properties", {}).items() if fnmatchcase(key, name)]
             nodes = found
         if nodes:
             return True
@@ -82,89 +83,99 @@ def test_the_tables_are_what_consumers_declare():
     assert PAGE.read_text(encoding="utf-8").split(BEGIN)[1] == f"\n{tables()}"
 
 
-def chain_of_hinges(scene: Scene) -> Iterator[object]:
-    """What export-mjcf makes."""
-    made = export_mjcf(scene, hinges=3)
-    yield made.text
-    yield made.controls([0.0, 0.25, 0.85]).tolist()
-
-
-REST = Initial(pose="straight")
-
-
-def chain_of_guides(scene: Scene) -> Iterator[object]:
-    """What a plant with guides makes of a finger and its surroundings."""
-    chain = ChainSystem(scene, 3, 1e4)
-    yield chain.numbers(np.array(chain.p_nominal)).tolist()
-    yield from (
-        repr(chain.chain.tendons),
-        repr(chain.winches),
-        chain.start(
-            *np.zeros((2, 3)), np.zeros(sum(one.states for one in chain.winches)), np.zeros(chain.nu), REST
-        ).tolist(),
-    )
-    yield from (one.serialize() for one in (chain.drums, chain.around, chain.tensions, chain.touch))
-
-
-MAKERS = {
-    "export-mjcf": (chain_of_hinges, tuple(Scene.model_fields)),
-    "plant.guides": (chain_of_guides, ("finger", "gravity", "contacts", *Surroundings.model_fields)),
+LONG = {
+    *("Actuation", "Finger", "Initial", "MemberPlace", "ObjectBody"),
+    *("Rod", "RodFactors", "RodSection", "Table", "_Tensions"),
 }
-"""By consumer what makes something of a scene, and the keys that are its own."""
-LONG = {"Actuation", "Initial", "MemberPlace", "ObjectBody", "Rod", "RodFactors", "RodSection", "Table", "_Tensions"}
 """Classes with keys of which many values are tried."""
-BY_SCENE: dict[tuple[str, str], list[object] | None] = {}
-"""What consumers make of the scenes; None where they refuse one."""
+QUICK = {"export-mjcf", "plant.guides"}
+"""Consumers of which most classes are tried in less than a second."""
+
+
+@cache
+def of_base(name: str, base: str) -> tuple[object, ...] | None:
+    """What a consumer makes of one of the scenes; None where it refuses that."""
+    root, make, _ = MAKERS[name]
+    try:
+        return tuple(parts(make(bases(root)[base])))
+    except InputError:
+        return None
 
 
 def ignored(name: str, found: list[Place]) -> str:
     """What is wrong with a key, of which the places are given: empty where its value counts, or is declared."""
-    consumer, (make, own), key = CONSUMERS[name], MAKERS[name], found[0].key
+    consumer, (root, make, own), key = CONSUMERS[name], MAKERS[name], found[0].key
     heads = [".".join(key.split(".")[: k + 1]) for k in range(key.count(".") + 1)]
-    if heads[0] not in own or key in NOT_ALONE or key in {**consumer.refused, **consumer.otherwise}:
+    declared = {**consumer.refused, **consumer.otherwise, **consumer.unneeded}
+    if heads[0] not in own or key in NOT_ALONE or any(fnmatchcase(head, one) for head in heads for one in declared):
         return ""
-    if set(heads) & set(consumer.unneeded):
-        return ""
-    tried, refused = 0, 0
+    taken = tried = False
     for place in found:
+        base, before = bases(root)[place.base], of_base(name, place.base)
+        if before is None:
+            continue
+        taken = True
         for value in others(place, found):
             try:
-                scene = bases()[place.base].changed({place.path: value})
+                scene = base.changed({place.path: value})
             except InputError:
                 continue
-            if scene == bases()[place.base]:
+            if scene == base:
                 continue
-            tried += 1
-            if (name, place.base) not in BY_SCENE:
-                try:
-                    BY_SCENE[name, place.base] = list(make(bases()[place.base]))
-                except InputError:
-                    BY_SCENE[name, place.base] = None
-            before = BY_SCENE[name, place.base]
+            tried = True
             try:
-                if before is not None and any(a != b for a, b in zip_longest(make(scene), before)):
+                if any(a != b for a, b in zip_longest(parts(make(scene)), before)):
                     return ""
+            except SolverError:
+                return ""
             except InputError as error:
                 if error.key and error.key.split("[")[0] in key:
                     return ""
-            if before is None:
-                refused += 1
-                break
-    if not tried:
-        return "" if is_part(found[0].field) else f"{key}: no other value is known (tests/scene_keys.py)"
-    return "" if refused == tried else f"{key}: ignored in silence; declare it in the consumer"
+    if not taken or is_part(found[0].field):  # the keys of a part are tried themselves
+        return ""
+    why = "ignored in silence; declare it in the consumer" if tried else "no other value is known (tests/scene_keys.py)"
+    return f"{key}: {why}"
 
 
 def test_the_scenes_have_every_key():
-    missing = {kind: left for kind, names in keys().items() if (left := names - set(places().get(kind, ())))}
-    assert set(missing) == FROM_OUTSIDE
+    for root, outside in ((Scene, FROM_OUTSIDE), (ControlScene, set())):
+        missing = {kind for kind, names in keys(root).items() if names - set(places(root).get(kind, ()))}
+        assert missing == outside
 
 
 @pytest.mark.parametrize(
-    "kind",
-    [pytest.param(one, marks=[pytest.mark.deep] * (one in LONG)) for one in sorted(set(keys()) - FROM_OUTSIDE)],
+    ("name", "kind"),
+    [
+        pytest.param(name, kind, marks=() if name in QUICK and kind not in LONG else pytest.mark.deep)
+        for name, (root, *_) in MAKERS.items()
+        for kind in sorted(set(keys(root)) - FROM_OUTSIDE)
+    ],
 )
-@pytest.mark.parametrize("name", MAKERS)
 def test_no_key_is_ignored_in_silence(name, kind):
-    wrong = [text for found in places()[kind].values() if (text := ignored(name, found))]
+    found = places(MAKERS[name][0])[kind]
+    wrong = [text for field in keys(MAKERS[name][0])[kind] if (text := ignored(name, found[field]))]
     assert not wrong
+
+
+MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
+
+
+@pytest.mark.parametrize(
+    ("key", "refused"),
+    [
+        ("object", lambda: solve_elastica(cg.load(MUG))),
+        ("object", lambda: cg.choose_fidelity(cg.load(MUG), 0.01)),
+        ("plant.noise", lambda: cg.load(POST, ["estimator=null", "plant.noise=2.0"])),
+        ("plant.object_mass", lambda: PlantModel(cg.load(POST, ["plant.object_mass=1.1"]))),
+    ],
+)
+def test_what_would_have_no_effect_is_refused(key, refused):
+    with pytest.raises(InputError) as caught:
+        refused()
+    assert caught.value.key == key
+
+
+def test_environments_list_what_they_do_not_keep():
+    given = cg.load("configs/mpc/steady_tip.yaml", ["plant.seed=3", "controller.bounds.speed=20.0"])
+    listed = [text.partition(":")[0] for text in CONSUMERS["environments"].check(given)]
+    assert listed == ["controller.bounds.speed", "plant.seed"]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 from continuum_grasp import __version__
@@ -21,7 +20,52 @@ _CATEGORIES = {
 
 def model_description(unit: Unit, fmi: str, token: str) -> str:
     """XML of a version, ``"2"`` or ``"3"``."""
-    return _xml(_version_2(unit, token) if fmi == "2" else _version_3(unit, token))
+    old, reals = fmi == "2", unit.variables
+    root = _root(unit, f"{fmi}.0", **{"guid" if old else "instantiationToken": token})
+    simulates = ElementTree.SubElement(root, "CoSimulation", _flags(unit, old))
+    if old:
+        files = ElementTree.SubElement(simulates, "SourceFiles")
+        for name in sorted([*(n for n in unit.sources if n.endswith(".c")), "fmi2.c"]):
+            ElementTree.SubElement(files, "File", name=name)
+    _units_and_log(root, unit)
+    listed = ElementTree.SubElement(root, "ModelVariables")
+    # In FMI 2.0 variables are numbered from one, in their order; in FMI 3.0 they are named by their references.
+    offset = 1 if old else 0
+
+    def add(kind: str, name: str, text: str, more: Mapping[str, str], values: Mapping[str, str]) -> None:
+        own = {"name": name, "valueReference": str(len(listed)), **_text(text), **more}
+        if old:
+            ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", own), kind, dict(values))
+        else:
+            ElementTree.SubElement(listed, kind, {**own, **values})
+
+    first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
+    rates = [k for k, v in enumerate(reals) if v.kind == "rate"]
+    for k, variable in enumerate(reals):
+        derivative = {"derivative": str(first + k - rates[0] + offset)} if k in rates else {}
+        values = {**_real(unit, variable), **derivative}
+        add("Real" if old else "Float64", variable.name, variable.text, _roles(unit, variable), values)
+    for count in unit.counts:
+        add("Integer" if old else "Int32", count.name, count.text, _COUNT, {})
+    counts = range(len(reals), len(listed))
+    if not old:
+        add("Float64", "time", "time", {"causality": "independent", "variability": "continuous"}, {"unit": "s"})
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    seen = [k for k, v in enumerate(reals) if v.kind in ("state", "output")]
+    unknown = [k for k, v in enumerate(reals) if _is_unknown(unit, v)]
+    groups = (
+        ("Outputs", "Output", (*seen, *counts)),
+        ("Derivatives", "ContinuousStateDerivative", rates if unit.linear else ()),
+        ("InitialUnknowns", "InitialUnknown", (*unknown, *counts)),
+    )
+    for group, kind, entries in groups:
+        parent = ElementTree.SubElement(structure, group) if old and entries else structure
+        for k in entries:
+            entry = {"index" if old else "valueReference": str(k + offset)}
+            if k not in counts and kind != "InitialUnknown":
+                entry["dependencies"] = " ".join(str(j + offset) for j in _depends(unit, reals[k]))
+            ElementTree.SubElement(parent, "Unknown" if old else kind, entry)
+    return _xml(root)
 
 
 def build_description(unit: Unit, sources: Iterable[str]) -> str:
@@ -120,7 +164,9 @@ def _depends(unit: Unit, variable: Variable) -> list[int]:
     return sorted(states + (inputs if unit.feedthrough else []))
 
 
-def _flags(unit: Unit, state: str, derivatives: str) -> dict[str, str]:
+def _flags(unit: Unit, old: bool) -> dict[str, str]:
+    state, derivatives = "state" if old else "State", "providesDirectionalDerivative" + ("" if old else "s")
+    own = {"canNotUseMemoryManagementFunctions": "true"} if old else {"fixedInternalStepSize": _number(unit.step)}
     return {
         "modelIdentifier": unit.identifier,
         "canHandleVariableCommunicationStepSize": "true",
@@ -128,98 +174,10 @@ def _flags(unit: Unit, state: str, derivatives: str) -> dict[str, str]:
         f"canGetAndSetFMU{state}": "true",
         f"canSerializeFMU{state}": "true",
         derivatives: "true" if unit.linear else "false",
+        **own,
     }
-
-
-def _version_2(unit: Unit, token: str) -> ElementTree.Element:
-    root = _root(unit, "2.0", guid=token)
-    flags = {**_flags(unit, "state", "providesDirectionalDerivative"), "canNotUseMemoryManagementFunctions": "true"}
-    simulates = ElementTree.SubElement(root, "CoSimulation", flags)
-    files = ElementTree.SubElement(simulates, "SourceFiles")
-    for name in sorted([*(n for n in unit.sources if n.endswith(".c")), "fmi2.c"]):
-        ElementTree.SubElement(files, "File", name=name)
-    _units_and_log(root, unit)
-    listed = ElementTree.SubElement(root, "ModelVariables")
-    reals = unit.variables
-    first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
-    rates = [k for k, v in enumerate(reals) if v.kind == "rate"]
-    for k, variable in enumerate(reals):
-        given = {"name": variable.name, "valueReference": str(k), **_text(variable.text), **_roles(unit, variable)}
-        of = ElementTree.SubElement(listed, "ScalarVariable", given)
-        derivative = {"derivative": str(first + k - rates[0] + 1)} if k in rates else {}
-        ElementTree.SubElement(of, "Real", {**_real(unit, variable), **derivative})
-    for k, count in enumerate(unit.counts):
-        given = {"name": count.name, "valueReference": str(len(reals) + k), **_text(count.text), **_COUNT}
-        ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", given), "Integer")
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    results = [k for k, v in enumerate(reals) if v.kind in ("state", "output")]
-    counts = range(len(reals), len(reals) + len(unit.counts))
-
-    def entry(of: ElementTree.Element, k: int) -> None:
-        # In FMI 2.0 variables are numbered from one, in their order.
-        on = {} if k >= len(reals) else {"dependencies": " ".join(str(j + 1) for j in _depends(unit, reals[k]))}
-        ElementTree.SubElement(of, "Unknown", {"index": str(k + 1), **on})
-
-    outputs = ElementTree.SubElement(structure, "Outputs")
-    for k in (*results, *counts):
-        entry(outputs, k)
-    if rates and unit.linear:
-        derivatives = ElementTree.SubElement(structure, "Derivatives")
-        for k in rates:
-            entry(derivatives, k)
-    unknowns = ElementTree.SubElement(structure, "InitialUnknowns")
-    for k in (*(k for k, v in enumerate(reals) if _is_unknown(unit, v)), *counts):
-        ElementTree.SubElement(unknowns, "Unknown", {"index": str(k + 1)})
-    return root
 
 
 def _is_unknown(unit: Unit, variable: Variable) -> bool:
     """Whether it is computed by the initialization."""
     return variable.kind == "output" or (variable.kind == "rate" and unit.linear)
-
-
-def _version_3(unit: Unit, token: str) -> ElementTree.Element:
-    root = _root(unit, "3.0", instantiationToken=token)
-    flags: dict[str, Any] = _flags(unit, "State", "providesDirectionalDerivatives")
-    ElementTree.SubElement(root, "CoSimulation", {**flags, "fixedInternalStepSize": _number(unit.step)})
-    _units_and_log(root, unit)
-    listed = ElementTree.SubElement(root, "ModelVariables")
-    reals = unit.variables
-    first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
-    rates = [k for k, v in enumerate(reals) if v.kind == "rate"]
-    for k, variable in enumerate(reals):
-        derivative = {"derivative": str(first + k - rates[0])} if k in rates else {}
-        ElementTree.SubElement(
-            listed,
-            "Float64",
-            {
-                "name": variable.name,
-                "valueReference": str(k),
-                **_text(variable.text),
-                **_roles(unit, variable),
-                **_real(unit, variable),
-                **derivative,
-            },
-        )
-    for k, count in enumerate(unit.counts):
-        given = {"name": count.name, "valueReference": str(len(reals) + k), **_text(count.text), **_COUNT}
-        ElementTree.SubElement(listed, "Int32", given)
-    time = {"name": "time", "valueReference": str(len(reals) + len(unit.counts)), "description": "time"}
-    ElementTree.SubElement(
-        listed, "Float64", {**time, "causality": "independent", "variability": "continuous", "unit": "s"}
-    )
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    counts = range(len(reals), len(reals) + len(unit.counts))
-
-    def entry(kind: str, k: int) -> None:
-        on = {} if k >= len(reals) else {"dependencies": " ".join(map(str, _depends(unit, reals[k])))}
-        ElementTree.SubElement(structure, kind, {"valueReference": str(k), **on})
-
-    for k in (*(k for k, v in enumerate(reals) if v.kind in ("state", "output")), *counts):
-        entry("Output", k)
-    if unit.linear:
-        for k in rates:
-            entry("ContinuousStateDerivative", k)
-    for k in (*(k for k, v in enumerate(reals) if _is_unknown(unit, v)), *counts):
-        ElementTree.SubElement(structure, "InitialUnknown", {"valueReference": str(k)})
-    return root

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.library import STRICT, library_of
 from continuum_grasp.export.fmu.moved import tip_variables
@@ -29,7 +30,7 @@ def finger_unit(
     ranges: Mapping[str, Sequence[float]] | None,
 ) -> Unit:
     """The finger of a scene, with its object where it has one."""
-    scene = _resolved(scene)
+    scene, _ = resolve_fidelity(scene)
     if scene.object is not None:
         return touching_unit(scene, identifier, step=positive(step, "step"), substeps=substeps, ranges=ranges)
     source = source_of(scene, REALS["double"])
@@ -76,15 +77,6 @@ def finger_unit(
         flags=STRICT,
         manifest=manifest,
     )
-
-
-def _resolved(scene: Scene) -> Scene:
-    """The scene with a tolerance turned into a model."""
-    if scene.fidelity.tolerance is None:
-        return scene
-    from continuum_grasp.accuracy.choose import resolve_fidelity
-
-    return resolve_fidelity(scene)[0]
 
 
 def _rates(entries: Sequence[Mapping[str, Any]]) -> tuple[Variable, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from continuum_grasp.export.manifest import FLAGS
-from continuum_grasp.export.package import package_files
+from continuum_grasp.export.package import Asked, package_files
 
 OF_LIBRARY = ("include/", "src/")
 """Folders of a package that its library is made of."""
@@ -15,5 +15,5 @@ STRICT = (*FLAGS["strict"], *FLAGS["gcc"])
 
 def library_of(given: Any, **options: Any) -> tuple[dict[str, str], dict[str, Any]]:
     """Headers and sources of a package in double precision by file name, and what its manifest holds."""
-    files, manifest = package_files(given, real="double", tested=False, **options)
+    files, manifest = package_files(given, Asked("double", **options), tested=False)
     return {path.rpartition("/")[2]: text for path, text in files.items() if path.startswith(OF_LIBRARY)}, manifest

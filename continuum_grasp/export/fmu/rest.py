@@ -1,12 +1,21 @@
-"""Functions of FMI 3.0 of which an FMU for co-simulation without events and clocks has nothing."""
+"""Functions of FMI of which an FMU for co-simulation without events and clocks has nothing."""
 
 from __future__ import annotations
 
 import re
 
 _NUMBERS = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Boolean", "String")
-_OF = "fmi3Instance instance, const fmi3ValueReference vr[], size_t n"
-_OTHERS = """
+_FMI2 = """
+GetBoolean(OF, fmi2Boolean values[])
+GetString(OF, fmi2String values[])
+SetInteger(OF, const fmi2Integer values[])
+SetBoolean(OF, const fmi2Boolean values[])
+SetString(OF, const fmi2String values[])
+SetRealInputDerivatives(OF, const fmi2Integer order[], const fmi2Real values[])
+GetRealOutputDerivatives(OF, const fmi2Integer order[], fmi2Real values[])
+CancelStep(fmi2Component instance)
+"""
+_FMI3 = """
 GetBinary(OF, size_t sizes[], fmi3Binary values[], size_t m)
 SetBinary(OF, const size_t sizes[], const fmi3Binary values[], size_t m)
 GetClock(OF, fmi3Clock values[])
@@ -49,18 +58,21 @@ ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Floa
 _FUNCTION = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
 
 
-def rest_of_fmi3() -> str:
-    """C of these functions: reading no variable is done, anything else is refused."""
-    declared = [f"Get{kind}({_OF}, fmi3{kind} values[], size_t m)" for kind in _NUMBERS]
-    declared += [f"Set{kind}({_OF}, const fmi3{kind} values[], size_t m)" for kind in _NUMBERS]
+def rest_of(fmi: str) -> str:
+    """C of these functions of a version: reading or writing no variable is done, anything else is refused."""
+    listed, handle = (_FMI2, "fmi2Component") if fmi == "2" else (_FMI3, "fmi3Instance")
+    of = f"{handle} instance, const fmi{fmi}ValueReference vr[], size_t n"
+    if fmi == "3":
+        listed += "".join(f"Get{kind}(OF, fmi3{kind} values[], size_t m)\n" for kind in _NUMBERS)
+        listed += "".join(f"Set{kind}(OF, const fmi3{kind} values[], size_t m)\n" for kind in _NUMBERS)
     found = []
-    for name, given in _FUNCTION.findall("\n".join(declared) + _OTHERS.replace("OF,", f"{_OF},")):
+    for name, given in _FUNCTION.findall(listed.replace("OF,", f"{of},")):
         arguments = " ".join(given.split())
         names = re.findall(r"(\w+)(?:\[\])?(?:,|$)", arguments)
         unused = "".join(f"  (void){one};\n" for one in names if one != "instance")
-        done = "  if (instance && n == 0) return fmi3OK;\n" if arguments.startswith(_OF) else ""
+        done = f"  if (instance && n == 0) return fmi{fmi}OK;\n" if arguments.startswith(of) else ""
         found.append(
-            f"FMI3(fmi3Status, fmi3{name})({arguments})\n{{\n{unused}{done}"
-            f'  return fmi3_refused(instance, "{name}: this FMU has nothing of the kind");\n}}\n'
+            f"FMI{fmi}(fmi{fmi}Status, fmi{fmi}{name})({arguments})\n{{\n{unused}{done}"
+            f'  return fmi{fmi}_refused(instance, "{name}: this FMU has nothing of the kind");\n}}\n'
         )
     return "\n".join(found)

@@ -30,7 +30,7 @@ from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import build_description, model_description
 from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
-from continuum_grasp.export.fmu.rest import rest_of_fmi3
+from continuum_grasp.export.fmu.rest import rest_of
 from continuum_grasp.export.fmu.variable import Unit
 from continuum_grasp.export.source import chosen, count_of, names_of, prefix_of
 from continuum_grasp.export.template import fill
@@ -232,6 +232,11 @@ def _files(unit: Unit, fmi: str) -> dict[str, str]:
     return found
 
 
+_SPELLED = {
+    "2": {"handle": "fmi2Component", "state": "FMUstate", "from_bytes": "DeSerializeFMUstate"},
+    "3": {"handle": "fmi3Instance", "state": "FMUState", "from_bytes": "DeserializeFMUState"},
+}
+"""Names of the standard, by its version."""
 _NO_TOKEN = "{00000000-0000-0000-0000-000000000000}"
 
 
@@ -256,7 +261,10 @@ def _source(unit: Unit, fmi: str) -> str:
     # Where the last group is empty, the count of all is not one more than where it begins.
     words["places"] = f"{words['places']}\n  FMU_REALS = {len(unit.variables)}"
     types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
-    standard = fill(f"fmu/fmi{fmi}.c", {**words, "prototypes": "<<prototypes>>", "others": rest_of_fmi3()})
+    own = {"v": fmi, **_SPELLED[fmi]}
+    parts = {name: fill(f"fmu/{name}.c", own) for name in ("names", "shared")}
+    words |= {**parts, "prototypes": "<<prototypes>>", "others": rest_of(fmi)}
+    standard = fill(f"fmu/fmi{fmi}.c", words)
     declared = "\n".join(f"{head};" for head in _FUNCTION.findall(standard))
     standard = filled(standard, {"prototypes": declared})
     return fill("fmu/common.c", {**words, "types": types, "glue": "".join(glue)}) + "\n" + standard

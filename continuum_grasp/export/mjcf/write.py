@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
@@ -176,7 +177,7 @@ def export_mjcf(
         )
     if not 1 <= hinges <= _MOST_HINGES:
         raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
-    per_arc = _model(scene).lengths if scene.finger.damping.per_arc else ()
+    per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(one.varies for one in controls):
         check_file(Path(file).with_suffix(".csv"), partial(is_marked, mark=b"time,"))
@@ -227,22 +228,13 @@ def _differences(scene: Scene, controls: list[Control]) -> list[str]:
     return found
 
 
-def _model(scene: Scene) -> FingerModel:
-    """The scene's own model."""
-    if scene.fidelity.tolerance is not None:
-        from continuum_grasp.accuracy.choose import resolve_fidelity
-
-        scene, _ = resolve_fidelity(scene)
-    return FingerModel(scene)
-
-
 def _start(scene: Scene, links: Links) -> tuple[tuple[Array, Array], Array]:
     """Angles [rad] and rates [rad/s] of the hinges at time zero, and states (B, N) of dry friction there."""
     count, branches = len(links.at), len(scene.finger.damping.dry_friction)
     none = np.zeros((branches, count))
     if scene.initial.pose in ("straight", "rest") and scene.initial.reached_by is None:
         return (links.rest if scene.initial.pose == "rest" else np.zeros(count), np.zeros(count)), none
-    model = _model(scene)
+    model = FingerModel(resolve_fidelity(scene)[0])
     core, x, u = Core(model, compiled=False), initial_state(scene, model), Signals(scene, model).u(0.0)[0]
     q, qd = x[: model.n], x[model.n : 2 * model.n]
 

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
@@ -211,10 +212,7 @@ def _pushed(scene: Scene, lengths: Sequence[float]) -> Scene:
 
 def plant_of_scene(given: Scene) -> WebPlant:
     """The plant of a scene whose inputs a hand gives."""
-    if given.fidelity.tolerance is not None:
-        from continuum_grasp.accuracy.choose import resolve_fidelity
-
-        given, _ = resolve_fidelity(given)
+    given, _ = resolve_fidelity(given)
     scene = _pushed(given, FingerModel(given).lengths)
     finger, family = scene.finger, scene.fidelity.family
     lagged = any(channel.time_constant is not None for channel in finger.channels)
@@ -235,6 +233,18 @@ def plant_of_scene(given: Scene) -> WebPlant:
 _PAGE = Consumer(
     "export-web",
     refused={"plant.guides": "a page has no code that integrates a chain of guides: leave it out"},
+    unneeded={
+        "name": "the title of the page alone",
+        "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
+        **dict.fromkeys(
+            ("time.step", "time.method", "time.tolerance", "time.space_error"), "a page has steps of its own"
+        ),
+        "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.tendons.min_tension": "a limit of commands: sliders begin at zero",
+        "supports.touch": "of grasps",
+        "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
+        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+    },
 )
 
 

@@ -1,24 +1,6 @@
 /* ---- FMI 3.0: types and functions by the names that the standard gives them ---- */
 
-#if !defined(FMI3_Export)
-#if defined _WIN32 || defined __CYGWIN__
-#define FMI3_Export __declspec(dllexport)
-#elif defined __GNUC__
-#define FMI3_Export __attribute__((visibility("default")))
-#else
-#define FMI3_Export
-#endif
-#endif
-/* Where sources of several FMUs are linked together, each has its own names; a build may define it as nothing. */
-#ifndef FMI3_FUNCTION_PREFIX
-#define FMI3_FUNCTION_PREFIX
-#endif
-#define FMI3_JOINED(a, b) a##b
-#define FMI3_NAMED(a, b) FMI3_JOINED(a, b)
-#define FMI3_NAME(name) FMI3_NAMED(FMI3_FUNCTION_PREFIX, name)
-#define FMI3(type, name) FMI3_Export type FMI3_NAME(name)
-
-#ifndef fmi3FunctionTypes_h /* the headers of the standard declare the same */
+<<names>>#ifndef fmi3FunctionTypes_h /* the headers of the standard declare the same */
 #include <stdbool.h>
 #include <stdint.h>
 typedef void *fmi3Instance, *fmi3InstanceEnvironment, *fmi3FMUState;
@@ -55,22 +37,7 @@ static void fmu_send(const fmu_instance *f, fmu_level level, const char *text)
   ((fmi3LogMessageCallback)f->log)(f->environment, (fmi3Status)level, categories[level], text);
 }
 
-static fmi3Status fmi3_refused(fmi3Instance instance, const char *what)
-{
-  return instance ? (fmi3Status)fmu_say((fmu_instance *)instance, FMU_ERROR, "%s", what) : fmi3Error;
-}
-
-FMI3(const char *, fmi3GetVersion)(void) { return "3.0"; }
-
-FMI3(fmi3Status, fmi3SetDebugLogging)(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[])
-{
-  (void)n;
-  (void)categories;
-  if (!instance) return fmi3Error;
-  ((fmu_instance *)instance)->logging = on;
-  return fmi3OK;
-}
-
+<<shared>>
 FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                                 fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return,
                                                 const fmi3ValueReference required[], size_t n_required,
@@ -127,8 +94,6 @@ FMI3(fmi3Instance, fmi3InstantiateScheduledExecution)(fmi3String name, fmi3Strin
   return NULL;
 }
 
-FMI3(void, fmi3FreeInstance)(fmi3Instance instance) { free(instance); }
-
 FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean has_tolerance, fmi3Float64 tolerance,
                                               fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
@@ -140,22 +105,6 @@ FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean
   if (level != FMU_OK) return (fmi3Status)level;
   if (!(fabs(start) <= 1e12)) return fmi3_refused(instance, "EnterInitializationMode: the start time is no time");
   ((fmu_instance *)instance)->data.begin = start;
-  return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3ExitInitializationMode)(fmi3Instance instance) { return (fmi3Status)fmu_exit((fmu_instance *)instance); }
-
-FMI3(fmi3Status, fmi3Terminate)(fmi3Instance instance)
-{
-  const fmu_level level = fmu_allowed((fmu_instance *)instance, FMU_STEPPING, "Terminate");
-  if (level == FMU_OK) ((fmu_instance *)instance)->data.mode = FMU_TERMINATED;
-  return (fmi3Status)level;
-}
-
-FMI3(fmi3Status, fmi3Reset)(fmi3Instance instance)
-{
-  if (!instance) return fmi3Error;
-  fmu_restart((fmu_instance *)instance);
   return fmi3OK;
 }
 
@@ -189,57 +138,6 @@ FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 from, fmi3Float6
   level = fmu_walk((fmu_instance *)instance, from, length);
   *event = *terminate = *early = false;
   *reached = fmu_time((fmu_instance *)instance);
-  return (fmi3Status)level;
-}
-
-FMI3(fmi3Status, fmi3GetFMUState)(fmi3Instance instance, fmi3FMUState *state)
-{
-  fmu_data *made;
-  if (!instance || !state) return fmi3Error;
-  made = fmu_copied(&((fmu_instance *)instance)->data);
-  if (!made) return fmi3_refused(instance, "no memory");
-  free(*state);
-  *state = made;
-  return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState state)
-{
-  if (!instance || !state) return fmi3Error;
-  memcpy(&((fmu_instance *)instance)->data, state, sizeof(fmu_data));
-  return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *state)
-{
-  (void)instance;
-  if (state) {
-    free(*state);
-    *state = NULL;
-  }
-  return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState state, size_t *size)
-{
-  if (!instance || !state || !size) return fmi3Error;
-  *size = FMU_BYTES;
-  return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3SerializeFMUState)(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-  return (fmi3Status)fmu_packed((fmu_instance *)instance, (const fmu_data *)state, (char *)bytes, size);
-}
-
-FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-  fmu_data *made = NULL;
-  const fmu_level level = state ? fmu_unpacked((fmu_instance *)instance, (const char *)bytes, size, &made) : FMU_ERROR;
-  if (level == FMU_OK) {
-    free(*state);
-    *state = made;
-  }
   return (fmi3Status)level;
 }
 
