@@ -385,8 +385,8 @@ _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 _STOOD = 0.5
 """Time for which a setpoint has to stand for its error at the end to count [s]: some periods of a finger's sway."""
 _OFF = 0.05
-"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], as much
-as moves the tip as far."""
+"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
+moves the tip as far."""
 _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 

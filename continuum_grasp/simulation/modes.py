@@ -153,7 +153,7 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
 
 
 _ROUNDING = 1e-7
-"""Frequency per the greatest one below which it is that of rounding [1]: squares are off by some 1e-16 of the greatest."""
+"""Frequency per the greatest one below which it is that of rounding [1], by which squares are off by some 1e-16."""
 
 
 def _pulsations(values: NDArray[Any]) -> Array:
