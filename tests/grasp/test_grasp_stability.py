@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from continuum_grasp.grasp.certificate.certificate import certify
@@ -44,6 +45,24 @@ def critical(energy, size):
     return brentq(determinant, loads[k - 1], loads[k])
 
 
+def ritz(radius, half, load, count=8):
+    """Least eigenvalue, per E I / L, of a column under a disc that rolls on its tip and on a palm opposite.
+
+    The turn theta(s) is a polynomial without constant. Energy: bending less the load's work, by which the column
+    shortens and the tip climbs; measure: the mean of theta squared, the disc's turn psi, and its shift R psi per R.
+    """
+    x, w = np.polynomial.legendre.leggauss(count + 2)
+    u, w = 0.5 * (x + 1.0), 0.5 * w  # s / L
+    power = np.arange(1, count + 1)
+    turns, bends, last = u[:, None] ** power, power * u[:, None] ** (power - 1), np.ones(count)
+    psi = (-L * (w @ turns) - half * last) / (2 * radius)
+    climb = radius * psi + half * last
+    energy = EI / L * (bends.T * w) @ bends - load * L * (turns.T * w) @ turns
+    energy -= load / (radius + half) * np.outer(climb, climb)
+    measure = (turns.T * w) @ turns + 2.0 * np.outer(psi, psi)
+    return eigh(energy, measure, eigvals_only=True)[0] / (EI / L)
+
+
 def stable_at(case, load):
     certificate = certify(*case(load))
     assert certificate.passed, certificate.failed
@@ -53,6 +72,24 @@ def stable_at(case, load):
 def assert_critical(case, load):
     assert stable_at(case, 0.995 * load)
     assert not stable_at(case, 1.005 * load)
+
+
+def under_disc(radius, half, load, peg=None):
+    """A straight finger that presses a disc without weight against a palm or a peg opposite."""
+    top = L + half + 2 * radius
+    support = Palm(point=(0.0, top), normal_angle=-math.pi / 2)
+    if peg is not None:
+        support = Point(type="point", position=(0.0, top + peg), radius=peg)
+    scene = cases.make_scene(
+        cases.make_finger(half=half),
+        Circle(shape="circle", diameter=2 * radius, mass=0.0, position=(0.0, L + half + radius)),
+        supports={"top": support},
+    )
+    contacts = [
+        ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
+        ("top", (0, top), cases.UP, (load, 0, 0), cases.NONE, 0),
+    ]
+    return scene, cases.stored(scene, {"finger": {}}, contacts)
 
 
 @pytest.mark.parametrize("half", [0.0, 0.006, 0.03])
@@ -67,20 +104,7 @@ def test_a_column_under_a_disc(radius, half, peg):
     """
 
     def case(load):
-        top = L + half + 2 * radius
-        support = Palm(point=(0.0, top), normal_angle=-math.pi / 2)
-        if peg is not None:
-            support = Point(type="point", position=(0.0, top + peg), radius=peg)
-        scene = cases.make_scene(
-            cases.make_finger(half=half),
-            Circle(shape="circle", diameter=2 * radius, mass=0.0, position=(0.0, L + half + radius)),
-            supports={"top": support},
-        )
-        contacts = [
-            ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
-            ("top", (0, top), cases.UP, (load, 0, 0), cases.NONE, 0),
-        ]
-        return scene, cases.stored(scene, {"finger": {}}, contacts)
+        return under_disc(radius, half, load, peg)
 
     def energy(load, x):
         u, phi = x
@@ -95,6 +119,41 @@ def test_a_column_under_a_disc(radius, half, peg):
         z = brentq(lambda z: math.sin(z) - z * (1 + 4 * radius / L) * math.cos(z), 0.1, math.pi / 2)
         assert load == pytest.approx(EI * (z / L) ** 2, rel=1e-6)
     assert_critical(case, load)
+
+
+@pytest.mark.parametrize("share", [0.2, 1.5])
+@pytest.mark.parametrize(("radius", "half"), [(0.03, 0.006), (0.2, 0.02)])
+def test_the_eigenvalue_is_that_of_the_continuous_rod(radius, half, share):
+    load = share * EI / L**2
+    found = contact_stability(certify(*under_disc(radius, half, load)).grasp, 480)
+    assert found.eigenvalue == pytest.approx(ritz(radius, half, load), rel=1e-3)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("part", "stable"), [(0.9, False), (1.1, True)])
+def test_the_end_of_a_face_is_a_corner_up_to_the_tolerance_of_places(part, stable, side):
+    """A tip beside the end of a face, by a part of 1e-6 of its length: about a corner it buckles at a lower load."""
+    half, top, end = 0.02, 0.04, part * 1e-6 * L
+    face, corner = (
+        brentq(lambda load, c=c: column(load)[0, 0] * half**2 + 2 * column(load)[0, 1] * half + column(load)[1, 1]
+               - c * load * half, 0.1 * EI / L**2, 30.0 * EI / L**2)
+        for c in (0.0, 1.0)
+    )  # fmt: skip
+    assert corner < 0.9 * face
+    load = math.sqrt(corner * face)
+    low, high = sorted((side * end, -0.05 * side))
+    body = Polygon(
+        shape="polygon", vertices=((low, 0.0), (high, 0.0), (high, top), (low, top)),
+        mass=0.0, position=(0.0, L + half), center_of_mass=(0.5 * (low + high), 0.5 * top),
+    )  # fmt: skip
+    palm = Palm(point=(0.0, L + half + top), normal_angle=-math.pi / 2)
+    scene = cases.make_scene(cases.make_finger(half=half), body, supports={"palm": palm})
+    contacts = [
+        ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
+        *((f"palm.{k}", (x, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0)
+          for k, x in ((1, low), (2, high))),
+    ]  # fmt: skip
+    assert certify(scene, cases.stored(scene, {"finger": {}}, contacts)).stability.stable is stable
 
 
 @pytest.mark.parametrize("half", [0.0, 0.006, 0.02])

@@ -7,7 +7,7 @@ import pytest
 
 from continuum_grasp.grasp.certificate.certificate import certify, certify_reached
 from tests import certificate_cases as cases
-from tests.grasp.test_grasp_limits import MOTOR, ONE, held
+from tests.grasp.test_grasp_limits import MOTOR, ONE, SERVO, WINCH, held
 
 MISSING = "stored arrays that are missing or do not fit"
 STATES = "arrays of friction states that are missing or do not fit"
@@ -45,7 +45,18 @@ def shaped_alike(arrays):
     return arrays | {"held.a.curvature_shapes": shapes}
 
 
-@pytest.mark.parametrize("case", [held(), held(MOTOR), held(MOTOR.replaced(**ONE)), two_frictional])
+@pytest.mark.parametrize(
+    "case",
+    [
+        held(),
+        held(MOTOR),
+        held(MOTOR.replaced(**ONE)),
+        two_frictional,
+        # A winch lets a slack tendon out, however the finger bends.
+        held(WINCH, tensions=(0.0, 0.0)),
+        held(SERVO, tensions=(0.0, 0.0)),
+    ],
+)
 def test_what_is_whole_passes(case):
     scene, arrays = case()
     assert not failed(scene, arrays)
