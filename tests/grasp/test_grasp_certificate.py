@@ -197,6 +197,8 @@ def test_friction_margins():
     arrays["contact_forces"][0, 1] = 1.0  # besides 0.981 N of lift
     margins = certify(scene, arrays).friction_margins
     assert margins["finger.tip"] == pytest.approx(1.0 - (1.0 + 0.981**2) ** 0.5 / 2.0, abs=1e-12)
+    slides = scene.changed({"supports.palm.friction": 0.0})
+    assert set(certify(slides, arrays).friction_margins) == {"finger.tip"}
     arrays["contact_forces"][1, 0] = 0.0
     assert certify(scene, arrays).friction_margin == 0.0
 

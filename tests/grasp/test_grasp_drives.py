@@ -12,9 +12,10 @@ from scipy.optimize import brentq
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.certificate.drives import WoundTendons
+from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
 from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.model.winches import soft
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.finger import Rod, Tendons
 from continuum_grasp.scene.load import load
@@ -86,6 +87,68 @@ def test_tendons_that_slid_from_straight_were_pulled_whichever_way_the_finger_be
         setup, arrays, _, _ = free_rod(20.0, 0.1, 1.0, elements=4)
         arrays["finger.q"] = side * arrays["finger.q"]
         assert (TendonFriction(setup, FingerShape(setup, arrays)).pulled[:-1] == side).all()
+
+
+TAUT, LEFT = 1e-6 * 60.0, (20.0, 0.0)
+COMPLIANCE, BEND = 1.0 / SERIES + L / AXIAL, 1.2
+PATH, RADIUS = OFFSET * BEND, 0.008
+
+
+def wound(drive, tensions):
+    """The tendons of a finger without friction that is bent to the left, evenly."""
+    tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
+    finger = cases.make_finger(rod=Rod(length=L, linear_density=0.034, bending_stiffness=EI), tendons=tendons)
+    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
+    scene = cases.make_scene(finger, disc, {"tip": "auto"}, family="arc", elements=2)
+    arrays = cases.finger_arrays(scene, "finger", np.full(2, 0.5 * BEND), tensions=tensions)
+    (setup,) = scene.setups
+    return WoundTendons(setup, setup.drive, FingerShape(setup, arrays), np.array(tensions), None)
+
+
+GEAR = {"backlash": 0.02, "gear_stiffness": 5.0}
+STATES = [
+    # Drive, tensions; cable wound up [m], torque to hold it, what the drive takes beside its position.
+    (LENGTH_DRIVE, LEFT, (PATH + COMPLIANCE * 20.0, -PATH), None),
+    (LENGTH_DRIVE.replaced(slack=1e-3), LEFT, (PATH + COMPLIANCE * 20.0 + 1e-3, -PATH + 1e-3), None),
+    (LENGTH_DRIVE.replaced(pretension=5.0), (20.0, 4.0),
+     (PATH + COMPLIANCE * 15.0, -PATH + COMPLIANCE * (4.0 - 5.0)), None),
+    (MOTOR, LEFT, (PATH + COMPLIANCE * 20.0, -PATH), lambda angle, torque: torque / 0.02),
+    (MOTOR.replaced(torque_constant=None), LEFT, (PATH + COMPLIANCE * 20.0, -PATH), lambda angle, torque: torque),
+    (MOTOR.replaced(torque_constant=None, position_gain=0.5), LEFT, (PATH + COMPLIANCE * 20.0, -PATH),
+     lambda angle, torque: angle + torque / 0.5),
+    (MOTOR.replaced(**PULLEY), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
+    (MOTOR.replaced(**PULLEY), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
+    (MOTOR.replaced(**PULLEY, **GEAR), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
+    (MOTOR.replaced(**PULLEY, **GEAR), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("drive", "tensions", "cable", "command"), STATES)
+def test_drives_are_at_what_bend_and_tensions_ask_for(drive, tensions, cable, command):
+    found = wound(drive, tensions).drives
+    pulls = (tensions[0] - tensions[1],) if len(cable) == 1 else tensions
+    for state, own, pull in zip(found, cable, pulls, strict=True):
+        if command is None:
+            assert state.position == state.command == pytest.approx(own, rel=1e-9)
+            continue
+        torque = RADIUS * pull
+        angle = own / RADIUS + (torque / 5.0 + math.copysign(0.01, torque) if drive.backlash else 0.0)
+        reached = (state.position, state.torque, state.torque_to_reach, state.command)
+        assert reached == pytest.approx((angle, torque, abs(torque) + 2e-3, command(angle, torque)), rel=1e-9)
+        assert state.current == pytest.approx(torque / (drive.torque_constant or np.nan), nan_ok=True)
+
+
+@pytest.mark.parametrize(("part", "count"), [(0.999, 1), (1.001, 2)])
+def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, count):
+    assert wound(LENGTH_DRIVE, (20.0, part * TAUT)).stiffness == pytest.approx(count / COMPLIANCE, rel=1e-9)
+
+
+def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
+    length = np.linspace(-2.0, 2.0, 41) * 20e-6
+    exact = np.array([float(soft(x)) for x in length])
+    np.testing.assert_allclose(_softened(length), exact, atol=1e-15)
+    some = exact > 1e-12
+    np.testing.assert_allclose(_unsoftened(exact, some), np.where(some, length, 0.0), atol=1e-12)
 
 
 # -- stability: a locked tendon is a spring on the angle of the tip ---------------------------------------------------
