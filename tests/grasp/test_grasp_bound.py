@@ -71,6 +71,25 @@ def test_limits_below_what_balance_asks_for_prove_that_there_is_no_grasp(share, 
     assert cannot_balance(scene.changed({"contacts.normal_force_max": limit})) is proven
 
 
+@pytest.mark.parametrize(("own", "proven"), [((2.0, 2.9), True), ((2.0, 3.0), False), ((3.0, 2.0), False)])
+def test_the_greatest_of_the_limits_counts(own, proven):
+    """Of two contacts that lift, which press with 2.943 N or one of them with more."""
+    fingers = star([0.0, math.pi])
+    for finger, most in zip(fingers.values(), own, strict=True):
+        finger["contacts"] = {"normal_force_max": most}
+    assert cannot_balance(scene_of(fingers, out("ignore"))) is proven
+
+
+@pytest.mark.parametrize(("most", "proven"), [(2.9, True), (3.0, False)])
+def test_the_limit_of_a_support_counts_too(most, proven):
+    """A palm that bears 2.943 N, by the limit of all contacts, beside a finger whose own limit is far below."""
+    palm = {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}
+    fingers = {"finger": tip_at(0.5, 0.5, 0.0, contacts={"normal_force_max": 1.0})}
+    gravity = {"mode": "planar", "vector": (0.0, -G)}
+    scene = scene_of(fingers, gravity, supports={"palm": palm}).changed({"contacts.normal_force_max": most})
+    assert cannot_balance(scene) is proven
+
+
 def test_each_contact_has_its_own_friction():
     """N (mu_1 + mu_2) >= m g."""
     fingers = star([0.0, math.pi])
