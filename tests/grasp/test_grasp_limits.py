@@ -516,8 +516,11 @@ DRIVES = [
     *(row for drive in (None, WINCH, MOTOR) for row in both(POSTURE, held(drive), "finger.tensions", 1, 60e-6)),
     # A servo lets the cable yield by r^2 / k beside the compliance C of 50 um/N.
     *both(POSTURE, held(SERVO), "finger.tensions", 0, 60e-6 / (1.0 + 0.008**2 / 2.0 / 5e-5)),
-    *(row for drive, give in ((MOTOR, 0.0), (WINCH, 0.0), (SERVO, 0.008**2 / 2.0)) for k in (0, 1) for row in
-      both(POSTURE, held(drive.replaced(**ONE)), "finger.tensions", k, 60e-6 / (1.0 + give / 5e-5))),
+    *(row for k in (0, 1) for row in both(POSTURE, held(MOTOR.replaced(**ONE)), "finger.tensions", k, 60e-6)),
+    # A pulley is where the tendon of the greater tension has it: the other one alone changes what a servo yields.
+    *((POSTURE, held(drive.replaced(**ONE)), add("finger.tensions", k, 60e-6 / (change / 5e-5)))
+      for drive, change in ((WINCH, 5e-5), (SERVO, 5e-5 + 0.008**2 / 2.0), (SERVO, -(0.008**2) / 2.0))
+      for k in (0, 1)),
     *both(POSTURE, held(), "finger.base", 0, 1e-6 * L),
     *both(POSTURE, held(), "held.contact_stations", (0, 0), 1e-6 * L),
 ]  # fmt: skip
