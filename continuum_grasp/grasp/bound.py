@@ -258,7 +258,7 @@ class _Places:
         return np.array([push.real, push.imag, moment, raised, arm.real * raised, arm.imag * raised])
 
     def _any_normal(self, y: Array) -> tuple[float, Array]:
-        force, lift, mu = complex(y[0], y[1]), abs(float(y[3])), self.friction
+        force, lift, mu = complex(y[0], y[1]), float(y[3]), self.friction
         size = abs(force)
         # Where g c + mu sqrt(g^2 (1 - c^2) + v^2) has its greatest value, c being the cosine of force and normal.
         cosine = min(1.0, math.sqrt((size**2 + lift**2) / (1.0 + mu**2)) / size) if size > 0.0 else 1.0

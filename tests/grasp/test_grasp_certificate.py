@@ -118,6 +118,14 @@ def test_the_normal_of_a_tip_of_any_thickness_is_checked(half):
     assert certificate["contact normal, finger.tip"].passed is blunt
 
 
+def test_no_contact_is_buried_in_the_part_that_it_touches():
+    """A foot that is a little within its palm, as supports may be."""
+    scene, arrays = cases.union_on_palm()
+    certificate = certify(scene, tampered(arrays, "object.pose", 1, -1.5e-6 * cases.LENGTH))
+    assert certificate["contact gap, palm.1"].passed
+    assert certificate["contact inside another part, palm.1"].passed
+
+
 @pytest.mark.parametrize(
     ("names", "wrong"),
     [

@@ -75,11 +75,36 @@ def test_pulled_and_released_tendons_are_those_of_the_free_rod(friction, way):
     # The other tendon slides the other way, so that the product of both is the same all along.
     product = cells.shares(OFFSET, shape.joints) * cells.shares(-OFFSET, shape.joints)
     np.testing.assert_allclose(product, 1.0, rtol=1e-12)
+    # A finger that bends the other way is its mirror image.
+    mirrored = FingerShape(setup, {**arrays, "finger.q": -arrays["finger.q"]})
+    other = TendonFriction(setup, mirrored, -cells.states)
+    np.testing.assert_allclose(other.shares(-OFFSET, shape.joints), cells.shares(OFFSET, shape.joints), rtol=1e-12)
     # Wound up: the path and the elongation, the integral of T / EA = theta EI / (e EA).
     wound = WoundTendons(setup, setup.drive, shape, np.array([tension, 0.0]), cells).wound[0]
     assert wound == pytest.approx(bend * (OFFSET + EI / (OFFSET * AXIAL)) + tension / SERIES, rel=2e-4)
     if way > 0.0 and friction == 0.1:
         assert wound == pytest.approx(13.8255721e-3, rel=2e-4)
+
+
+@pytest.mark.parametrize("arm", [OFFSET, -OFFSET])
+def test_the_mean_tension_is_that_along_the_finger(arm):
+    setup, arrays, _, _ = free_rod(20.0, 0.3, 1.0, elements=2)
+    cells, s = TendonFriction(setup, FingerShape(setup, arrays)), np.linspace(0.0, L, 20_001)
+    shares = cells.shares(arm, 0.5 * (s[1:] + s[:-1]))
+    assert shares.min() < 0.8 or shares.max() > 1.25
+    assert cells.mean(arm) == pytest.approx(shares.mean(), rel=1e-5)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
+    """The turn beyond the middle of cells of a finger whose curvature falls from the base on: 1.5 mrad in all."""
+    setup, arrays, _, _ = free_rod(1.0, 0.1, 1.0, elements=3)
+    arrays["finger.q"] = side * 3e-3 / L * np.array([1.0, 2 / 3, 1 / 3, 0.0])
+    cells = TendonFriction(setup, FingerShape(setup, arrays))
+    left = 1.0 - 0.5 * (cells.edges[1:] + cells.edges[:-1]) / L
+    turns = 1.5e-3 * left**2
+    assert turns.max() > 1e-3 > turns.min()
+    np.testing.assert_allclose(cells.pulled, side * np.minimum(turns / 1e-3, 1.0), rtol=1e-9)
 
 
 def test_tendons_that_slid_from_straight_were_pulled_whichever_way_the_finger_bends():
@@ -94,13 +119,14 @@ COMPLIANCE, BEND = 1.0 / SERIES + L / AXIAL, 1.2
 PATH, RADIUS = OFFSET * BEND, 0.008
 
 
-def wound(drive, tensions):
-    """The tendons of a finger without friction that is bent to the left, evenly."""
+def wound(drive, tensions, rod=None, bends=(0.5 * BEND, 0.5 * BEND)):
+    """The tendons of a finger without friction that is bent to the left."""
     tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
-    finger = cases.make_finger(rod=Rod(length=L, linear_density=0.034, bending_stiffness=EI), tendons=tendons)
+    rod = rod or Rod(length=L, linear_density=0.034, bending_stiffness=EI)
     disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
+    finger = cases.make_finger(rod=rod, tendons=tendons)
     scene = cases.make_scene(finger, disc, {"tip": "auto"}, family="arc", elements=2)
-    arrays = cases.finger_arrays(scene, "finger", np.full(2, 0.5 * BEND), tensions=tensions)
+    arrays = cases.finger_arrays(scene, "finger", np.array(bends), tensions=tensions)
     (setup,) = scene.setups
     return WoundTendons(setup, setup.drive, FingerShape(setup, arrays), np.array(tensions), None)
 
@@ -136,6 +162,22 @@ def test_drives_are_at_what_bend_and_tensions_ask_for(drive, tensions, cable, co
         reached = (state.position, state.torque, state.torque_to_reach, state.command)
         assert reached == pytest.approx((angle, torque, abs(torque) + 2e-3, command(angle, torque)), rel=1e-9)
         assert state.current == pytest.approx(torque / (drive.torque_constant or np.nan), nan_ok=True)
+
+
+def test_the_path_of_a_tendon_follows_stiffness_that_changes():
+    """A moment that is the same all along an element bends it by m / EI: EI falls to a tenth, and jumps."""
+    sections = (
+        {"to": 0.6 * L, "bending_stiffness": (EI, 0.1 * EI), "linear_density": 0.03},
+        {"to": L, "bending_stiffness": 0.4 * EI, "linear_density": 0.03},
+    )
+    bends = np.array([0.4, 0.7])
+    found = wound(LENGTH_DRIVE, LEFT, Rod(length=L, sections=sections), bends).path
+    slope = 0.9 / 0.6
+    # Stiffness per EI at the middles of both elements, where bends are given per length.
+    moments = bends / (0.5 * L) * EI * np.array([1.0 - slope * 0.25, 0.4])
+    first = moments[0] * L / EI * math.log(1.0 / (1.0 - slope * 0.5)) / slope
+    second = moments[1] * L / EI * (math.log((1.0 - slope * 0.5) / 0.1) / slope + 0.4 / 0.4)
+    assert found == pytest.approx(OFFSET * (first + second), rel=1e-10)
 
 
 @pytest.mark.parametrize(("part", "count"), [(0.999, 1), (1.001, 2)])
@@ -201,7 +243,7 @@ def test_an_upright_finger_with_locked_winches_stands_as_with_a_spring_at_its_ti
         for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
         for k, x in ((1, 0.38), (2, 0.42))
     ]
-    for share, stable in ((0.98, True), (1.02, False)):
+    for share, stable in ((0.99, True), (1.01, False)):
         rod = Rod(length=L, linear_density=share * weight / 9.81, bending_stiffness=EI)
         tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
         finger = cases.make_finger(rod=rod, tendons=tendons)

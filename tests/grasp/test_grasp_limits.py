@@ -84,6 +84,12 @@ HEAVY = disc(mass=4.0)  # weighs more than the contacts press: 39.24 N
 BIG = disc(radius=0.5)  # larger than its finger
 
 
+def touched_by_stiffer():
+    """A box between two fingers that do not press, of which the second is the stiffer one."""
+    scene, arrays = cases.pinched_box(press=0.0, mass=0.0)
+    return scene.changed({"fingers.b.rod.bending_stiffness": 10 * EI}), arrays
+
+
 def palm_at(amount):
     """The palm alone is moved: the object stays where it is."""
 
@@ -127,6 +133,9 @@ CONTACTS = [
       for d in map(np.array, ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.6, -0.8)))),
     ("friction cone, palm", HEAVY, put("contact_forces", 1, (PRESS, 2.0, 0.0), (0, 39.24e-6, 0))),
     ("friction cone, palm", WEIGHTLESS_TOUCH, put("contact_forces", 1, (0, 0, 0), (0, 1e-6 * TRACE, 0))),
+    ("friction cone, finger.tip", disc(friction=2.0),
+     put("contact_forces", 0, (PRESS, 2 * PRESS, 0.0), (0, 2e-6 * PRESS, 0))),
+    ("friction cone, a.tip", touched_by_stiffer, put("contact_forces", 0, (0, 0, 0), (0, 1e-6 * TRACE, 0))),
     ("normal force, finger.tip", disc(), put("contact_forces", (0, 0), 50.0, 50e-6)),
     ("normal force, palm", disc(), put("contact_forces", (1, 0), 0.0, -1e-6 * PRESS)),
     *both("no lift in the plane, left.tip", cases.two_fingers_below, "contact_forces", (0, 2), 1e-6 * 1.962),
@@ -144,6 +153,7 @@ CONTACTS = [
     *both("contact normal, palm", disc(), "contact_positions", (1, 0), 2e-6 * (L + R)),
     # A tip without thickness has the normal that is stored: turned, it meets the disc beside the tip.
     *both("contact normal, finger.tip", disc(half=0.0), "contact_normals", (0, 0), 1e-6 * (L + R) / R),
+    *both("stored contact, finger.tip", disc(half=0.0), "contact_normals", (0, 1), 1e-6),  # of length one
     ("contact inside another part, finger.tip", cases.union_on_palm, of_case(touched_beside)),
     *(("within the line, table.1", on_longer_line, put("contact_positions", (1, 0), end, sign * 2e-6 * L))
       for end, sign in ((-0.05, -1.0), (0.07, 1.0))),

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.stability import contact_stability
-from continuum_grasp.scene.finger import Rod
+from continuum_grasp.scene.finger import PointMass, Rod
 from continuum_grasp.scene.objects import Box, Circle, Polygon
 from continuum_grasp.scene.supports import Palm, Point
 from tests import certificate_cases as cases
@@ -237,15 +237,24 @@ def test_two_rolling_fingers_below_a_disc(half):
 
 
 @pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
-def test_an_upright_finger_under_its_own_weight(share, stable):
-    """It falls over where q L^3 = 7.8373 E I; the object stays where it is, between two palms."""
-    rod = Rod(length=L, linear_density=share * 7.8373 * EI / L**3 / 9.81, bending_stiffness=EI)
+@pytest.mark.parametrize("at", [None, 0.7 * L, L])
+def test_an_upright_finger_under_its_own_weight(at, share, stable):
+    """It falls over where q L^3 = 7.8373 E I, or a weight at a where it is pi^2 E I / (4 a^2); the object stays where
+    it is, between two palms.
+    """
+    density, masses = 1e-12, ()
+    if at is None:
+        density = share * 7.8373 * EI / L**3 / 9.81
+    else:
+        masses = (PointMass(at=at, mass=share * math.pi**2 * EI / (4 * at**2) / 9.81),)
+    rod = Rod(length=L, linear_density=density, bending_stiffness=EI)
     supports = {
         "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
         "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
     }
     body = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
-    scene = cases.make_scene(cases.make_finger(rod=rod), body, {"tip": "auto"}, cases.PLANAR, supports=supports)
+    finger = cases.make_finger(rod=rod, masses=masses)
+    scene = cases.make_scene(finger, body, {"tip": "auto"}, cases.PLANAR, supports=supports)
     contacts = [
         (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
         for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
