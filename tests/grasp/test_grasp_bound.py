@@ -244,7 +244,8 @@ def test_the_work_of_a_contact_is_bounded_closely_from_above(body, places, seed)
     base = away * np.exp(1j * ahead)
     near = np.abs(points + HALF * np.exp(1j * normals) - base) <= LENGTH
     assert 0.05 < near.mean() < 0.95
-    for y in random.normal(size=(3, 6)) * random.choice([0.0, 0.2, 1.0, 5.0], (3, 6)):
+    for used in ("110000", "001000", "000011", "000111", "111111"):
+        y = random.normal(size=6) * [float(digit) for digit in used]
         exact = most_work(y, points[near], normals[near], com, scene.object.size, friction).max()
         assert max(exact, 0.0) <= contact.most(y)[0] <= max(exact, 0.0) + 5e-4 * np.abs(y).sum()
 
@@ -258,6 +259,15 @@ def test_the_work_of_a_contact_with_any_normal_is_exact():
         assert contact.most(y)[0] == pytest.approx(exact, rel=1e-6)
 
 
+def test_the_work_of_a_support_is_exact_and_never_negative():
+    palm = {"palm": {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}}
+    contact = _contacts(scene_of(star([0.0]), out(), friction=0.7, supports=palm))[-1]
+    place, normal, random = np.array([-1j * RADIUS]), np.array([-0.5 * math.pi]), np.random.default_rng(0)
+    for y in random.normal(size=(20, 6)):
+        exact = most_work(y, place, normal, 0.0, RADIUS, 0.7).item()
+        assert contact.most(y)[0] == pytest.approx(max(exact, 0.0), rel=1e-12)
+
+
 TAPER = {"to": LENGTH, "bending_stiffness": 0.4, "linear_density": 1e-9, "thickness": (0.012, 0.04)}
 REACHES = [
     ({}, {}, LENGTH + HALF),
@@ -265,19 +275,19 @@ REACHES = [
     ({}, {"free": {"x": (-0.01, 0.0)}}, LENGTH + HALF + 0.01),
     ({"base_free": {"x": 0.01}}, {"free": {"x": (-0.01, 0.0)}}, LENGTH + HALF + 0.02),
     ({"half_thickness": None, "rod": {"length": LENGTH, "sections": [TAPER]}}, {}, LENGTH + 0.02),
-    ({"contacts": {"tip": "off", "middle": "on", "middle_range": (0.05, 0.15)}}, {}, 0.15 + HALF),
+    ({"contacts": {"tip": "off", "middle": "auto", "middle_range": (0.05, 0.15)}}, {}, 0.15 + HALF),
 ]
 
 
 @pytest.mark.parametrize(("finger", "body", "reach"), REACHES)
 def test_fingers_count_up_to_where_they_reach(finger, body, reach):
-    """Two contacts that lift share the weight; one alone, where the finger on the left just ends short, pushes."""
+    """Two contacts that lift share the weight; one alone, where the other finger just ends short, pushes."""
     for part, holds in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
-        x = -RADIUS - part * reach
-        own = {**finger, "base": {"position": (x, 0.0), "angle": -0.5 * math.pi}}
+        x, y = ((RADIUS + part * reach) * way for way in (math.cos(2.0), math.sin(2.0)))  # between two samples
+        own = {**finger, "base": {"position": (x, y), "angle": 0.0}}
         if "base_free" in own:
             own["base_free"] = {"x": (x, x + own["base_free"]["x"])}
-        fingers = star([0.0]) | {"left": tip_at(0.0, 0.0, 0.0, **own)}
+        fingers = star([2.0 - math.pi]) | {"other": tip_at(0.0, 0.0, 0.0, **own)}
         scene = scene_of(fingers, out("ignore"), {"shape": "circle", "diameter": 2 * RADIUS, **body})
         bound = least_normal_force_bound(scene)
         assert bound == pytest.approx(0.3 * G / (2 * 0.5), rel=3e-4) if holds else bound > 10 * 0.3 * G

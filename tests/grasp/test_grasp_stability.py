@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 
 from continuum_grasp.grasp.certificate.certificate import certify
@@ -271,6 +271,57 @@ def test_a_contact_that_does_not_press_holds_nothing():
     found = certify(scene, arrays).stability
     assert not found.stable
     assert found.eigenvalue == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_wrap_has_the_eigenvalue_of_its_lagrangian_by_differences(mirrored):
+    """A chain of rigid cells with springs, a disc and a palm: energy less force times constraint, whose second
+    differences are taken on the motions that the constraints leave. A middle contact is a point of the skin that
+    sticks, the tip and the palm roll: the tip's center is seen from the disc's at an angle that grows by
+    (R psi + h phi) / (R + h), and the disc's center moves along the palm by R psi.
+    """
+    scene, arrays = cases.wrapped_disc(mirrored=mirrored)
+    lengths, radius, half, stiffness = arrays["finger.lengths"], 0.04, cases.HALF, 6.11e-3
+    counts = np.round(40 * lengths / lengths.sum()).astype(int)
+    ds = np.repeat(lengths / counts, counts)
+    middles, bends = np.cumsum(ds) - 0.5 * ds, np.repeat(arrays["finger.q"] / lengths, counts)
+    rest = arrays["finger.base"][2] + np.cumsum(ds * bends) - 0.5 * ds * bends
+    springs = stiffness / np.diff(np.append(0.0, middles))
+    normals, (n, f, _) = arrays["contact_normals"], arrays["contact_forces"].T
+    forces = n[:, None] * normals + f[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+    size, at = ds.size, counts[0]
+    start = math.atan2(normals[1, 1], normals[1, 0])
+
+    def turned(angle, vector):
+        return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ vector
+
+    def apart(x):
+        """Finger or palm less object at the three contacts (6,)."""
+        turns, shift, psi = x[:size], x[size : size + 2], x[-1]
+        line = np.cumsum(ds * np.array([-np.sin(rest + turns), np.cos(rest + turns)]), axis=1)
+        skin = line[:, at - 1] - half * turned(0.5 * (turns[at - 1] + turns[at]), normals[0])
+        seen = start + (radius * psi + half * turns[-1]) / (radius + half)
+        tip = line[:, -1] - (radius + half) * np.array([math.cos(seen), math.sin(seen)])
+        return np.concatenate([skin - shift - turned(psi, radius * normals[0]), tip - shift,
+                               [-shift[0], radius * psi - shift[1]]])  # fmt: skip
+
+    def lagrangian(x):
+        return 0.5 * springs @ np.diff(np.append(0.0, x[:size])) ** 2 - forces.ravel() @ apart(x)
+
+    step = 1e-3
+    e = step * np.eye(size + 3)
+    hessian = np.zeros((size + 3, size + 3))
+    for i in range(size + 3):
+        for j in range(i + 1):
+            way = [lagrangian(a * e[i] + b * e[j]) * a * b for a in (1, -1) for b in (1, -1)]
+            hessian[i, j] = hessian[j, i] = sum(way) / (2 * step) ** 2
+    jacobian = np.array([(apart(1e-3 * way) - apart(-1e-3 * way)) / (2e-3 * step) for way in e]).T
+    motions = null_space(jacobian, rcond=1e-6)
+    metric = np.concatenate([ds / lengths.sum(), [radius**-2] * 2, [1.0]])
+    least = eigh(motions.T @ hessian @ motions, (motions.T * metric) @ motions, eigvals_only=True)[0]
+    found = contact_stability(certify(scene, arrays).grasp, 40)
+    assert found.freedom == motions.shape[1]
+    assert found.eigenvalue == pytest.approx(least * lengths.sum() / stiffness, rel=1e-3)
 
 
 def test_more_cells_change_little():
