@@ -135,10 +135,9 @@ def _need(scene: GraspScene) -> Array:
 
 def _in_use(scene: GraspScene) -> Array:
     """Which of these balances there are (6,)."""
-    arms = not _turns(scene)
     lifts = isinstance(scene.gravity, OutOfPlaneGravity)
     tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
-    return np.array([1.0, 1.0, arms, lifts, tilts and arms, tilts and arms], float)
+    return np.array([1.0, 1.0, 1.0, lifts, tilts, tilts], float)
 
 
 def _contacts(scene: GraspScene) -> list[_Places]:
