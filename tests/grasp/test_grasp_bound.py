@@ -63,14 +63,6 @@ def test_contacts_that_only_lift(count):
     assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (count * 0.5), rel=2e-4)
 
 
-@pytest.mark.parametrize(("share", "proven"), [(0.99, True), (1.01, False)])
-def test_limits_below_what_balance_asks_for_prove_that_there_is_no_grasp(share, proven):
-    """Two contacts that only lift press with m g / (2 mu) each; a limit just below that rules every grasp out."""
-    scene = scene_of(star([0.0, math.pi]), {"mode": "out_of_plane", "magnitude": G, "tilt": "balance"})
-    limit = share * 0.3 * G / (2 * 0.5)
-    assert cannot_balance(scene.changed({"contacts.normal_force_max": limit})) is proven
-
-
 @pytest.mark.parametrize(("own", "proven"), [((2.0, 2.9), True), ((2.0, 3.0), False), ((3.0, 2.0), False)])
 def test_the_greatest_of_the_limits_counts(own, proven):
     """Of two contacts that lift, which press with 2.943 N or one of them with more."""

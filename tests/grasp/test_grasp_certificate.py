@@ -13,7 +13,7 @@ import continuum_grasp as cg
 import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.check import overlap
-from continuum_grasp.scene.objects import Circle, Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
+from continuum_grasp.scene.objects import Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
 from tests import certificate_cases as cases
 
 
@@ -119,11 +119,18 @@ def test_the_normal_of_a_tip_of_any_thickness_is_checked(half):
 
 
 def test_no_contact_is_buried_in_the_part_that_it_touches():
-    """A foot that is a little within its palm, as supports may be."""
-    scene, arrays = cases.union_on_palm()
+    """A round foot that is a little within its palm, as objects on supports may be."""
+    members = (
+        {"shape": "circle", "diameter": 0.05, "position": (0.0, 0.025)},
+        {"shape": "box", "width": 0.03, "height": 0.03, "position": (0.0, 0.05)},
+    )
+    body = Union(shape="union", members=members, mass=0.0, position=(0.0, 0.0))
+    palm = cases.Palm(point=(0.0, 0.0), normal_angle=0.5 * np.pi)
+    reaction = ("palm", (0.0, 0.0), cases.DOWN, (5.0, 0.0, 0.0), cases.NONE, 0)
+    scene, arrays = cases.pressed_down(body, {"palm": palm}, [reaction], top=0.065, part=1)
     certificate = certify(scene, tampered(arrays, "object.pose", 1, -1.5e-6 * cases.LENGTH))
-    assert certificate["contact gap, palm.1"].passed
-    assert certificate["contact inside another part, palm.1"].passed
+    assert certificate["contact gap, palm"].passed
+    assert certificate["contact inside another part, palm"].passed
 
 
 @pytest.mark.parametrize(
@@ -153,17 +160,13 @@ def test_contacts_that_are_off_must_not_be_there(wrapped):
     assert not certify(scene.model_copy(update={"contacts": contacts}), arrays).passed
 
 
-@pytest.mark.parametrize("name", ["finger.q", "finger.base", "object.pose", "contact_forces", "contact_parts"])
-def test_missing_and_misshapen_arrays_do_not_pass(wrapped, name):
+def test_of_numbers_that_are_no_grasp_nothing_is_known(wrapped):
     scene, arrays = wrapped
-    missing = {key: value for key, value in arrays.items() if key != name}
-    misshapen = arrays | {name: np.append(np.ravel(arrays[name]), 0.0)}
-    for wrong in (missing, misshapen, arrays | {name: "words"}):
-        certificate = certify(scene, wrong)
-        assert not certificate["stored arrays that are missing or do not fit"].passed
-        assert not certificate.stability.stable
-        assert not certificate.model_error.found
-        assert np.isnan(certificate.friction_margin)
+    certificate = certify(scene, arrays | {"finger.q": "words"})
+    assert not certificate["stored arrays that are missing or do not fit"].passed
+    assert not certificate.stability.stable
+    assert not certificate.model_error.found
+    assert np.isnan([certificate.friction_margin, certificate.overlap]).all()
 
 
 def test_another_family_does_not_pass(wrapped):
@@ -175,27 +178,6 @@ def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
     scene, arrays = wrapped
     heavier = scene.model_copy(update={"object": scene.object.model_copy(update={"mass": 0.31})})
     assert [check.name for check in certify(heavier, arrays).failed] == ["object lift balance"]
-
-
-def test_poses_may_be_anywhere_within_their_bounds():
-    scene, arrays = cases.pinched_box()
-    free = Freedom(x=(-0.01, 0.01), angle=(-0.1, 0.1))
-    body = scene.object.model_copy(update={"free": free})
-    scene = scene.model_copy(update={"object": body})
-    moved = {key: np.array(value) for key, value in arrays.items()}
-    for name in ("a.base", "b.base", "object.pose"):
-        moved[name][0] += 0.005
-    for name in ("a.backbone", "b.backbone"):
-        moved[name][:, 1] += 0.005
-    moved["contact_positions"][:, 0] += 0.005
-    certificate = certify(scene, moved)
-    assert {check.name for check in certificate.failed} == {"base, a", "base, b"}
-    fingers = {
-        name: finger.model_copy(update={"base_free": Freedom(x=(-0.3, 0.3))}) for name, finger in scene.fingers.items()
-    }
-    assert certify(scene.model_copy(update={"fingers": fingers}), moved).passed
-    body = body.model_copy(update={"free": Freedom(angle=(-0.1, 0.1))})  # x is not free any more
-    assert not certify(scene.model_copy(update={"object": body}), moved)["object pose"].passed
 
 
 def test_friction_margins():
@@ -236,17 +218,6 @@ def test_a_bent_stiff_finger_bears_what_its_contact_gives():
     assert failed == {"finger equilibrium, left", "tip moment balance, left"}
 
 
-def test_overlapping_fingers_fail_unless_they_lie_at_different_heights():
-    """One of the two is thick enough to reach into the other."""
-    scene, arrays = cases.two_fingers_below(aside=0.0059, overlap="allow")
-    assert certify(scene, arrays).passed
-    forbids = scene.model_copy(update={"overlap": "forbid"})
-    certificate = certify(forbids, arrays)
-    assert certificate.overlap == pytest.approx(0.0002, abs=1e-9)
-    assert [check.name for check in certificate.failed] == ["overlap of fingers, left, right"]
-    assert certificate["overlap of fingers, left, right"].value == pytest.approx(0.0002 / 0.2, abs=1e-8)
-
-
 @pytest.mark.parametrize("half", [0.0, 0.006])
 @pytest.mark.parametrize("lean", [0.2, -0.2, 0.02])
 def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
@@ -268,8 +239,9 @@ def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
     apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
     crosses = tip[0] > 0.0
     expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
-    one, other = certify(scene, arrays).grasp.fingers
-    assert overlap(one, other) == pytest.approx(expected, abs=2e-6)
+    certificate = certify(scene, arrays)
+    assert overlap(*certificate.grasp.fingers) == pytest.approx(expected, abs=2e-6)
+    assert certificate.overlap == pytest.approx(max(expected, 0.0), abs=2e-6)
 
 
 # -- use -----------------------------------------------------------------------------------------------------

@@ -107,13 +107,6 @@ def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
     np.testing.assert_allclose(cells.pulled, side * np.minimum(turns / 1e-3, 1.0), rtol=1e-9)
 
 
-def test_tendons_that_slid_from_straight_were_pulled_whichever_way_the_finger_bends():
-    for side in (1.0, -1.0):
-        setup, arrays, _, _ = free_rod(20.0, 0.1, 1.0, elements=4)
-        arrays["finger.q"] = side * arrays["finger.q"]
-        assert (TendonFriction(setup, FingerShape(setup, arrays)).pulled[:-1] == side).all()
-
-
 TAUT, LEFT = 1e-6 * 60.0, (20.0, 0.0)
 COMPLIANCE, BEND = 1.0 / SERIES + L / AXIAL, 1.2
 PATH, RADIUS = OFFSET * BEND, 0.008
@@ -285,27 +278,6 @@ def test_a_motor_that_is_too_weak_is_the_reason():
     assert f"torque_max = {0.008 * needed + 2e-3:.4g}" in reason.repair
 
 
-def test_the_certificate_checks_the_torque_of_motors_alone():
-    """Of one finger with winches that follow a length and one with commanded tensions there is none; of a motor it is
-    the part of torque_max by which the torque to reach the grasp is above it, by hand.
-    """
-    scene = load(CONFIGS / "pinch.yaml")
-    tendons = Tendons(offset=OFFSET, max_tension=80.0, drive=LENGTH_DRIVE, **CABLE)
-    left = scene.named_fingers["left"].replaced(tendons=tendons)
-    fingers, fidelity = {**scene.named_fingers, "left": left}, scene.fidelity.replaced(family="clothoid")
-    two = optimize_grasp(scene.replaced(fingers=fingers, fidelity=fidelity))
-    assert two.certificate.passed
-    assert not [check.name for check in two.certificate.checks if "torque" in check.name]
-
-    found = optimize_grasp(mug(MOTOR))
-    (check,) = [check for check in found.certificate.checks if "torque" in check.name]
-    needed = 0.008 * found.fingers["finger"].tensions.max() + 2e-3
-    assert check.value == pytest.approx(needed / 0.5 - 1.0, rel=1e-9)
-    assert (check.unit, check.relative_to) == ("1", "0.5 N m")
-    weak = mug(MOTOR.replaced(torque_max=(1.0 - 1e-5) * needed))
-    assert "torque, finger" in {check.name for check in certify(weak, found.arrays).failed}
-
-
 @pytest.mark.parametrize("pretension", [2.0, 25.0])
 def test_tendons_of_one_pulley_go_together(pretension):
     """Both taut: C (T1 + T2) = 2 C pretension, whatever the bend; else the second is slack."""
@@ -411,23 +383,3 @@ def test_too_much_friction_of_tendons_is_reported_with_how_much_less_is_enough()
     assert "friction states of the tendons --" in none.violated[0]
     assert found(reason.needed).solved
     assert not found(0.5 * (0.2 + reason.needed)).solved
-
-
-@pytest.mark.deep
-def test_a_posture_of_friction_states_that_is_changed_is_refused():
-    found = optimize_grasp(mug(LENGTH_DRIVE, 0.1))
-    last = len(found.arrays["held.object.pose"])
-
-    def failed(key, change):
-        value = found.arrays[f"held.{key}"].copy()
-        value[-1] = change(value[-1])
-        return {check.name for check in certify(found.scene, {**found.arrays, f"held.{key}": value}).failed}
-
-    one = f"held with friction states, {last}"
-    assert one in failed("finger.friction_states", lambda z: 0.98 * z)
-    assert one in failed("finger.tensions", lambda t: 1.001 * t)
-    assert one in failed("contact_forces", lambda f: 1.001 * f)
-    assert one in failed("object.pose", lambda p: p + np.array([1e-5, 0.0, 0.0]))
-    assert "friction states within their range" in failed("finger.friction_states", lambda z: 1.1 * z)
-    fewer = {key: value[1:] if key.startswith("held.") else value for key, value in found.arrays.items()}
-    assert any("pulled and released" in check.name for check in certify(found.scene, fewer).failed)

@@ -14,7 +14,6 @@ from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.check import Check
 from continuum_grasp.grasp.certificate.model_error import ModelError
-from continuum_grasp.grasp.certificate.state_search import StateSearch
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.finger import Rod, Tendons
 from continuum_grasp.scene.objects import Box, Circle, Ellipse, Freedom
@@ -609,12 +608,6 @@ def test_a_grasp_is_stable_up_to_the_limit(case):
 def test_what_a_model_leaves_out_is_small_up_to_half_a_percent_of_the_shortest_finger():
     for part in (0.999, 1.001):
         assert ModelError({"a": 1e-9, "b": part * 0.005 * L}, L, 0.0).small is (part < 1.0)
-
-
-def test_a_search_passes_up_to_the_whole_of_a_limit():
-    for part in (0.999, 1.001):
-        found = StateSearch(1, 0, np.ones(1), 0.1, part, "friction cone, finger.tip")
-        assert found.holds is found.check().passed is (part < 1.0)
 
 
 def test_the_bound_proves_from_a_millionth_above_the_limit_on():

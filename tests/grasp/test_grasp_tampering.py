@@ -125,7 +125,7 @@ def test_what_the_search_finds_is_a_check_of_its_own(monkeypatch, part, passes):
     worst = StateSearch(1, 0, np.ones(4), 0.1, part, "friction cone, finger.tip")
     monkeypatch.setattr(module, "searched", lambda *_: worst)
     found = certify(*held()())
-    assert (found.passed, found.search) == (passes, worst)
+    assert (found.passed, found.search) == (worst.holds, worst) == (passes, worst)
     assert [check.name for check in found.failed] == [] if passes else [worst.check().name]
 
 
