@@ -124,7 +124,7 @@ def test_no_contact_is_buried_in_the_part_that_it_touches():
         {"shape": "circle", "diameter": 0.05, "position": (0.0, 0.025)},
         {"shape": "box", "width": 0.03, "height": 0.03, "position": (0.0, 0.05)},
     )
-    body = Union(shape="union", members=members, mass=0.0, position=(0.0, 0.0))
+    body = Union(shape="union", members=members, mass=0.0, position=(0.0, 0.0), center_of_mass=(0.0, 0.03))
     palm = cases.Palm(point=(0.0, 0.0), normal_angle=0.5 * np.pi)
     reaction = ("palm", (0.0, 0.0), cases.DOWN, (5.0, 0.0, 0.0), cases.NONE, 0)
     scene, arrays = cases.pressed_down(body, {"palm": palm}, [reaction], top=0.065, part=1)
