@@ -54,7 +54,12 @@ def test_the_greatest_reserve_is_that_of_linear_problems():
     slopes, cone_slopes = rng.normal(size=(rows, size)), rng.normal(size=(cones, 3, size))
     slacks, values = rng.uniform(-0.3, 2.0, (count, rows)), rng.normal(size=(count, cones, 3))
     cone_slopes[:, 2] = values[..., 2] = 0.0
-    found = greatest_reserve(Limits(slacks, slopes, values, cone_slopes))
+    # What is sideways has any direction, another one for each cone.
+    angle = rng.uniform(0.0, 2.0 * np.pi, cones)
+    ways = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    turned = np.concatenate([values[..., :1], values[..., 1:2] * ways], axis=2)
+    turned_slopes = np.concatenate([cone_slopes[:, :1], cone_slopes[:, 1:2] * ways[..., None]], axis=1)
+    found = greatest_reserve(Limits(slacks, slopes, turned, turned_slopes))
     for b in range(count):
         # Unknowns w, r, t.
         above = [[*-slopes[k], 0.0, -1.0] for k in range(rows)]
