@@ -312,6 +312,8 @@ OBJECT = [
     *both("object moment balance", disc(), "contact_forces", (0, 1), 1e-6 * PRESS),
     *both("object moment balance", cases.pinched_box, "contact_forces", (0, 1), 1e-6 * 6.0 * CORNER / 0.03),
     *both("object lift balance", disc(), "contact_forces", (0, 2), 1e-6 * PRESS),
+    ("object lift balance", disc(),
+     put("contact_forces", (slice(None), 2), (3.0, 9.81 * MASS - 3.0), (0, 1e-6 * PRESS))),  # one pushes down
     *both("object lift balance", cases.two_fingers_below, "contact_forces", (0, 2), 1e-6 * 1.962),
     *both("object tilt balance", disc(), "contact_forces", (0, 2), 1e-6 * PRESS),
     *both("object tilt balance", cases.pinched_box, "contact_forces", (0, 2), 1e-6 * 6.0 * CORNER / 0.03),
