@@ -135,10 +135,9 @@ def _need(scene: GraspScene) -> Array:
 
 def _in_use(scene: GraspScene) -> Array:
     """Which of these balances there are (6,)."""
-    arms = not _turns(scene)
     lifts = isinstance(scene.gravity, OutOfPlaneGravity)
     tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
-    return np.array([1.0, 1.0, arms, lifts, tilts and arms, tilts and arms], float)
+    return np.array([1.0, 1.0, 1.0, lifts, tilts, tilts], float)
 
 
 def _contacts(scene: GraspScene) -> list[_Places]:
@@ -258,7 +257,7 @@ class _Places:
         return np.array([push.real, push.imag, moment, raised, arm.real * raised, arm.imag * raised])
 
     def _any_normal(self, y: Array) -> tuple[float, Array]:
-        force, lift, mu = complex(y[0], y[1]), abs(float(y[3])), self.friction
+        force, lift, mu = complex(y[0], y[1]), float(y[3]), self.friction
         size = abs(force)
         # Where g c + mu sqrt(g^2 (1 - c^2) + v^2) has its greatest value, c being the cosine of force and normal.
         cosine = min(1.0, math.sqrt((size**2 + lift**2) / (1.0 + mu**2)) / size) if size > 0.0 else 1.0

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from continuum_grasp.grasp import least_normal_force_bound, optimize_grasp
-from continuum_grasp.grasp.bound import cannot_balance
+from continuum_grasp.grasp.bound import _contacts, cannot_balance
 from continuum_grasp.scene.grasp import GraspScene
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
@@ -62,12 +63,23 @@ def test_contacts_that_only_lift(count):
     assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (count * 0.5), rel=2e-4)
 
 
-@pytest.mark.parametrize(("share", "proven"), [(0.99, True), (1.01, False)])
-def test_limits_below_what_balance_asks_for_prove_that_there_is_no_grasp(share, proven):
-    """Two contacts that only lift press with m g / (2 mu) each; a limit just below that rules every grasp out."""
-    scene = scene_of(star([0.0, math.pi]), {"mode": "out_of_plane", "magnitude": G, "tilt": "balance"})
-    limit = share * 0.3 * G / (2 * 0.5)
-    assert cannot_balance(scene.changed({"contacts.normal_force_max": limit})) is proven
+@pytest.mark.parametrize(("own", "proven"), [((2.0, 2.9), True), ((2.0, 3.0), False), ((3.0, 2.0), False)])
+def test_the_greatest_of_the_limits_counts(own, proven):
+    """Of two contacts that lift, which press with 2.943 N or one of them with more."""
+    fingers = star([0.0, math.pi])
+    for finger, most in zip(fingers.values(), own, strict=True):
+        finger["contacts"] = {"normal_force_max": most}
+    assert cannot_balance(scene_of(fingers, out("ignore"))) is proven
+
+
+@pytest.mark.parametrize(("most", "proven"), [(2.9, True), (3.0, False)])
+def test_the_limit_of_a_support_counts_too(most, proven):
+    """A palm that bears 2.943 N, by the limit of all contacts, beside a finger whose own limit is far below."""
+    palm = {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}
+    fingers = {"finger": tip_at(0.5, 0.5, 0.0, contacts={"normal_force_max": 1.0})}
+    gravity = {"mode": "planar", "vector": (0.0, -G)}
+    scene = scene_of(fingers, gravity, supports={"palm": palm}).changed({"contacts.normal_force_max": most})
+    assert cannot_balance(scene) is proven
 
 
 def test_each_contact_has_its_own_friction():
@@ -166,6 +178,123 @@ def test_linear_programming_over_sampled_places(seed):
     assert found.status == 0
     assert bound <= found.x[-1] * (1.0 + 1e-9)
     assert bound >= found.x[-1] * (1.0 - 5e-3)
+
+
+# -- places of a contact ----------------------------------------------------------------------------------------------
+
+
+def most_work(y, points, angles, com, size, friction):
+    """The most y . s of forces with N = 1 in the cones at points with normals: its parts are those of a circle."""
+    normal, arm = np.exp(1j * angles), (points - com) / size
+
+    def of(force):
+        return y[0] * force.real + y[1] * force.imag + y[2] * (arm.real * force.imag - arm.imag * force.real)
+
+    lifts = y[3] + y[4] * arm.real + y[5] * arm.imag
+    return of(normal) + friction * np.sqrt(of(1j * normal) ** 2 + lifts**2)
+
+
+def ellipse_places(width, height, count):
+    t = np.linspace(0.0, math.tau, count, endpoint=False)
+    points = 0.5 * width * np.cos(t) + 0.5j * height * np.sin(t)
+    return points, np.angle(height * np.cos(t) + 1j * width * np.sin(t))
+
+
+def rounded_box_places(width, height, radius, count):
+    points, normals = [], []
+    for k, corner in enumerate((1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j)):
+        center = (0.5 * width - radius) * corner.real + 1j * (0.5 * height - radius) * corner.imag
+        turn = np.linspace(0.5 * math.pi * k, 0.5 * math.pi * (k + 1), count)
+        points.append(center + radius * np.exp(1j * turn))
+        normals.append(turn)
+    points.append(np.concatenate([np.linspace(a[-1], b[0], count) for a, b in pairwise([*points, points[0]])]))
+    normals.append(np.repeat(0.5 * math.pi * np.arange(1, 5), count))
+    return np.concatenate(points), np.concatenate(normals)
+
+
+SHAPES = [
+    ({"shape": "ellipse", "width": 0.09, "height": 0.04}, ellipse_places(0.09, 0.04, 100_000)),
+    (
+        {"shape": "box", "width": 0.08, "height": 0.05, "corner_radius": 0.01},
+        rounded_box_places(0.08, 0.05, 0.01, 9000),
+    ),
+]
+
+
+@pytest.mark.parametrize(("body", "places"), SHAPES, ids=["ellipse", "box"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_work_of_a_contact_is_bounded_closely_from_above(body, places, seed):
+    """At any multipliers, over places within reach of a finger; the bound is rigorous only if it is never below."""
+    random = np.random.default_rng(seed)
+    com = complex(*random.uniform(-0.01, 0.01, 2))
+    away, ahead = random.uniform(0.19, 0.215), random.uniform(-math.pi, math.pi)
+    fingers = {"finger": tip_at(0.0, 0.0, 0.0, base={"position": (away * math.cos(ahead), away * math.sin(ahead))})}
+    friction = random.uniform(0.1, 1.0)
+    scene = scene_of(fingers, out(), {**body, "center_of_mass": (com.real, com.imag)}, friction)
+    (contact,) = _contacts(scene)
+    points, normals = places
+    base = away * np.exp(1j * ahead)
+    near = np.abs(points + HALF * np.exp(1j * normals) - base) <= LENGTH
+    assert 0.05 < near.mean() < 0.95
+    for used in ("110000", "001000", "000011", "000111", "111111"):
+        y = random.normal(size=6) * [float(digit) for digit in used]
+        exact = most_work(y, points[near], normals[near], com, scene.object.size, friction).max()
+        assert max(exact, 0.0) <= contact.most(y)[0] <= max(exact, 0.0) + 5e-4 * np.abs(y).sum()
+
+
+def test_the_work_of_a_contact_with_any_normal_is_exact():
+    body = {"shape": "box", "width": 0.08, "height": 0.06, "free": {"angle": [-0.5, 0.5]}}
+    contact = _contacts(scene_of(star([0.0]), out(), body, 0.7))[0]
+    random, normals = np.random.default_rng(0), np.linspace(0.0, math.tau, 20_000)
+    for y in random.normal(size=(20, 6)) * [1, 1, 0, 1, 0, 0] * random.choice([0.1, 1.0, 10.0], (20, 6)):
+        exact = most_work(y, np.zeros(normals.size), normals, 0.0, 1.0, 0.7).max()
+        assert contact.most(y)[0] == pytest.approx(exact, rel=1e-6)
+
+
+def test_the_work_of_a_support_is_exact_and_never_negative():
+    palm = {"palm": {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}}
+    contact = _contacts(scene_of(star([0.0]), out(), friction=0.7, supports=palm))[-1]
+    place, normal, random = np.array([-1j * RADIUS]), np.array([-0.5 * math.pi]), np.random.default_rng(0)
+    for y in random.normal(size=(20, 6)):
+        exact = most_work(y, place, normal, 0.0, RADIUS, 0.7).item()
+        assert contact.most(y)[0] == pytest.approx(max(exact, 0.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("body", "count"),
+    [({"shape": "circle", "diameter": 0.04}, 1), ({"shape": "box", "width": 0.04, "height": 0.04}, 2)],
+)
+def test_an_object_that_may_turn_bears_on_one_point_of_a_wall_or_on_both_ends_of_a_face(body, count):
+    """And on a finger, which then may touch it with any normal."""
+    palm = {"type": "palm", "point": (0.0, -0.02), "normal_angle": 0.5 * math.pi}
+    fingers, down = {"finger": tip_at(0.9, 0.9, 0.0)}, {"mode": "planar", "vector": (0.0, -G)}
+    scene = scene_of(fingers, down, {**body, "free": {"angle": (-0.5, 0.5)}}, friction=0.0, supports={"palm": palm})
+    assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (count + 1), rel=3e-4)
+
+
+TAPER = {"to": LENGTH, "bending_stiffness": 0.4, "linear_density": 1e-9, "thickness": (0.012, 0.04)}
+REACHES = [
+    ({}, {}, LENGTH + HALF),
+    ({"base_free": {"x": 0.01}}, {}, LENGTH + HALF + 0.01),
+    ({}, {"free": {"x": (-0.01, 0.0)}}, LENGTH + HALF + 0.01),
+    ({"base_free": {"x": 0.01}}, {"free": {"x": (-0.01, 0.0)}}, LENGTH + HALF + 0.02),
+    ({"half_thickness": None, "rod": {"length": LENGTH, "sections": [TAPER]}}, {}, LENGTH + 0.02),
+    ({"contacts": {"tip": "off", "middle": "auto", "middle_range": (0.05, 0.15)}}, {}, 0.15 + HALF),
+]
+
+
+@pytest.mark.parametrize(("finger", "body", "reach"), REACHES)
+def test_fingers_count_up_to_where_they_reach(finger, body, reach):
+    """Two contacts that lift share the weight; one alone, where the other finger just ends short, pushes."""
+    for part, holds in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
+        x, y = ((RADIUS + part * reach) * way for way in (math.cos(2.0), math.sin(2.0)))  # between two samples
+        own = {**finger, "base": {"position": (x, y), "angle": 0.0}}
+        if "base_free" in own:
+            own["base_free"] = {"x": (x, x + own["base_free"]["x"])}
+        fingers = star([2.0 - math.pi]) | {"other": tip_at(0.0, 0.0, 0.0, **own)}
+        scene = scene_of(fingers, out("ignore"), {"shape": "circle", "diameter": 2 * RADIUS, **body})
+        bound = least_normal_force_bound(scene)
+        assert bound == pytest.approx(0.3 * G / (2 * 0.5), rel=3e-4) if holds else bound > 10 * 0.3 * G
 
 
 @pytest.mark.deep

@@ -13,7 +13,7 @@ import continuum_grasp as cg
 import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.check import overlap
-from continuum_grasp.scene.objects import Circle, Ellipse, Freedom, Polygon, RoundedPolygon, Superellipse
+from continuum_grasp.scene.objects import Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
 from tests import certificate_cases as cases
 
 
@@ -74,129 +74,63 @@ def tampered(arrays, name, index, change):
     return arrays
 
 
-WRAPPED = [
-    ("contact_forces", (0, 0), 1e-3, "object force balance"),
-    ("contact_forces", (0, 0), 1e-3, "finger equilibrium, finger"),
-    ("contact_forces", (1, 1), 1e-3, "object moment balance"),
-    ("contact_forces", (1, 1), 5.0, "friction cone, finger.tip"),
-    ("contact_forces", (2, 0), -60.0, "normal force, palm"),
-    ("contact_forces", (2, 0), 60.0, "normal force, palm"),
-    ("contact_forces", (2, 2), 1e-3, "object lift balance"),
-    ("contact_forces", (2, 2), 1e-3, "object tilt balance"),
-    ("contact_positions", (1, 0), 1e-5, "stored contact, finger.tip"),
-    ("contact_positions", (2, 1), 1e-5, "contact normal, palm"),
-    ("contact_positions", (2, 0), 1e-5, "contact gap, palm"),
-    ("contact_normals", (0, 0), 1e-4, "stored contact, finger.middle"),
-    ("contact_normals", (2, 1), 1e-4, "stored contact, palm"),
-    ("contact_stations", 0, 1e-5, "stored contact, finger.middle"),
-    ("contact_stations", 1, np.nan, "stored contact, finger.tip"),
-    ("finger.q", 0, 0.05, "finger equilibrium, finger"),
-    ("finger.q", 0, 0.01, "contact gap, finger.middle"),
-    ("finger.q", 0, 0.01, "contact normal, finger.middle"),
-    ("finger.q", 1, 0.01, "contact gap, finger.tip"),
-    ("finger.q", 1, 0.5, "penetration into the object, finger"),
-    ("finger.q", 0, 1.0, "penetration into palm, finger"),
-    ("finger.q", 1, 9.0, "bending range, finger"),
-    ("finger.q", 1, 1e-3, "stored backbone, finger"),
-    ("finger.lengths", 0, 1e-5, "element lengths, finger"),
-    ("finger.curvature_shapes", (0, 0, 0), 0.01, "stored backbone, finger"),
-    ("finger.curvature_shapes", (0, 0, 0), np.nan, "numbers that are not finite"),
-    ("finger.tip_curvature", (), 0.01, "stored tip curvature, finger"),
-    ("finger.tensions", 0, 0.01, "finger equilibrium, finger"),
-    ("finger.tensions", 0, 90.0, "tendon tension, finger"),
-    ("finger.tensions", 1, -1e-3, "tendon tension, finger"),
-    ("finger.backbone", (50, 1), 1e-5, "stored backbone, finger"),
-    ("finger.backbone", (50, 3), 1e-5, "stored backbone, finger"),
-    ("finger.backbone", (60, 0), -1e-5, "stored backbone, finger"),
-    ("finger.base", 0, 1e-5, "base, finger"),
-    ("finger.base", 2, 1e-5, "base, finger"),
-    ("object.pose", 1, 1e-5, "object pose"),
-    ("object.pose", 2, 1e-5, "object pose"),
-    ("finger.tensions", 1, np.nan, "numbers that are not finite"),
-    ("object.pose", 1, np.inf, "numbers that are not finite"),
-    ("contact_parts", 1, 1, "stored arrays that are missing or do not fit"),
-    ("contact_parts", 1, -1, "stored arrays that are missing or do not fit"),
-]
-
-
 @pytest.fixture(scope="module")
 def wrapped():
     return cases.wrapped_disc()
 
 
-@pytest.mark.parametrize(("name", "index", "change", "check"), WRAPPED)
-def test_a_tampered_wrap_is_seen(wrapped, name, index, change, check):
-    scene, arrays = wrapped
-    certificate = certify(scene, tampered(arrays, name, index, change))
-    assert not certificate[check].passed
-    assert not certificate.passed
-
-
-OTHERS = [
-    ("two fingers below a disc", "right.tensions", 1, 0.01, "tip moment balance, right"),
-    ("two fingers below a disc", "right.tensions", 1, 0.01, "finger equilibrium, right"),
+TAMPERED = [
+    ("wrapped disc", "contact_stations", 1, np.nan, "stored contact, finger.tip"),
+    ("wrapped disc", "contact_parts", 1, 1, "stored arrays that are missing or do not fit"),
+    ("wrapped disc", "contact_parts", 1, -1, "stored arrays that are missing or do not fit"),
+    ("wrapped disc", "object.pose", 1, np.inf, "numbers that are not finite"),
+    ("wrapped disc", "finger.curvature_shapes", (0, 0, 0), 0.01, "stored backbone, finger"),
+    ("wrapped disc", "finger.q", 1, 0.5, "penetration into the object, finger"),
     ("two fingers below a disc", "left.tip_curvature", (), 1e-3, "tip moment balance, left"),
-    ("two fingers below a disc", "contact_forces", (0, 2), 1e-4, "no lift in the plane, left.tip"),
-    ("two fingers below a disc", "contact_forces", (1, 0), 60.0, "normal force, right.tip"),
     ("two fingers below a disc", "contact_forces", (1, 1), 60.0, "friction cone, right.tip"),
-    ("pinched box", "object.pose", 1, 1e-4, "object tilt balance"),
-    ("pinched box", "object.pose", 0, 1e-4, "contact gap, a.tip"),
-    ("pinched box", "object.pose", 0, 0.03, "object pose"),
-    ("pinched box", "object.pose", 0, 0.01, "penetration into the object, b"),
-    ("pinched box", "contact_positions", (0, 1), 1e-4, "stored contact, a.tip"),
-    ("pinched box", "b.base", 1, 1e-4, "base, b"),
-    ("pinched box", "a.q", 3, 0.1, "finger equilibrium, a"),
     ("pinched between corners", "contact_normals", (0, 1), 1e-5, "stored contact, a.tip"),
-    ("disc in a groove", "contact_forces", (1, 0), 0.01, "object force balance"),
     ("disc in a groove", "contact_positions", (1, 0), 1e-4, "contact normal, groove.left"),
     ("disc in a groove", "object.pose", 1, -1e-3, "penetration of the object into groove.left"),
-    ("box on a line", "contact_positions", (1, 0), -0.03, "within the line, table.1"),
-    ("box on a line", "contact_positions", (1, 0), -0.03, "contact gap, table.1"),
-    ("box on a line", "contact_positions", (1, 0), 1e-3, "object moment balance"),
-    ("box on a line", "contact_positions", (1, 1), 1e-5, "contact gap, table.1"),
-    ("box on a line", "object.pose", 1, -1e-3, "penetration of the object into table"),
     ("disc on pegs", "contact_positions", (1, 0), 1e-5, "stored contact, first"),
-    ("disc on pegs", "object.pose", 1, -1e-3, "penetration of the object into first"),
-    ("disc on pegs", "object.pose", 1, 1e-3, "contact gap, second"),
     ("union on a palm", "contact_parts", 0, 1, "contact gap, finger.tip"),
-    ("wrapped with two middle contacts", "contact_stations", 1, 1e-4, "stored contact, finger.middle_2"),
     ("wrapped with two middle contacts", "contact_forces", (1, 0), 0.01, "finger equilibrium, finger"),
     ("wrapped with two middle contacts", "finger.q", 1, 0.01, "contact gap, finger.middle_2"),
-    ("wrapped by one tendon", "finger.tensions", 1, 1e-3, "tendon tension, finger"),
 ]
 
 
-@pytest.mark.parametrize(("case", "name", "index", "change", "check"), OTHERS)
-def test_other_tampered_grasps_are_seen(case, name, index, change, check):
+@pytest.mark.parametrize(("case", "name", "index", "change", "check"), TAMPERED)
+def test_a_tampered_grasp_is_seen(case, name, index, change, check):
     scene, arrays = HELD[case]()
     certificate = certify(scene, tampered(arrays, name, index, change))
     assert not certificate[check].passed
     assert not certificate.passed
 
 
-@pytest.mark.parametrize("half", [0.0, 1e-5, 0.006])
+@pytest.mark.parametrize("half", [0.0, 0.999e-3 * cases.LENGTH, 1.001e-3 * cases.LENGTH, 0.006])
 def test_the_normal_of_a_tip_of_any_thickness_is_checked(half):
     scene, arrays = cases.squeezed_disc(half=half)
     assert certify(scene, arrays).passed
     certificate = certify(scene, tampered(arrays, "contact_normals", (0, 0), 1e-4))
     assert not certificate.passed
-    assert {c.name for c in certificate.failed} >= {
-        "stored contact, finger.tip" if half > 1e-3 else "contact normal, finger.tip"
-    }
+    # Of a tip that is thinner than a thousandth of the length its center does not tell the normal.
+    blunt = half > 1e-3 * cases.LENGTH
+    assert certificate["stored contact, finger.tip"].passed is not blunt
+    assert certificate["contact normal, finger.tip"].passed is blunt
 
 
-def test_a_contact_inside_another_part_is_seen():
-    """The finger presses on the foot, where the disc covers it: a point that no finger can reach."""
-    scene, arrays = cases.union_on_palm()
-    buried = {key: np.array(value) for key, value in arrays.items()}
-    buried["contact_parts"][0] = 1
-    buried["contact_positions"][0, 1] = 0.03
-    for name in ("finger.base", "finger.backbone"):
-        buried[name][..., 1 if name.endswith("base") else 2] -= 0.035
-    certificate = certify(scene, buried)
-    assert certificate["contact gap, finger.tip"].passed
-    assert not certificate["contact inside another part, finger.tip"].passed
-    assert not certificate["penetration into the object, finger"].passed
+def test_no_contact_is_buried_in_the_part_that_it_touches():
+    """A round foot that is a little within its palm, as objects on supports may be."""
+    members = (
+        {"shape": "circle", "diameter": 0.05, "position": (0.0, 0.025)},
+        {"shape": "box", "width": 0.03, "height": 0.03, "position": (0.0, 0.05)},
+    )
+    body = Union(shape="union", members=members, mass=0.0, position=(0.0, 0.0), center_of_mass=(0.0, 0.03))
+    palm = cases.Palm(point=(0.0, 0.0), normal_angle=0.5 * np.pi)
+    reaction = ("palm", (0.0, 0.0), cases.DOWN, (5.0, 0.0, 0.0), cases.NONE, 0)
+    scene, arrays = cases.pressed_down(body, {"palm": palm}, [reaction], top=0.065, part=1)
+    certificate = certify(scene, tampered(arrays, "object.pose", 1, -1.5e-6 * cases.LENGTH))
+    assert certificate["contact gap, palm"].passed
+    assert certificate["contact inside another part, palm"].passed
 
 
 @pytest.mark.parametrize(
@@ -226,47 +160,18 @@ def test_contacts_that_are_off_must_not_be_there(wrapped):
     assert not certify(scene.model_copy(update={"contacts": contacts}), arrays).passed
 
 
-@pytest.mark.parametrize("name", ["finger.q", "finger.base", "object.pose", "contact_forces", "contact_parts"])
-def test_missing_and_misshapen_arrays_do_not_pass(wrapped, name):
+def test_of_numbers_that_are_no_grasp_nothing_is_known(wrapped):
     scene, arrays = wrapped
-    missing = {key: value for key, value in arrays.items() if key != name}
-    misshapen = arrays | {name: np.append(np.ravel(arrays[name]), 0.0)}
-    for wrong in (missing, misshapen, arrays | {name: "words"}):
-        certificate = certify(scene, wrong)
-        assert not certificate["stored arrays that are missing or do not fit"].passed
-        assert not certificate.stability.stable
-        assert not certificate.model_error.found
-        assert np.isnan(certificate.friction_margin)
+    certificate = certify(scene, arrays | {"finger.q": "words"})
+    assert not certificate["stored arrays that are missing or do not fit"].passed
+    assert not certificate.stability.stable
+    assert not certificate.model_error.found
+    assert np.isnan([certificate.friction_margin, certificate.overlap]).all()
 
 
 def test_another_family_does_not_pass(wrapped):
     scene, arrays = wrapped
     assert not certify(scene, arrays | {"finger.family": "clothoid"}).passed
-
-
-def test_elements_must_have_a_length(wrapped):
-    scene, arrays = wrapped
-    lengths = np.array([-0.05, 0.23])
-    assert not certify(scene, arrays | {"finger.lengths": lengths})["element lengths, finger"].passed
-
-
-def test_middle_contacts_keep_to_their_range(wrapped):
-    scene, arrays = wrapped
-    at = float(arrays["contact_stations"][0])
-    for bounds, passes in (((0.01, at + 1e-6), True), ((0.01, at - 1e-6), False), ((at + 1e-6, 0.17), False)):
-        contacts = scene.contacts.model_copy(update={"middle_range": bounds})
-        certificate = certify(scene.model_copy(update={"contacts": contacts}), arrays)
-        assert certificate["position along the finger, finger.middle"].passed is passes
-
-
-def test_strain_is_checked(wrapped):
-    scene, arrays = wrapped
-    rod = scene.finger.rod.model_copy(update={"diameter": 1.2e-3})
-    greatest = float(arrays["finger.tip_curvature"]) * 0.6e-3
-    finger = scene.finger.model_copy(update={"rod": rod, "strain_limit": 0.99 * greatest})
-    certificate = certify(scene.model_copy(update={"finger": finger}), arrays)
-    assert certificate["bending strain, finger"].value == pytest.approx(0.01 / 0.99, rel=1e-6)
-    assert not certificate["bending strain, finger"].passed
 
 
 def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
@@ -275,31 +180,15 @@ def test_a_heavier_object_fails_in_the_balance_of_its_weight(wrapped):
     assert [check.name for check in certify(heavier, arrays).failed] == ["object lift balance"]
 
 
-def test_poses_may_be_anywhere_within_their_bounds():
-    scene, arrays = cases.pinched_box()
-    free = Freedom(x=(-0.01, 0.01), angle=(-0.1, 0.1))
-    body = scene.object.model_copy(update={"free": free})
-    scene = scene.model_copy(update={"object": body})
-    moved = {key: np.array(value) for key, value in arrays.items()}
-    for name in ("a.base", "b.base", "object.pose"):
-        moved[name][0] += 0.005
-    for name in ("a.backbone", "b.backbone"):
-        moved[name][:, 1] += 0.005
-    moved["contact_positions"][:, 0] += 0.005
-    certificate = certify(scene, moved)
-    assert {check.name for check in certificate.failed} == {"base, a", "base, b"}
-    fingers = {
-        name: finger.model_copy(update={"base_free": Freedom(x=(-0.3, 0.3))}) for name, finger in scene.fingers.items()
-    }
-    assert certify(scene.model_copy(update={"fingers": fingers}), moved).passed
-    body = body.model_copy(update={"free": Freedom(angle=(-0.1, 0.1))})  # x is not free any more
-    assert not certify(scene.model_copy(update={"object": body}), moved)["object pose"].passed
-
-
 def test_friction_margins():
     scene, arrays = cases.squeezed_disc(mass=0.2, press=4.0, friction=0.5)
     certificate = certify(scene, arrays)
     assert certificate.friction_margins == pytest.approx({"finger.tip": 0.5095, "palm": 0.5095}, abs=1e-12)
+    arrays["contact_forces"][0, 1] = 1.0  # besides 0.981 N of lift
+    margins = certify(scene, arrays).friction_margins
+    assert margins["finger.tip"] == pytest.approx(1.0 - (1.0 + 0.981**2) ** 0.5 / 2.0, abs=1e-12)
+    slides = scene.changed({"supports.palm.friction": 0.0})
+    assert set(certify(slides, arrays).friction_margins) == {"finger.tip"}
     arrays["contact_forces"][1, 0] = 0.0
     assert certify(scene, arrays).friction_margin == 0.0
 
@@ -329,24 +218,6 @@ def test_a_bent_stiff_finger_bears_what_its_contact_gives():
     assert failed == {"finger equilibrium, left", "tip moment balance, left"}
 
 
-def test_suction_is_seen_whatever_the_limit():
-    """A pull that is nothing against the greatest normal force, but much against the forces in play."""
-    scene, arrays = cases.disc_in_groove(press=0.1, mass=0.0)
-    scene = scene.model_copy(update={"contacts": scene.contacts.model_copy(update={"normal_force_max": 1e6})})
-    assert not certify(scene, tampered(arrays, "contact_forces", (1, 0), -0.171))["normal force, groove.left"].passed
-
-
-def test_overlapping_fingers_fail_unless_they_lie_at_different_heights():
-    """One of the two is thick enough to reach into the other."""
-    scene, arrays = cases.two_fingers_below(aside=0.0059, overlap="allow")
-    assert certify(scene, arrays).passed
-    forbids = scene.model_copy(update={"overlap": "forbid"})
-    certificate = certify(forbids, arrays)
-    assert certificate.overlap == pytest.approx(0.0002, abs=1e-9)
-    assert [check.name for check in certificate.failed] == ["overlap of fingers, left, right"]
-    assert certificate["overlap of fingers, left, right"].value == pytest.approx(0.0002 / 0.2, abs=1e-8)
-
-
 @pytest.mark.parametrize("half", [0.0, 0.006])
 @pytest.mark.parametrize("lean", [0.2, -0.2, 0.02])
 def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
@@ -368,8 +239,9 @@ def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
     apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
     crosses = tip[0] > 0.0
     expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
-    one, other = certify(scene, arrays).grasp.fingers
-    assert overlap(one, other) == pytest.approx(expected, abs=2e-6)
+    certificate = certify(scene, arrays)
+    assert overlap(*certificate.grasp.fingers) == pytest.approx(expected, abs=2e-6)
+    assert certificate.overlap == pytest.approx(max(expected, 0.0), abs=2e-6)
 
 
 # -- use -----------------------------------------------------------------------------------------------------

@@ -13,13 +13,14 @@ from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.certificate.model_error import model_error
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.states import OBJECT
 from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Damping, Finger
-from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene.finger import PointMass, Rod, Tendons
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.loads import ForceLoad, MomentLoad
 from continuum_grasp.scene.objects import Circle
@@ -84,29 +85,36 @@ def test_without_branches_a_grasp_is_what_it_was_to_the_bit():
 # -- closed form: a free rod under a constant moment ------------------------------------------------------------------
 
 
+UNTOUCHED = {
+    **{f"contact_{key}": np.zeros((0, size)) for key, size in (("positions", 2), ("normals", 2), ("forces", 3))},
+    "contact_names": np.array([], dtype=str),
+    "contact_stations": np.zeros(0),
+    "contact_parts": np.zeros(0, dtype=int),
+    "object.pose": np.array([0.4, 0.0, 0.0]),
+}
+
+
 @pytest.mark.parametrize("family", ["arc", "clothoid"])
-@pytest.mark.parametrize("tension", [20.0, 2.0, -10.0])
-def test_a_free_rod_bends_as_its_branches_let_it(family, tension):
+@pytest.mark.parametrize(("tension", "rest"), [(20.0, 0.0), (2.0, 3.0), (-10.0, 0.0)])
+def test_a_free_rod_bends_as_its_branches_let_it(family, tension, rest):
     """EI kappa + sum of min(k kappa, M) = e T as pulled; EI kappa + sum of z M = e T with states."""
     moment = OFFSET * tension
     tendons = Tendons(offset=OFFSET, max_tension=60.0)
     rod = Rod(length=L, linear_density=1e-9, bending_stiffness=EI)
-    finger = cases.make_finger(rod=rod, tendons=tendons, damping=damping(TWO))
+    finger = cases.make_finger(rod=rod, tendons=tendons, damping=damping(TWO), rest_curvature=rest)
     disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
     scene = cases.make_scene(finger, disc, {"tip": "auto"}, family=family, elements=4)
     pulls = (tension, 0.0) if tension > 0.0 else (0.0, -tension)
 
-    def off(curvature, states=None):
+    def at(curvature, states=None):
         bent = np.full(4, curvature * L / 4) if family == "arc" else np.full(5, curvature)
         arrays = cases.finger_arrays(scene, "finger", bent, tensions=pulls, tip=curvature)
-        none = {
-            f"contact_{key}": np.zeros((0, size)) for key, size in (("positions", 2), ("normals", 2), ("forces", 3))
-        }
-        none |= {"contact_names": np.array([], dtype=str), "contact_stations": np.zeros(0)}
-        none |= {"contact_parts": np.zeros(0, dtype=int), "object.pose": np.array([0.4, 0.0, 0.0])}
         if states is not None:
-            none["finger.friction_states"] = states
-        (bent,) = RecomputedGrasp(scene, {**arrays, **none}).fingers
+            arrays["finger.friction_states"] = states
+        return RecomputedGrasp(scene, {**arrays, **UNTOUCHED})
+
+    def off(*given):
+        (bent,) = at(*given).fingers
         return np.abs(bent.virtual_work()).max() / bent.load_moment
 
     low, high = -50.0, 50.0
@@ -116,11 +124,50 @@ def test_a_free_rod_bends_as_its_branches_let_it(family, tension):
         low, high = (kappa, high) if own < moment else (low, kappa)
     assert off(kappa) < 1e-9
     assert off(1.001 * kappa) > 1e-4
+    assert model_error(at(kappa)).greatest < 1e-8 * L  # the exact rod is an arc too
     cells = 4 * (1 if family == "arc" else 2)
     for z in ((1.0, 1.0), (-1.0, -1.0), (-1.0, 0.3)):
         kappa = (moment - sum(w * m for w, (_, m) in zip(z, TWO, strict=True))) / EI
         assert off(kappa, np.tile(z, cells)) < 1e-9
         assert off(kappa, np.tile(-np.array(z), cells)) > 1e-4
+
+
+@pytest.mark.parametrize(("family", "q"), [("arc", (5.0, -6.0)), ("clothoid", (40.0, 10.0, -70.0))])
+def test_virtual_work_is_the_slope_of_the_energy(family, q):
+    """Of a finger that is bent as far as can be, under its weight and masses between its elements' ends, with friction
+    states that differ from cell to cell: Gauss quadrature of many nodes and differences, made here.
+    """
+    masses = (PointMass(at=0.23 * L, mass=0.004), PointMass(at=0.81 * L, mass=0.003))
+    rod = Rod(length=L, linear_density=0.03, bending_stiffness=EI)
+    finger = cases.make_finger(
+        rod=rod, masses=masses, damping=damping(TWO), tendons=Tendons(offset=OFFSET, max_tension=60.0)
+    )
+    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
+    scene = cases.make_scene(finger, disc, {"tip": "auto"}, cases.PLANAR, family=family)
+    lengths, tensions = np.array([0.4 * L, 0.6 * L]), (20.0, 3.0)
+    cells = scene.setups[0].bending_cells
+    ends = np.append(np.linspace(0.0, 0.4, cells + 1)[:-1], np.linspace(0.4, 1.0, cells + 1)) * L
+    states = np.random.default_rng(0).uniform(-1.0, 1.0, (2 * cells, len(TWO)))
+    x, w = np.polynomial.legendre.leggauss(60)
+    s = np.concatenate([a + 0.5 * n * (x + 1.0) for a, n in zip((0.0, lengths[0]), lengths, strict=True)])
+    weights = np.concatenate([0.5 * n * w for n in lengths])
+
+    def energy(q):
+        curvatures = cases.ends_of(family, q, lengths, 0.0)
+        both = cases.bent((0.0, 0.0, 0.0), curvatures, lengths, [*s, *ends, *(mass.at for mass in masses)])
+        height, turns = both[:, 1], both[s.size : s.size + ends.size, 2]
+        own = sum(EI * n * (a * a + a * b + b * b) / 6.0 for (a, b), n in zip(curvatures, lengths, strict=True))
+        own += 9.81 * (0.03 * weights @ height[: s.size] + height[-2:] @ [0.004, 0.003])
+        own -= OFFSET * (tensions[0] - tensions[1]) * turns[-1]
+        return own + (states @ [moment for _, moment in TWO]) @ np.diff(turns), both[:, 2]
+
+    arrays = cases.finger_arrays(scene, "finger", q, lengths, tensions=tensions)
+    (bent,) = RecomputedGrasp(scene, {**arrays, **UNTOUCHED, "finger.friction_states": states.ravel()}).fingers
+    for k, found in enumerate(bent.virtual_work()):
+        step = 1e-4 * np.eye(len(q))[k]
+        (more, after), (less, before) = energy(q + step), energy(q - step)
+        greatest = np.abs(after - before).max()
+        assert found == pytest.approx((more - less) / greatest, rel=1e-7, abs=1e-9)
 
 
 # -- grasps -----------------------------------------------------------------------------------------------------------

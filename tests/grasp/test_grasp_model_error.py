@@ -141,6 +141,34 @@ def test_straight_fingers_are_exact():
     assert error.moment < 1e-6
 
 
+@pytest.mark.parametrize("share", [-1.0, 0.0, 0.9, 1.1, 3.0])
+def test_the_moment_left_out_is_that_of_the_loads_less_that_of_the_shape(share):
+    """An arc, bent by a share of what its tendon bends it; of the greatest moment, which is the tendon's."""
+    tension, length, half = 3.0, cases.LENGTH, 0.5
+    bend = share * cases.OFFSET * tension / cases.STIFFNESS * length
+    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.1))
+    longer = Rod(length=1.5 * length, linear_density=1e-12, bending_stiffness=cases.STIFFNESS)
+    fingers = {"finger": cases.make_finger(), "longer": cases.make_finger((5.0, 0.0), rod=longer)}
+    scene = cases.make_scene(fingers, disc, {"tip": "auto"}, family="arc")
+    contacts = [("finger.tip", (0, 0), cases.UP, (0, 0, 0), length, 0)]
+    values = {"finger": {"q": np.full(2, half * bend), "tensions": (tension, 0.0)}, "longer": {}}
+    error = certify(scene, cases.stored(scene, values, contacts)).model_error
+    assert error.moment == pytest.approx(abs(1.0 - share), rel=1e-9, abs=1e-12)
+    assert error.length == length
+    assert set(error.displacements) == {"finger.tip", "longer.tip"}
+
+
+def test_the_moment_left_out_is_seen_close_to_the_ends_of_elements():
+    """A force across the tip, and an arc bent, hardly at all, by half its moment: half is left out at the base."""
+    force, length = 1e-6, cases.LENGTH
+    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.1))
+    scene = cases.make_scene(cases.make_finger(), disc, {"tip": "auto"}, family="arc")
+    contacts = [("finger.tip", (0, 0), cases.LEFT, (force, 0, 0), length, 0)]
+    q = np.full(2, 0.5 * force * length / cases.STIFFNESS * 0.5 * length)
+    error = certify(scene, cases.stored(scene, {"finger": {"q": q}}, contacts)).model_error
+    assert error.moment == pytest.approx(0.5, abs=2e-3)
+
+
 def test_model_error_of_arcs_falls_with_the_square_of_their_number():
     off = [
         optimize_grasp(make_scene("arc", elements=n)).certificate.model_error.displacements["finger.middle"]

@@ -18,7 +18,9 @@ from continuum_grasp.grasp.certificate.reserve import Limits, greatest_reserve
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.states import OBJECT
 from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.finger import Tendons
 from continuum_grasp.scene.load import load
+from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 from tests.marks import few
 
@@ -52,7 +54,12 @@ def test_the_greatest_reserve_is_that_of_linear_problems():
     slopes, cone_slopes = rng.normal(size=(rows, size)), rng.normal(size=(cones, 3, size))
     slacks, values = rng.uniform(-0.3, 2.0, (count, rows)), rng.normal(size=(count, cones, 3))
     cone_slopes[:, 2] = values[..., 2] = 0.0
-    found = greatest_reserve(Limits(slacks, slopes, values, cone_slopes))
+    # What is sideways has any direction, another one for each cone.
+    angle = rng.uniform(0.0, 2.0 * np.pi, cones)
+    ways = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    turned = np.concatenate([values[..., :1], values[..., 1:2] * ways], axis=2)
+    turned_slopes = np.concatenate([cone_slopes[:, :1], cone_slopes[:, 1:2] * ways[..., None]], axis=1)
+    found = greatest_reserve(Limits(slacks, slopes, turned, turned_slopes))
     for b in range(count):
         # Unknowns w, r, t.
         above = [[*-slopes[k], 0.0, -1.0] for k in range(rows)]
@@ -83,6 +90,73 @@ def test_the_forces_of_the_reserve_are_its_slopes():
 
 
 # -- postures ---------------------------------------------------------------------------------------------------------
+
+
+def wrapped(friction=0.0, drive=None, branches=()):
+    """The wrap made by hand, by a finger with a little friction."""
+    scene, arrays = cases.wrapped_disc(mass=0.2)
+    tendons = Tendons(offset=cases.OFFSET, max_tension=60.0, friction=friction, **(CABLE if drive else {}))
+    tendons = tendons.replaced(time_constant=None, drive=drive) if drive else tendons
+    damping = scene.finger.damping.model_validate({"dry_friction": branches, "friction_cells": 2}) if branches else None
+    finger = scene.finger.replaced(tendons=tendons, **({"damping": damping} if damping else {}))
+    return scene.replaced(finger=finger), arrays
+
+
+def free_direction(arrays):
+    """The change of the forces (9) that leaves a finger on a disc and the disc in balance, by differences."""
+    q, lengths, base = arrays["finger.q"], arrays["finger.lengths"], arrays["finger.base"]
+
+    def places(q):
+        return cases.bent(base, cases.ends_of("arc", q, lengths, 0.0), lengths, np.cumsum(lengths))
+
+    moves = [(places(q + step) - places(q - step)) / 2e-6 for step in 1e-6 * np.eye(q.size)]
+    normals, center = arrays["contact_normals"], np.asarray(arrays["object.pose"])[:2]
+    rows = np.zeros((q.size + 6, 9))
+    for k, n in enumerate(normals):
+        across, arm = np.array([-n[1], n[0]]), arrays["contact_positions"][k] - center
+        for row, move in zip(rows, moves, strict=False) if k < 2 else ():
+            row[3 * k : 3 * k + 2] = move[k, :2] @ n, move[k, :2] @ across - cases.HALF * move[k, 2]
+        turn = [arm[0] * way[1] - arm[1] * way[0] for way in (n, across)]
+        rows[q.size : q.size + 3, 3 * k : 3 * k + 2] = [*np.column_stack([n, across]).tolist(), turn]
+        rows[q.size + 3 :, 3 * k + 2] = 1.0, *arm
+    *_, right = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])
+    return right[-1].reshape(3, 3)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        lambda: wrapped(branches=({"stiffness": 0.05, "moment": 2e-4},)),
+        lambda: wrapped(0.01),
+        lambda: wrapped(0.01, WINCH),
+    ],
+)
+def test_postures_balance_with_the_greatest_reserve(case):
+    """All checks pass, and of all forces that balance in the same shape none leave the cones more."""
+    scene, arrays = case()
+    postures = Postures(RecomputedGrasp(scene, arrays))
+    rng = np.random.default_rng(3)
+    for _ in range(2):
+        posture = postures.at(rng.choice([-1.0, 1.0], postures.count), arrays)
+        assert posture is not None
+        checks, _ = _recomputed(scene, posture.arrays, reached=False)
+        assert [check.name for check in checks if not check.passed and not check.name.startswith("friction cone")] == []
+        forces, away = posture.arrays["contact_forces"], free_direction(posture.arrays)
+
+        def reserve(part, forces=forces, away=away):
+            n, f, lift = (forces + part * away).T
+            return (scene.contacts.friction * n - np.hypot(f, lift)).min()
+
+        assert posture.reserve * postures.scale == pytest.approx(reserve(0.0), abs=1e-9)
+        beside = max(reserve(part) for part in np.concatenate([-np.logspace(-4, 0, 30), np.logspace(-4, 0, 30)]))
+        assert beside <= reserve(0.0) + 1e-5 * postures.scale
+        # To first order in the states: postures solved anew near by, and the slope at either end.
+        model, near = posture.model(), posture.states * rng.uniform(0.95, 1.0, postures.count)
+        gain = postures.at(near, arrays).reserve - posture.reserve
+        both = model.reserves(np.stack([posture.states, near]))
+        assert both.reserve - posture.reserve == pytest.approx([0.0, gain], abs=0.03 * abs(gain) + 1e-7)
+        mean = model.slopes(both).mean(axis=0)
+        assert mean @ (near - posture.states) == pytest.approx(gain, abs=0.03 * abs(gain) + 1e-7)
 
 
 @pytest.mark.deep

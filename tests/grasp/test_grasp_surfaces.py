@@ -20,6 +20,15 @@ SHAPES = {
     "superellipse 4": Superellipse(shape="superellipse", width=0.08, height=0.05, exponent=4.0, **AT),
     "superellipse 12": Superellipse(shape="superellipse", width=0.08, height=0.02, exponent=12.0, **AT),
     "blade": Ellipse(shape="ellipse", width=0.1, height=0.002, **AT),
+    "turned blade": Union(
+        shape="union",
+        members=(
+            {"shape": "ellipse", "width": 0.1, "height": 0.002, "position": (0.01, 0.0), "angle": 0.7},
+            {"shape": "circle", "diameter": 0.05, "position": (0.03, 0.0)},
+        ),
+        center_of_mass=(0.0, 0.0),
+        **AT,
+    ),
     "flat superellipse": Superellipse(shape="superellipse", width=0.002, height=0.1, exponent=12.0, **AT),
     "box": Box(shape="box", width=0.07, height=0.04, **AT),
     "rounded box": Box(shape="box", width=0.07, height=0.04, corner_radius=0.008, **AT),
@@ -122,6 +131,37 @@ def test_flat_faces_and_corners_have_their_radii():
     found = nearest(part, np.array([[0.0, 0.03], [0.05, 0.04], [0.05, 0.0]]))
     assert found.radius == pytest.approx([np.inf, 0.008, np.inf])
     assert nearest(PARTS["box"], np.array([[0.05, 0.04]])).radius[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "radius", "off"),
+    # Of corners the centers are given, of smooth curves some places, which are this far apart [m].
+    [
+        ("box", 1e-3, 1e-9),
+        ("rounded box", 0.0081, 1e-9),
+        ("rounded polygon", 0.0051, 1e-9),
+        ("stadium", 0.016, 1e-9),
+        ("blade", 0.002, 5e-4),
+        ("turned blade", 0.002, 5e-4),
+        ("superellipse 12", 0.01, 2e-3),
+        ("superellipse 4", 0.02, 4e-3),
+        ("ellipse", 0.01, 4e-3),
+    ],
+)
+def test_wherever_the_surface_is_sharp_a_place_is_given(name, radius, off):
+    body = SHAPES[name]
+    places, rounds = PlacedObject(body, np.array([0.4, -0.2, 1.1])).sharp_places(radius)
+    # Back in the object's frame.
+    c, s = math.cos(1.1), math.sin(1.1)
+    places = (places - [0.4, -0.2]) @ np.array([[c, -s], [s, c]])
+    edge = outline(PARTS[name], 8000)[::5]
+    found = nearest(PARTS[name], edge + 0.2 * (edge - edge.mean(axis=0)))  # from outside, where corners are nearest
+    sharp = found.point[found.radius < radius]
+    assert 0 < len(sharp) < len(edge)
+    away = np.abs(np.hypot(*(sharp[:, None] - places).transpose(2, 0, 1)) - rounds)
+    assert away.min(axis=1).max() < off
+    # All of them are on the surface or as far within as they are round.
+    assert nearest(PARTS[name], places).distance == pytest.approx(-rounds, abs=1e-9)
 
 
 def test_placed_object_and_union():

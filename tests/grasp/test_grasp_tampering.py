@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from continuum_grasp.grasp.certificate import certificate as module
 from continuum_grasp.grasp.certificate.certificate import certify, certify_reached
+from continuum_grasp.grasp.certificate.state_search import StateSearch
 from tests import certificate_cases as cases
-from tests.grasp.test_grasp_limits import MOTOR, ONE, held
+from tests.grasp.test_grasp_limits import MOTOR, ONE, SERVO, WINCH, held
 
 MISSING = "stored arrays that are missing or do not fit"
 STATES = "arrays of friction states that are missing or do not fit"
@@ -45,7 +47,18 @@ def shaped_alike(arrays):
     return arrays | {"held.a.curvature_shapes": shapes}
 
 
-@pytest.mark.parametrize("case", [held(), held(MOTOR), held(MOTOR.replaced(**ONE)), two_frictional])
+@pytest.mark.parametrize(
+    "case",
+    [
+        held(),
+        held(MOTOR),
+        held(MOTOR.replaced(**ONE)),
+        two_frictional,
+        # A winch lets a slack tendon out, however the finger bends.
+        held(WINCH, tensions=(0.0, 0.0)),
+        held(SERVO, tensions=(0.0, 0.0)),
+    ],
+)
 def test_what_is_whole_passes(case):
     scene, arrays = case()
     assert not failed(scene, arrays)
@@ -97,13 +110,28 @@ def test_every_stored_array_is_needed_as_it_is(key):
     value = np.asarray(arrays[key])
     shorter = value[..., :-1] if value.ndim else np.zeros(1)
     flat = value[:1] if key == "finger.backbone" else np.ravel(value)[None]
-    for other in ("words", shorter, flat):
+    fewer = flat if key == "finger.backbone" or not value.ndim else value[:-1]
+    for other in ("words", shorter, flat, fewer):
         assert MISSING in failed(scene, arrays | {key: other})
     assert MISSING in failed(scene, {one: value for one, value in arrays.items() if one != key})
     if value.dtype.kind == "f" and key != "contact_stations":
         value = value.copy()
         value[(0,) * value.ndim] = np.nan
         assert "numbers that are not finite" in failed(scene, arrays | {key: value})
+
+
+@pytest.mark.parametrize(("part", "passes"), [(0.999, True), (1.001, False)])
+def test_what_the_search_finds_is_a_check_of_its_own(monkeypatch, part, passes):
+    worst = StateSearch(1, 0, np.ones(4), 0.1, part, "friction cone, finger.tip")
+    monkeypatch.setattr(module, "searched", lambda *_: worst)
+    found = certify(*held()())
+    assert (found.passed, found.search) == (worst.holds, worst) == (passes, worst)
+    assert [check.name for check in found.failed] == [] if passes else [worst.check().name]
+
+
+def test_a_straight_part_counts_as_pulled():
+    scene, arrays = two_frictional()
+    assert WAYS not in failed(scene, arrays | {"a.q": np.array([9.0, 9.0, 0.0, 0.0])})
 
 
 @pytest.mark.parametrize("order", [[1, 0, 2, 3], [3, 2, 1, 0]])

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from plan_cases import small
 
-from continuum_grasp.nlp import Status
-from continuum_grasp.planning import PlanStatus, fine
-from continuum_grasp.planning.diagnosis import missed_goals
+from continuum_grasp.nlp import Status, Violation
+from continuum_grasp.planning import PlanStatus, diagnosis, fine
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
@@ -216,7 +215,7 @@ def test_a_goal_is_missed_beyond_its_tolerance_alone(aim, length, angle):
         motion = Motion(small(goal=goal, intervals=2))
         problem = PlanProblem(motion, np.zeros(motion.nx))
         w = problem.start(Path(np.zeros((3, motion.nx)), np.zeros((3, 1)), 0.1))
-        found, worst = missed_goals(problem, w, weighted="weight" in aim)
+        found, worst = diagnosis.missed_goals(problem, w, weighted="weight" in aim)
         assert [text.split(":")[0] for text in found] == missed
         assert worst == pytest.approx(share * max(length / 0.03, angle / 0.5), rel=1e-9)
 
@@ -229,6 +228,61 @@ def test_a_shape_is_met_by_an_arc_through_its_points():
     problem = PlanProblem(motion, np.zeros(motion.nx))
     w = problem.start(Path(np.tile([bend, 0.0], (3, 1)), np.zeros((3, 1)), 0.1))
     assert missed_goals(problem, w, weighted=False) == ([], pytest.approx(0.0, abs=1e-9))
+
+
+def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):
+    """What is said of strengths of limits, an error of a goal, and an excess of a bound of the state."""
+    speed = Violation("speed", 0, excess, "m/s", "bounds.speed", excess)
+    block = SimpleNamespace(key="bounds.speed", violation=lambda _: speed)
+    monkeypatch.setattr(diagnosis, "missed_goals", lambda *_, **__: (["goal tip"] if error else [], error))
+    monkeypatch.setattr(diagnosis, "_strengths", lambda *_: strengths)
+    monkeypatch.setattr(diagnosis, "_nearest", lambda *_: "")
+    bounds, assembly = SimpleNamespace(values=lambda *_: None), SimpleNamespace(blocks=[block])
+    found = diagnosis.diagnose(SimpleNamespace(assembly=assembly, bounds=bounds), SimpleNamespace(x=None, g=None))
+    return "nothing" if found is None else " and ".join((*found.violated, found.message))
+
+
+REASONS = [
+    ("share of the strongest limit", "the input limit stops it and the duration stops it",
+     lambda p: ({"duration": 0.6 * p, "input": 3.0}, {})),
+    ("strength near the goal", "the input limit stops it", lambda p: ({"input": 1e-6 * p}, {"error": 0.5})),
+    ("strength far from it", "the speed limit stops it", lambda p: ({"speed": 3e-6 * p}, {"error": 3.0})),
+    ("excess of a bound", "a bound of the state cannot be satisfied",
+     lambda p: ({}, {"error": 0.0, "excess": 1e-5 * p})),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "made"), [row[1:] for row in REASONS], ids=[row[0] for row in REASONS])
+def test_a_reason_is_named_beyond_its_limit_alone(monkeypatch, text, made):
+    for part, named in ((0.999, False), (1.001, True)):
+        strengths, how = made(part)
+        assert (text in diagnosed(monkeypatch, strengths, **how)) is named
+
+
+LEVERS = [
+    ("input", lambda f: {"input": {"moment_max": 0.02 * f}}),
+    ("input rate", lambda f: {"input": {"moment_max": 0.3, "rate_max": 0.5 * f}}),
+    ("duration", lambda f: {"duration": 0.01 * f}),
+    ("curvature", lambda f: {"bounds": {"curvature": 0.8 * f}}),
+]
+
+
+@pytest.mark.parametrize(("name", "changes"), LEVERS)
+def test_the_strength_of_a_limit_is_what_widening_it_gains(name, changes):
+    """Against differences of the least distance of problems solved anew."""
+
+    def nearest(factor):
+        search = Search(small(intervals=5, **changes(factor)))
+        problem, motion = search._near_goal, search.motion
+        path = Path(np.zeros((6, motion.nx)), np.zeros((6, 1)), motion.scene.duration_range[1])
+        attempt = search._solved(problem, problem.start(path))
+        assert attempt.violation < 1e-6
+        return problem, attempt
+
+    step = 1e-3
+    wider, narrower = (nearest(1.0 + sign * step)[1].objective for sign in (1.0, -1.0))
+    strengths = diagnosis._strengths(*nearest(1.0))
+    assert strengths[name] == pytest.approx((narrower - wider) / (2 * step), rel=5e-3)
 
 
 @pytest.mark.parametrize(("method", "limit"), [("multiple_shooting", 1e-6), ("single_shooting", 1e-5)])

@@ -26,8 +26,6 @@ SOFT = 20e-6
 """Half the length in which a tendon goes from slack to taut [m]: that of the law that is verified."""
 TAUT = 1e-6
 """Tension above which a tendon counts as taut, per greatest tension."""
-_FINE = 400
-"""Panels along a finger: the path of a tendon is exact to 1e-10 of the length."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +68,10 @@ class WoundTendons:
     @cached_property
     def path(self) -> float:
         """How far the bend draws in the tendon on the -X side, and pays out the other [m]."""
-        (channel,), length = self._shape.channels, self._shape.joints[-1]
-        edges = np.unique(np.concatenate([np.linspace(0.0, length, _FINE + 1), self._shape.joints]))
-        nodes, weights = np.polynomial.legendre.leggauss(4)
+        (channel,), profile = self._shape.channels, self._shape.profile
+        edges = np.unique(np.concatenate([self._shape.joints, profile.breaks, channel.shape.breaks]))
+        # 16 nodes between places where it may have kinks: to rounding for tapers to a tenth.
+        nodes, weights = np.polynomial.legendre.leggauss(16)
         half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
         s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
         return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
@@ -138,19 +137,16 @@ class WoundTendons:
     def misfits(self, held: Array | None = None) -> Array:
         """The same with signs, of each tendon and, of a motor on a pulley under a torque, of their difference."""
         law, (left, right) = self.law, self.tensions
+        held = self.held if held is None else held
         if law.pulley:
-            wound = self._wound_by_pulley
-            if held is not None and law.locks:
-                wound = held[0] - law.servo * (left - right)
+            wound = held[0] - law.servo * (left - right) if law.locks else self._wound_by_pulley
             given = law.start + wound * np.array([1.0, -1.0])
-        elif held is None:
-            return np.zeros(2)
         elif not law.locks:
             return np.asarray(self.tensions - held)
         else:
             given = held - law.servo * self.tensions
         off = np.asarray(_softened(given - self.paths) / self.compliances - self.tensions)
-        return np.append(off, left - right - held[0]) if law.pulley and not law.locks and held is not None else off
+        return np.append(off, left - right - held[0]) if law.pulley and not law.locks else off
 
     @property
     def over_torque(self) -> tuple[float, float] | None:

@@ -87,8 +87,8 @@ def _parts(grasp: RecomputedGrasp, own: Mapping[str, Any], recompute: Recompute)
     checks, posture = recompute(own)
     if posture is None:
         return {check.name: float("inf") for check in checks if not check.passed}
+    parts = {check.name: _part(check) for check in checks}
     # Where the object may be is another limit here.
-    parts = {check.name: _part(check) for check in checks if check.name != "object pose"}
     moved = np.abs(posture.pose - grasp.pose) / [grasp.size, grasp.size, 1.0]
     fixed = any(contact.finger is None for contact in grasp.contacts) and grasp.scene.object.free is None
     parts["object pose"] = float(moved.max()) / (LIMIT if fixed else YIELDS)

@@ -17,12 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import PENETRATION
-from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp, across, known_contacts
+from continuum_grasp.grasp.certificate.recomputed import (
+    RecomputedFinger,
+    RecomputedGrasp,
+    across,
+    gravity_vector,
+    known_contacts,
+)
 from continuum_grasp.grasp.certificate.reserve import NEAR, Limits, Reserve, greatest_reserve
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import slope
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 Array = NDArray[Any]
 Arrays = Mapping[str, Array]
@@ -117,8 +123,7 @@ class Postures:
         ends = np.cumsum([0, *(finger.setup.friction_states for finger in self.frictional)]).tolist()
         self.columns = {f.name: slice(a, b) for f, (a, b) in zip(self.frictional, pairwise(ends), strict=True)}
         self.count = ends[-1]
-        supports = any(contact.finger is None for contact in grasp.contacts)
-        self.yields = not supports
+        self.yields = all(contact.finger is not None for contact in grasp.contacts)
 
     def at(self, states: Array, near: Arrays, *, deep: bool = False) -> Posture | None:
         """The posture with states (K,), sought from that of other states with its contacts, None where none is found;
@@ -181,8 +186,7 @@ class Equations:
         zero, spare = [], [x[self.forces[:, 0]]]
         most = np.array([self.scene.normal_force_max(name) for name in self.names])
         spare.append((most - forces[:, 0]) / self.scale)
-        weight = np.asarray(self.scene.gravity.vector if isinstance(self.scene.gravity, PlanarGravity) else (0.0, 0.0))
-        force, turn, lift, tilt = self.scene.object.mass * weight, 0.0, 0.0, np.zeros(2)
+        force, turn, lift, tilt = self.scene.object.mass * gravity_vector(self.scene.gravity), 0.0, 0.0, np.zeros(2)
         work = [one.work.copy() for one in bodies]
         for k, (_, owner, joint, _) in enumerate(self.known):
             n, f, up = forces[k]
@@ -364,8 +368,6 @@ class _Bent:
     leans: Array  # slope of the half thickness
     stations: Array  # positions along the finger [m]
     edges: Array  # index of the joints in the following
-    line: Array  # world positions of guarded places [m]
-    half: Array  # half the thickness there [m]
 
 
 class _Finger:
@@ -456,8 +458,6 @@ class _Finger:
             same.leans if same else np.array([slope(finger.skin, float(edges[joint])) for joint in self.joints]),
             edges[self.joints],
             at,
-            finger.points,
-            finger.thickness,
         )
 
     def pulled(self, x: Array, states: Array, like: _Bent) -> _Bent:
@@ -498,7 +498,7 @@ class _Finger:
 
     def guard(self, one: _Bent, body: PlacedObject) -> bool:
         """From now on keep off the object also where the finger is nearest to it; whether that is anywhere new."""
-        off = body.distance(one.line) - one.half
+        off = body.distance(one.finger.points) - one.finger.thickness
         for edge in one.edges:
             # By panels, which move with the contacts.
             off[max(edge - _BESIDE, 0) : edge + _BESIDE + 1] = np.inf
@@ -512,7 +512,7 @@ class _Finger:
         """How far it keeps off the object at its guarded places, beyond what is allowed."""
         if not self.guards:
             return np.zeros(0)
-        off = body.distance(one.line[self.guards]) - one.half[self.guards]
+        off = body.distance(one.finger.points[self.guards]) - one.finger.thickness[self.guards]
         return np.asarray((off / self.length + self._allowed) / _GUARD_UNIT)
 
 

@@ -134,7 +134,6 @@ class RecomputedFinger:
             moment += np.where(s <= s[edge], arm[:, 0] * load.force[1] - arm[:, 1] * load.force[0] + load.couple, 0.0)
             greatest = max(greatest, float(np.hypot(*load.force)))
         # A force along a straight finger has no moment, but counts by 1 % of what it had across.
-        greatest += self.weight
         bent = self.moment_scale(0.0)
         return float(
             np.max([np.abs(moment).max(), 0.01 * greatest * self.length, 0.1 * self.weight * self.length, SHARE * bent])

@@ -18,17 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.check import EQUILIBRIUM, GAP
 from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedFinger, RecomputedGrasp, across
 
 Array = NDArray[Any]
 
 CELLS = 120
 """Rigid pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""
-_IDLE = 1e-6
-"""Normal force, as a part of the greatest force in play, below which a contact holds nothing: the tolerance of the
-equilibrium."""
-_CORNER = 1e-6
-"""How close to the end of a flat face, as a part of the length, a point counts as its corner."""
 
 TENSIONS, LOCKED = "constant tensions", "locked drives, whose tendons are springs"
 ASSUMPTIONS = (
@@ -69,7 +65,7 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
         hessian[own, own] = chain.hessian()
     rows: list[Array] = []
     for contact in grasp.contacts:
-        if contact.normal_force > _IDLE * grasp.force_scale:
+        if contact.normal_force > EQUILIBRIUM * grasp.force_scale:  # within the tolerance of balance, it holds nothing
             k = None if contact.finger is None else grasp.fingers.index(contact.finger)
             place = None if k is None else (chains[k], int(starts[k]))
             rows.append(_add_contact(hessian, grasp, contact, place))
@@ -188,10 +184,10 @@ def _add_contact(
 
 
 def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float:
-    """Radius of curvature where the object is touched; the end of a flat face counts as the corner [m]."""
+    """Radius of curvature where the object is touched; within the tolerance of places a face ends in its corner [m]."""
     if np.isfinite(contact.surface_radius):
         return contact.surface_radius
-    beside = _CORNER * contact.length * across(contact.normal)
+    beside = GAP * contact.length * across(contact.normal)
     seen = contact.point + contact.length * contact.normal + np.stack([-beside, beside])
     return float(np.min(grasp.object.nearest(seen, contact.part).radius))
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.check import CONES, Check
+from continuum_grasp.grasp.certificate.check import CONES, EQUILIBRIUM, Check
 from continuum_grasp.grasp.certificate.postures import Posture, Postures
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, RecomputedGrasp, known_contacts
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
@@ -37,8 +37,6 @@ _DESCENTS = 4
 """Rounds of that descent: two are enough as a rule."""
 _SETS = 3
 """Sets of contacts that are tried where the first does not hold."""
-_IDLE = 1e-6
-"""Normal force, per force scale, below which a contact does not press."""
 _TOUCHES = 1e-3
 """Gap, per length of the finger, up to which a contact that is clear may touch instead."""
 
@@ -262,7 +260,7 @@ class _Search:
         for k in np.argsort(forces):
             owner = known[names[k]][1]
             alone = sum(known[name][1] == owner for name in names) == 1
-            presses = forces[k] >= _IDLE * self.grasp.force_scale
+            presses = forces[k] >= EQUILIBRIUM * self.grasp.force_scale
             if names[k] in self._open and not alone and not presses:
                 yield _without(arrays, int(k))
         body = PlacedObject(scene.object, arrays["object.pose"])
