@@ -28,7 +28,7 @@ from continuum_grasp.simulation.spectrum import (
     sample_shapes,
     spectral_radius,
 )
-from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
+from continuum_grasp.simulation.stepping import START_SHARE, Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
 
 Array = NDArray[np.float64]
@@ -129,6 +129,7 @@ class _Run:
         statistics = {
             "method": used.method,
             "substeps": used.substeps,
+            "start_substeps": used.start.substeps,
             "steps_taken": self._stepper.taken,
             "spectral_radius": used.radius,
             "compiled": self._core.compiled,
@@ -246,16 +247,19 @@ class _Run:
 
     def _finer(self, plan: Plan, motion: Motion) -> Plan:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
-        reached = (len(motion.states) - 1) / self._stepper.steps
-        excess = motion.time_error / (self._time.tolerance * reached)
+        done, steps = len(motion.states) - 1, self._stepper.steps
+        # What is given up at its first look begins faster than it may go on.
+        begun = done <= plan.every and done < steps
+        own, share = (plan.start.substeps, START_SHARE) if begun else (plan.substeps, done / steps)
+        excess = motion.time_error / (self._time.tolerance * share)
         # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
         # sub-steps; a multiple of four for steps of four times the length.
         factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
         least, most = _GROWTH
-        wanted = 4 * math.ceil(0.25 * plan.substeps * float(np.clip(factor, least, most)))
-        limit = max(plan.substeps, _MOST_WORK[plan.method] // self._stepper.steps)
-        substeps = min(wanted, limit)
-        return self._controlled(replace(plan, substeps=substeps), final=substeps == limit)
+        wanted = 4 * math.ceil(0.25 * own * float(np.clip(factor, least, most)))
+        substeps = min(wanted, max(own, _MOST_WORK[plan.method] // (1 if begun else steps)))
+        finer = replace(plan, **{"start_substeps" if begun else "substeps": substeps})
+        return self._controlled(finer, final=substeps < wanted)
 
     def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
         """What the user must know of a time error beyond the tolerance."""
