@@ -61,7 +61,9 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
     # A moment per rate of an element's bend is one per rate of curvature times its length.
     damping = scene.finger.damping
     finger = scene.finger.replaced(damping=damping.replaced(per_arc=2.0 * damping.per_arc))
-    fidelity = Fidelity(family=model.family, elements=lengths, bending_range=scene.fidelity.bending_range)
+    # The same greatest curvature.
+    reach = None if scene.fidelity.bending_range is None else 0.5 * scene.fidelity.bending_range
+    fidelity = Fidelity(family=model.family, elements=lengths, bending_range=reach)
     same = scene.replaced(finger=finger, fidelity=fidelity)
     initial = scene.initial
     if initial.coordinates is None:
@@ -111,7 +113,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         error, trouble = np.inf, ""
         try:
             finer = simulate(refined(motion.scene, motion.model), progress=progress)
-            error = _whole(motion.model) * _apart(motion, finer)
+            error = _whole(motion.model) * apart(motion, finer)
         except Interrupted as stop:
             raise Interrupted("interrupted after the end of the motion", result=motion) from stop
         except InputError as reason:
@@ -137,7 +139,7 @@ def _whole(model: FingerModel) -> float:
     return float(1.0 / (1.0 - 2.0 ** (-_BELIEVED * model.structure.family.order)))
 
 
-def _apart(one: Trajectory, other: Trajectory) -> float:
+def apart(one: Trajectory, other: Trajectory) -> float:
     """Greatest distance of the finger's places, and of the object's points, of two motions, per length [1]."""
     last = len(one.t) - 1
     some = np.unique(np.linspace(0, last, min(_INSTANTS, last + 1)).round().astype(int))
