@@ -23,6 +23,7 @@ from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
     TARGET_RADIUS,
     contact_frequency,
+    grows,
     pressed_radius,
     representative_states,
     sample_shapes,
@@ -43,8 +44,6 @@ _MOST_SUBSTEPS = 10_000
 """Sub-steps per output step beyond which an explicit method is refused."""
 _MOST_IMPLICIT = 256
 """Sub-steps per output step of an implicit method, which contacts need to be resolved."""
-_FRICTION_STEP = 2.5e-3
-"""Implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10 ms ran away."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
 _GROWTH = (1.3, 16.0)
@@ -161,8 +160,6 @@ class _Run:
         flanks = [winch for winch in self._model.structure.winches if winch.has_play]
         met = [math.sqrt(winch.held_stiffness / float(winch.inertia)) for winch in flanks]
         self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
-        if self._model.friction_names:
-            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
@@ -221,6 +218,12 @@ class _Run:
         """The method in sub-steps that are stable."""
         explicit = INTEGRATORS[method].stable is not None
         wanted, most = (self._wanted(radius), _MOST_SUBSTEPS) if explicit else (self._implicit_substeps, _MOST_IMPLICIT)
+        made, u, w = self._model.structure, self._signals.u(0.0)[0], self._signals.w(0.0)[0, : self._model.nw]
+        if INTEGRATORS[method].partial and (made.own_tendons or self._model.friction_names):
+            # What drives and friction add must be stable in steps of twice the length too, which are compared with.
+            core, straight = Core(self._model, compiled=False), np.zeros(self._model.n)
+            while wanted < most and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
+                wanted *= 2
         return self._controlled(Plan(method, min(wanted, most), radius))
 
     def _controlled(self, plan: Plan, final: bool = False) -> Plan:
