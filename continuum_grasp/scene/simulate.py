@@ -228,18 +228,11 @@ class Scene(FingerScene):
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
-        if self.fidelity.tolerance is not None and any(drive.kind == "motor" for drive in self.finger.winches):
-            raise ValueError(
-                "fidelity.tolerance is measured against the exact rod, which has no motors: choose family and elements "
-                "with drive.kind: length, and give them here"
-            )
         if self.fidelity.tolerance is not None and self.initial.reached_by == "state":
             raise ValueError(
                 "fidelity.tolerance is measured against the exact rod, which has no friction cells: reached_by must be "
                 "pulling or releasing"
             )
-        if self.object is not None and self.fidelity.tolerance is not None:
-            raise ValueError("fidelity.tolerance is not measured with an object; give family and elements")
         lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
