@@ -180,7 +180,8 @@ class _Run:
         states, error = motion.states, motion.error
         if isinstance(error, Interrupted):
             return None, error
-        if error is None and motion.time_error > plan.tolerance:
+        given_up = len(states) <= self._stepper.steps
+        if error is None and (given_up or motion.time_error > plan.tolerance):
             return self._finer(plan, motion), None
         if plan.stable is None:
             # A linearly implicit step does not see what it meets: contacts, stops, friction and quadratic damping.
