@@ -29,7 +29,7 @@ from continuum_grasp.simulation.spectrum import (
     sample_shapes,
     spectral_radius,
 )
-from continuum_grasp.simulation.stepping import START_SHARE, Motion, Plan, Stepper, Stop
+from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
 
 Array = NDArray[np.float64]
@@ -180,8 +180,7 @@ class _Run:
         states, error = motion.states, motion.error
         if isinstance(error, Interrupted):
             return None, error
-        given_up = len(states) <= self._stepper.steps
-        if error is None and (given_up or motion.time_error > plan.tolerance):
+        if error is None and motion.time_error > plan.tolerance:
             return self._finer(plan, motion), None
         if plan.stable is None:
             # A linearly implicit step does not see what it meets: contacts, stops, friction and quadratic damping.
@@ -254,7 +253,7 @@ class _Run:
         done, steps = len(motion.states) - 1, self._stepper.steps
         # What is given up at its first look begins faster than it may go on.
         begun = done <= plan.every and done < steps
-        own, share = (plan.start.substeps, START_SHARE) if begun else (plan.substeps, done / steps)
+        own, share = (plan.start.substeps, 1.0) if begun else (plan.substeps, done / steps)
         excess = motion.time_error / (self._time.tolerance * share)
         # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
         # sub-steps; a multiple of four for steps of four times the length.

@@ -36,8 +36,6 @@ _LEAST_CHUNK, _LOOKS = 1_000, 16
 0.2 ms, as long as 500 sub-steps of two clothoids."""
 _COMPARED = 100
 """Instants of a chunk that are compared: positions cost as much as a sub-step."""
-START_SHARE = 0.5
-"""Error per tolerance at which a motion is given up at its first look [1]: the rest of it has errors too."""
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-12
 """Tolerances of CVODES [1; units of the states]: motions of 0.2 s have errors below 1e-9 (test_simulation.py)."""
 _LOOSER = 100.0
@@ -196,7 +194,7 @@ class Stepper:
             parts.append(corrected[1:])
             start += count
             self._progress(start / self.steps)
-            if found.estimate > plan.tolerance * (START_SHARE if start == count < self.steps else 1.0):
+            if found.estimate > plan.tolerance:
                 return None
         return None
 
