@@ -35,8 +35,6 @@ _SHORT = 0.25
 among two to eight others, and their half would be the stiffest by far; those of a taper of 1:16 differ less."""
 _MOST = 16
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen (``COUNTS``)."""
-_MOST_GIVEN = 64
-"""Elements that a scene can have [1]."""
 _PLACES, _INSTANTS = 21, 100
 """Places along the finger and instants of a motion that are compared [1]."""
 _TIME_SHARE = 0.1
@@ -56,8 +54,6 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
     lengths = tuple(
         part for h, halved in zip(model.lengths, long, strict=True) for part in ([0.5 * h, 0.5 * h] if halved else [h])
     )
-    if len(lengths) > _MOST_GIVEN:
-        raise InputError(f"a scene has at most {_MOST_GIVEN} elements", key="fidelity.elements")
     # A moment per rate of an element's bend is one per rate of curvature times its length.
     damping = scene.finger.damping
     finger = scene.finger.replaced(damping=damping.replaced(per_arc=2.0 * damping.per_arc))

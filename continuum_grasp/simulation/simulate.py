@@ -258,8 +258,7 @@ class _Run:
         # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
         # sub-steps; a multiple of four for steps of four times the length.
         factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
-        least, most = _GROWTH
-        wanted = 4 * math.ceil(0.25 * own * float(np.clip(factor, least, most)))
+        wanted = 4 * math.ceil(0.25 * own * float(np.clip(factor, *_GROWTH)))
         substeps = min(wanted, max(own, _MOST_WORK[plan.method] // (1 if begun else steps)))
         finer = replace(plan, **{"start_substeps" if begun else "substeps": substeps})
         return self._controlled(finer, final=substeps < wanted)
