@@ -44,6 +44,8 @@ _MOST_SUBSTEPS = 10_000
 """Sub-steps per output step beyond which an explicit method is refused."""
 _MOST_IMPLICIT = 256
 """Sub-steps per output step of an implicit method, which contacts need to be resolved."""
+_FRICTION_STEP = 2.5e-3
+"""Implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10 ms ran away."""
 _FINER = 4
 """Factor by which they grow where a motion with contacts is not finite."""
 _GROWTH = (1.3, 16.0)
@@ -160,6 +162,8 @@ class _Run:
         flanks = [winch for winch in self._model.structure.winches if winch.has_play]
         met = [math.sqrt(winch.held_stiffness / float(winch.inertia)) for winch in flanks]
         self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
+        if self._model.friction_names:
+            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
@@ -260,7 +264,7 @@ class _Run:
         factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
         wanted = 4 * math.ceil(0.25 * own * float(np.clip(factor, *_GROWTH)))
         substeps = min(wanted, max(own, _MOST_WORK[plan.method] // (1 if begun else steps)))
-        finer = replace(plan, **{"start_substeps" if begun else "substeps": substeps})
+        finer = replace(plan, start_substeps=substeps) if begun else replace(plan, substeps=substeps)
         return self._controlled(finer, final=substeps < wanted)
 
     def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
