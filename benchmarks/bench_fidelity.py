@@ -14,8 +14,8 @@ import numpy as np
 
 from benchmarks.random_scenes import random_scene
 from benchmarks.report import Report, Table
-from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near
-from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, allowed_families, choose_fidelity
+from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near, open_families
+from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, choose_fidelity
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.simulation import equilibrium
@@ -42,7 +42,7 @@ def cheaper(chosen: Chosen) -> str:
     scene, best, tolerance = chosen.best.choice.scene, chosen.best, chosen.tolerance
     accuracies = allowed_accuracies(scene, tolerance)
     most_instructions = (2.0 if scene.time is not None else 1.0) * best.instructions
-    for family in allowed_families(scene):
+    for family in open_families(scene):
         most = 32 if family == "arc" else best.choice.elements + 1
         counts = [count for count in COUNTS if count <= most]
         for coarse in choices(scene, chosen.truth, family, accuracies[0], counts=counts):

@@ -94,7 +94,9 @@ class Choice:
 
 
 def open_families(scene: Scene) -> tuple[str, ...]:
-    """Families that a scene can have, fine first."""
+    """Families that a scene can have, fine first; the one that it gives."""
+    if scene.fidelity.family is not None:
+        return (scene.fidelity.family,)
     matched = FingerModel(scene.model_copy(update={"fidelity": Fidelity()})).structure.matched
     return tuple(name for name in reversed(FAMILIES) if matched or not FAMILIES[name].matches_tip)
 

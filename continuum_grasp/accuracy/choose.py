@@ -128,22 +128,15 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
         raise InputError(f"expected a number above 0 and up to 0.5, got {asked!r}", key="tolerance")
     truth = find_truth(scene)
     search = _Search(scene, truth, asked)
-    for family in allowed_families(scene):
+    for family in open_families(scene):
         search.through(family)
     if search.best is None:
         # Pruning by order of convergence may have skipped the most elements: no failure is reported without them.
-        for family in allowed_families(scene):
+        for family in open_families(scene):
             search.through(family, only_most=True)
     if search.best is None:
         raise _none_meets(scene, asked, search.tried)
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
-
-
-def allowed_families(scene: Scene) -> tuple[str, ...]:
-    """Families that a scene can have."""
-    if scene.fidelity.family is not None:
-        return (scene.fidelity.family,)
-    return open_families(scene)
 
 
 def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:

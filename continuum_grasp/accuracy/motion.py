@@ -95,55 +95,31 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     The scene, with the fidelity of the model, says what moves it and where it starts; the tolerance is per length.
     Raises NumericalError where no number of steps that is tried does.
     """
-    run = Runs(scene, model)
+    core, signals = Core(model), Signals(scene, model)
+    step, x0 = timing_of_comparison(scene).step, initial_state(scene, model)
+
+    def tip(substeps: int, instants: int = INSTANTS) -> Array:
+        """World positions (instants + 1, 2) with so many steps between two instants [m]."""
+        t = np.arange(2 * instants * substeps + 1) * (0.5 * step / substeps)
+        u, w = signals.u(t), signals.w(t)
+        once = (u[0], w[0]) if signals.constant else (u, w)
+        states = core.rollout(x0, instants, step, u=once[0], w=once[1], substeps=substeps)
+        return np.asarray(core.batch("tip", states[:, : model.n], u[:: 2 * substeps], None))
+
     finest: Array | None = None
     for k, substeps in enumerate(_SUBSTEPS):
         try:
-            run.states(substeps, instants=_FIRST)
-            tip = run.tip(substeps)
+            tip(substeps, _FIRST)
+            found = tip(substeps)
         except NumericalError:
             continue
         # The first stable number, refined by four at least: fourth order leaves 1/256 of its error.
         if finest is None:
-            finest = run.tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
-        error = float(np.linalg.norm(tip - finest, axis=1).max()) / model.finger.rod.length
+            finest = tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
+        error = float(np.linalg.norm(found - finest, axis=1).max()) / model.finger.rod.length
         if error <= tolerance:
-            return Pace(
-                round(substeps / run.step), INTEGRATORS["rk4"].evaluations * evaluation_ns(model), error, finest
-            )
-    raise NumericalError(f"more than {_SUBSTEPS[-1]} sub-steps of {run.step:g} s are needed")
-
-
-class Runs:
-    """Rollouts of one model in its scene with any number of sub-steps."""
-
-    def __init__(self, scene: Scene, model: FingerModel) -> None:
-        self.step = timing_of_comparison(scene).step
-        self._core, self._signals, self._n = Core(model), Signals(scene, model), model.n
-        self._x0 = initial_state(scene, model)
-
-    def states(self, substeps: int, method: str = "rk4", instants: int = INSTANTS) -> Array:
-        """States (instants + 1, nx) with so many steps between two instants."""
-        t = np.arange(2 * instants * substeps + 1) * (0.5 * self.step / substeps)
-        u, w = self._signals.u(t), self._signals.w(t)
-        if self._signals.constant:
-            u, w = u[0], w[0]
-        return self._core.rollout(self._x0, instants, self.step, u=u, w=w, substeps=substeps, method=method)
-
-    def tip(self, substeps: int, method: str = "rk4") -> Array:
-        """World positions (INSTANTS + 1, 2) of the tip [m]."""
-        states = self.states(substeps, method)
-        u = self._signals.u(self.step * np.arange(INSTANTS + 1))
-        return np.asarray(self._core.batch("tip", states[:, : self._n], u, None))
-
-    def seconds(self, substeps: int, method: str = "rk4") -> float:
-        """Median time of a rollout [s]."""
-        times = []
-        for _ in range(7):
-            began = perf_counter()
-            self.states(substeps, method)
-            times.append(perf_counter() - began)
-        return float(np.median(times))
+            return Pace(round(substeps / step), INTEGRATORS["rk4"].evaluations * evaluation_ns(model), error, finest)
+    raise NumericalError(f"more than {_SUBSTEPS[-1]} sub-steps of {step:g} s are needed")
 
 
 def rms(off: Array) -> float:

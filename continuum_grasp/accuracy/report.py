@@ -11,14 +11,10 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.motion import (
-    INSTANTS,
     Motion,
-    Runs,
     evaluation_error,
     evaluation_ns,
     pace,
@@ -28,16 +24,15 @@ from continuum_grasp.accuracy.motion import (
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.core import Core
-from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError
+from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.labels import unit_of
 from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.tables import package
 from continuum_grasp.scene.families import PAPER_FAMILY
-from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Fidelity, Scene
+from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Scene
 
 if TYPE_CHECKING:
     import pandas
@@ -214,15 +209,6 @@ class AccuracyReport(Result):
 _LONGEST = 10_000
 """Instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones would take
 most of the report's time."""
-_STEPS = tuple(
-    (name, count)
-    for name in SIMULATION_METHODS
-    for count in ((1, 2, 4) if INTEGRATORS[name].stable is None else (1, 2, 4, 8))
-)
-"""Methods and steps between two instants."""
-_FINEST = 64
-"""Steps between two instants of the motion that others are compared with: eight times the most of `_STEPS`, which rk4
-rewards with an error 4,096 times smaller."""
 _EQUAL = 1e-4
 """Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
 
@@ -234,10 +220,6 @@ TABLES = {
         ),
         "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
         f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
-    ),
-    "integrators": (
-        ("model", "method", "steps per s", "real-time factor", "error of steps / L"),
-        "Greatest error of the tip by the steps alone; as called from Python.",
     ),
     "terms": (
         ("model", "accuracy", "instructions", "evaluation [ns]", "error of xd"),
@@ -274,8 +256,6 @@ class ReportRows:
                 yield "terms", partial(self._terms, two[0], accuracy)
             for real in ("double", "float"):
                 yield "precision", partial(self._precision, two[0], real)
-            for method, substeps in _STEPS if self.reference is not None else ():
-                yield "integrators", partial(self._integrator, two[0], method, substeps)
 
     def _choice(self, choice: Choice) -> tuple[Any, ...] | None:
         if not choice.open:
@@ -313,17 +293,6 @@ class ReportRows:
         core = Core(choice.model, precision=real)
         error = evaluation_error(lambda *x: core.forward_dynamics(*x), choice.model)
         return (f"{choice.elements} {choice.family}", real, evaluation_ns(choice.model, precision=real), error)
-
-    def _integrator(self, choice: Choice, method: str, substeps: int) -> tuple[Any, ...] | None:
-        runs = Runs(self.scene.model_copy(update={"fidelity": choice.fidelity}), choice.model)
-        finest, length = runs.tip(_FINEST), choice.model.finger.rod.length
-        try:
-            off = runs.tip(substeps, method) - finest
-        except NumericalError:
-            return (f"{choice.elements} {choice.family}", method, round(substeps / runs.step), math.nan, math.inf)
-        factor = INSTANTS * runs.step / runs.seconds(substeps, method)
-        error = float(np.linalg.norm(off, axis=1).max()) / length
-        return (f"{choice.elements} {choice.family}", method, round(substeps / runs.step), factor, error)
 
 
 @interrupt.listening()
@@ -375,6 +344,7 @@ def accuracy_report(
     if not [whole("counts", count) for count in counts]:
         raise InputError("expected numbers of elements, got none", key="counts")
     given = scene_of(scene)
+    EXACT_ROD.check(given)
     given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
     truth = find_truth(given)
     measuring = ReportRows(given, truth, reference_motion(given, truth) if given.time is not None else None)

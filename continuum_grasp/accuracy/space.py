@@ -35,8 +35,6 @@ _SHORT = 0.25
 among two to eight others, and their half would be the stiffest by far; those of a taper of 1:16 differ less."""
 _MOST = 16
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen (``COUNTS``)."""
-_MOST_GIVEN = 64
-"""Elements that a scene can have [1]."""
 _PLACES, _INSTANTS = 21, 100
 """Places along the finger and instants of a motion that are compared [1]."""
 _TIME_SHARE = 0.1
@@ -56,12 +54,12 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
     lengths = tuple(
         part for h, halved in zip(model.lengths, long, strict=True) for part in ([0.5 * h, 0.5 * h] if halved else [h])
     )
-    if len(lengths) > _MOST_GIVEN:
-        raise InputError(f"a scene has at most {_MOST_GIVEN} elements", key="fidelity.elements")
     # A moment per rate of an element's bend is one per rate of curvature times its length.
     damping = scene.finger.damping
     finger = scene.finger.replaced(damping=damping.replaced(per_arc=2.0 * damping.per_arc))
-    fidelity = Fidelity(family=model.family, elements=lengths, bending_range=scene.fidelity.bending_range)
+    # The same greatest curvature.
+    reach = None if scene.fidelity.bending_range is None else 0.5 * scene.fidelity.bending_range
+    fidelity = Fidelity(family=model.family, elements=lengths, bending_range=reach)
     same = scene.replaced(finger=finger, fidelity=fidelity)
     initial = scene.initial
     if initial.coordinates is None:
@@ -111,7 +109,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         error, trouble = np.inf, ""
         try:
             finer = simulate(refined(motion.scene, motion.model), progress=progress)
-            error = _whole(motion.model) * _apart(motion, finer)
+            error = _whole(motion.model) * apart(motion, finer)
         except Interrupted as stop:
             raise Interrupted("interrupted after the end of the motion", result=motion) from stop
         except InputError as reason:
@@ -137,7 +135,7 @@ def _whole(model: FingerModel) -> float:
     return float(1.0 / (1.0 - 2.0 ** (-_BELIEVED * model.structure.family.order)))
 
 
-def _apart(one: Trajectory, other: Trajectory) -> float:
+def apart(one: Trajectory, other: Trajectory) -> float:
     """Greatest distance of the finger's places, and of the object's points, of two motions, per length [1]."""
     last = len(one.t) - 1
     some = np.unique(np.linspace(0, last, min(_INSTANTS, last + 1)).round().astype(int))

@@ -118,7 +118,10 @@ class LoadCase:
 
 
 def load_cases(scene: Scene) -> list[LoadCase]:
-    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one."""
+    """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one.
+
+    All are without the object of the scene, which the exact rod does not touch.
+    """
     values: list[object] = [value_of(load) for load in scene.loads]
     if scene.actuation is not None:
         values += scene.actuation.given[1]
@@ -155,7 +158,7 @@ def _frozen(scene: Scene, t: float, held: bool) -> Scene:
         key, given = actuation.given
         values = tuple(_at(value, t) for value in given)
         actuation = actuation.model_copy(update={key: values[0] if key == "tip_moment" else values})
-    return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation})
+    return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation, "object": None})
 
 
 def _with_value(load: Load, value: Any) -> Load:

@@ -42,7 +42,7 @@ class FingerModel(Functions):
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; a number is shared out by the length of bending waves, evenly on a
         uniform rod. Default: two, or one per segment between contacts and jumps of rest curvature, stiffness or density
-        where that is more.
+        where that is more; with stops as many, up to 16, as bend by one turn at most where links touch.
     bending_range : float, optional
         Greatest bend of an element [rad] (for clothoids: its length times its greatest curvature); 2 pi / 3, or less
         where there are more than four elements, which share 8 pi / 3, or the finger's strain limit allows less; with

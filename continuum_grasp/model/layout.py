@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
@@ -38,6 +39,9 @@ _FINE = 400
 _BEYOND_STOPS = 1.5
 """Bend per that at which links touch [1] for which a finger with stops is evaluated: 4 to 16 elements of a SpiRob that
 8 N curl up within 0.2 s reach 1.4 at the tip of the last one."""
+_MOST_OPEN = 16
+"""Elements that are chosen for stops at the most [1]: a finger whose links touch so late that these do not suffice is
+hardly bent so far."""
 _WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
@@ -76,6 +80,25 @@ def element_lengths(
         longest = max(range(len(segments)), key=lambda k: counts[k] / shares[k])
         shares[longest] += 1
     return tuple(h for a, b, n in zip(edges, edges[1:], shares, strict=False) for h in waves.parted(a, b, n))
+
+
+def open_lengths(finger: Finger, contacts: Sequence[float]) -> tuple[float, ...]:
+    """Lengths of elements whose number is open [m]: see `element_lengths`; of a finger with stops up to 16 of them, so
+    that none bends by more than one turn where links touch.
+    """
+    lengths = element_lengths(finger.profile, contacts, None)
+    while len(lengths) < _MOST_OPEN and _beyond_stops(finger, lengths).max() > ONE_TURN:
+        lengths = element_lengths(finger.profile, contacts, len(lengths) + 1)
+    return lengths
+
+
+def _beyond_stops(finger: Finger, lengths: Sequence[float]) -> NDArray[np.float64]:
+    """Bends (elements,) up to which a finger is evaluated because of its stops [rad]; zero without."""
+    stop, ends = finger.stop_curvature, np.cumsum([0.0, *lengths])
+    if stop is None:
+        return np.zeros(len(lengths))
+    at = np.array([np.linspace(a, b, _LOOKED) for a, b in itertools.pairwise(ends)])
+    return np.asarray(_BEYOND_STOPS * stop(at).max(axis=1) * lengths)
 
 
 class _Waves:
@@ -181,8 +204,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     # A long element among short ones has more than its share of the number.
     shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
     allowed = np.minimum(WHOLE_RANGE * shares, DEFAULT_RANGE)
-    if stop is not None:
-        allowed = np.maximum(allowed, np.minimum(_BEYOND_STOPS * stop(at).max(axis=1) * lengths, ONE_TURN))
+    allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), ONE_TURN))
     return tuple(np.minimum(allowed, limits * lengths).tolist())
 
 

@@ -15,7 +15,7 @@ from continuum_grasp.model.bending_friction import BendingCell, bending_cells
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Family, Mesh, family_class
-from continuum_grasp.model.layout import element_lengths, element_ranges, place_at, with_breaks
+from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
@@ -67,7 +67,7 @@ class Structure:
             loads = [load for load in (*self.loads, *held) if load not in known]
             continuous = family_class(family).continuous
             breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
-            self.lengths = element_lengths(profile, breaks, None)
+            self.lengths = open_lengths(self.finger, breaks)
         self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger)
         if self.finger.winches:
             self._check_within_arms()

@@ -184,7 +184,8 @@ def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None,
     if motors:
         if pulley or motors[0].position_gain is not None:
             raise InputError(
-                "of motors the exact rod knows torques and currents, per tendon; it knows lengths, too",
+                "of motors the exact rod, and with it fidelity.tolerance, knows torques and currents, per tendon: "
+                "choose family and elements with drive.kind: length, and give them here",
                 key="finger.tendons.drive",
             )
         torques = [value * (drive.torque_constant or 1.0) for value, drive in zip(commands, motors, strict=True)]

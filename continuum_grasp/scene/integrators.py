@@ -19,6 +19,8 @@ class Integrator:
     """Of the dynamics per step; of iterative methods the usual number."""
     stable: float | None = None
     """Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable."""
+    partial: bool = False
+    """Implicit in the finger's own elasticity and damping alone; all else, drives and contacts too, limits the step."""
     simulates: bool = True
     """Offered as ``time.method``; its file has ``step``."""
     differentiates: bool = False
@@ -44,10 +46,10 @@ INTEGRATORS = {
         double_only=True,
         failure="Newton's method did not converge within a step",
     ),
-    "extrapolated_euler": Integrator(
-        "linearly implicit in the finger's own elasticity and damping alone, at linear cost with many elements", 2, 3
+    "extrapolated_euler": Integrator("as ros2, extrapolated, at linear cost with many elements", 2, 3, partial=True),
+    "ros2": Integrator(
+        "implicit in the finger's own elasticity and damping alone", 2, 2, partial=True, simulates=False
     ),
-    "ros2": Integrator("implicit in the finger's own elasticity and damping alone", 2, 2, simulates=False),
     "sdirk2": Integrator("diagonally implicit, L-stable", 2, 4, simulates=False, differentiates=True),
     "sdirk2_contact": Integrator(
         "as sdirk2, with a third Newton iteration for stiff contacts", 2, 6, simulates=False, differentiates=True

@@ -33,26 +33,20 @@ else:
     Method = Literal["auto", *SIMULATION_METHODS, "reference"]
 
 
+_BEYOND_THE_ROD = {
+    "finger.softening": "the exact rod knows a linear material, and stops: leave it out",
+    "finger.damping.dry_friction": "errors are measured against the elastic rod, which has no dry friction in bending: "
+    "leave it out",
+    "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
+}
 EXACT_ROD = Consumer(
-    "the exact rod (accuracy, fidelity.tolerance)",
-    refused={
-        "object": "the exact rod touches nothing: leave the object out, or give fidelity.family and elements",
-        "finger.softening": "the exact rod knows a linear material, and stops: leave it out",
-        "finger.damping.dry_friction": "errors are measured against the elastic rod, which has no dry friction in "
-        "bending: leave it out",
-        "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
-    },
+    "the exact rod (accuracy)",
+    refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
 )
+_TOLERANCE = Consumer("fidelity.tolerance", refused=_BEYOND_THE_ROD)
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer(
     "accuracy, fidelity.tolerance", refused=dict.fromkeys(("initial.q", "initial.q_above_rest"), _TRIED)
-)
-_TOLERANCE = Consumer(
-    "fidelity.tolerance",
-    refused={
-        "finger.tendons.drive.kind=motor": "fidelity.tolerance is measured against the exact rod, which has no motors: "
-        "choose family and elements with drive.kind: length, and give them here"
-    },
 )
 
 
@@ -73,7 +67,7 @@ class Fidelity(Value):
         | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
-    jumps of the rest curvature."""
+    jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch."""
     bending_range: Annotated[float, Field(ge=1e-3, le=20.0, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
     less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
@@ -248,7 +242,7 @@ class Scene(FingerScene):
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.fidelity.tolerance is not None:
-            for one in (EXACT_ROD, SEVERAL_MODELS, _TOLERANCE):
+            for one in (_TOLERANCE, SEVERAL_MODELS):
                 one.check(self)
         lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:

@@ -18,13 +18,11 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.family import nodes_of
 from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.model.winches import compliance
+from continuum_grasp.simulation.slack import SLACK
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.static_shape import Equilibrium
 
 Array = NDArray[np.float64]
-
-_TAUT = 1e-6
-"""Tension above which a tendon is taut [N]."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
     tensions = np.array(model.tensions()(x, found.u, found.p)[0]).ravel()
     frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}
     for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
-        if tension <= _TAUT or tendon.axial_stiffness is None:
+        if tension < SLACK or tendon.axial_stiffness is None:
             continue
         shape, arm = made.own_tendons[k].shape, made.own_tendons[k].arms[k]
         drawn = np.zeros(model.n)

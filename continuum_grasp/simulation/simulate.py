@@ -23,6 +23,7 @@ from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
     TARGET_RADIUS,
     contact_frequency,
+    grows,
     pressed_radius,
     representative_states,
     sample_shapes,
@@ -129,6 +130,7 @@ class _Run:
         statistics = {
             "method": used.method,
             "substeps": used.substeps,
+            "start_substeps": used.start.substeps,
             "steps_taken": self._stepper.taken,
             "spectral_radius": used.radius,
             "compiled": self._core.compiled,
@@ -220,6 +222,12 @@ class _Run:
         """The method in sub-steps that are stable."""
         explicit = INTEGRATORS[method].stable is not None
         wanted, most = (self._wanted(radius), _MOST_SUBSTEPS) if explicit else (self._implicit_substeps, _MOST_IMPLICIT)
+        made, u, w = self._model.structure, self._signals.u(0.0)[0], self._signals.w(0.0)[0, : self._model.nw]
+        if INTEGRATORS[method].partial and (made.own_tendons or self._model.friction_names):
+            # What drives and friction add must be stable in steps of twice the length too, which are compared with.
+            core, straight = Core(self._model, compiled=False), np.zeros(self._model.n)
+            while wanted < most and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
+                wanted *= 2
         return self._controlled(Plan(method, min(wanted, most), radius))
 
     def _controlled(self, plan: Plan, final: bool = False) -> Plan:
@@ -246,16 +254,18 @@ class _Run:
 
     def _finer(self, plan: Plan, motion: Motion) -> Plan:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
-        reached = (len(motion.states) - 1) / self._stepper.steps
-        excess = motion.time_error / (self._time.tolerance * reached)
+        done, steps = len(motion.states) - 1, self._stepper.steps
+        # What is given up at its first look begins faster than it may go on.
+        begun = done <= plan.every and done < steps
+        own, share = (plan.start.substeps, 1.0) if begun else (plan.substeps, done / steps)
+        excess = motion.time_error / (self._time.tolerance * share)
         # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
         # sub-steps; a multiple of four for steps of four times the length.
         factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
-        least, most = _GROWTH
-        wanted = 4 * math.ceil(0.25 * plan.substeps * float(np.clip(factor, least, most)))
-        limit = max(plan.substeps, _MOST_WORK[plan.method] // self._stepper.steps)
-        substeps = min(wanted, limit)
-        return self._controlled(replace(plan, substeps=substeps), final=substeps == limit)
+        wanted = 4 * math.ceil(0.25 * own * float(np.clip(factor, *_GROWTH)))
+        substeps = min(wanted, max(own, _MOST_WORK[plan.method] // (1 if begun else steps)))
+        finer = replace(plan, start_substeps=substeps) if begun else replace(plan, substeps=substeps)
+        return self._controlled(finer, final=substeps < wanted)
 
     def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
         """What the user must know of a time error beyond the tolerance."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.scene.finger import Finger
 
-_SLACK = 1e-6
+SLACK = 1e-6
 """Tension below which a tendon is slack [N]."""
 
 
@@ -56,7 +56,7 @@ def slack_times(t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
     """
     instants, found = np.asarray(t, dtype=float), list[SlackTime]()
     for k, own in enumerate(np.asarray(tensions, dtype=float).T):
-        slack = np.concatenate([[False], own < _SLACK, [False]])
+        slack = np.concatenate([[False], own < SLACK, [False]])
         starts, stops = np.flatnonzero(np.diff(slack.astype(int)) > 0), np.flatnonzero(np.diff(slack.astype(int)) < 0)
         after = [*instants.tolist(), np.inf]
         found += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
@@ -94,8 +94,8 @@ def tension_limits(finger: Finger, tensions: NDArray[np.float64] | None) -> tupl
         own = float(tensions[k]) if tensions is not None else 0.0
         if own > tendon.max_tension:
             found.append(TensionLimit("max_tension", k + 1, own, tendon.max_tension))
-        elif finger.winches and own < _SLACK:
-            found.append(TensionLimit("slack", k + 1, own, _SLACK))
+        elif finger.winches and own < SLACK:
+            found.append(TensionLimit("slack", k + 1, own, SLACK))
     return tuple(found)
 
 

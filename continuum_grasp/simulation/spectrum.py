@@ -103,6 +103,8 @@ SLIDING = 1.5
 """A friction state beyond its range [1], as of what slides."""
 _TAUT = 1.0
 """Tension of tendons that are taut [N]: what is stiff about them does not depend on it."""
+_MOVED, _ROUGH = 1e-6, 1e-3
+"""Change of a state, per one and its size, by which a step is differentiated; and what is left to differences [1]."""
 _POSES = 12
 """Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
@@ -137,20 +139,43 @@ def _radius_of_states(core: Core, q: Array, qd: Array, u: Array, w: Array, p: Ar
 
     With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them slack.
     """
-    model, largest = core.model, 0.0
-    states = len(model.friction_names)
-    quadratic = model.structure.has_quadratic_damping
-    for shape, rates in zip(q, qd * quadratic, strict=True):
-        drives = [model.drives_at(shape, u)]
-        if model.structure.winches:
-            drives.append(model.drives_at(shape, u, pulled=_TAUT))
-        for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,)):
-            x = np.concatenate([shape, rates, lag, np.full(states, sliding)])
+    largest = 0.0
+    for shape, rates in zip(q, qd * core.model.structure.has_quadratic_damping, strict=True):
+        for x in _states(core.model, shape, rates, u):
             slope = core.linearization(x, u, w, p)[0]
             if not np.all(np.isfinite(slope)):
                 return math.inf
             largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max()))
     return largest
+
+
+def _states(model: FingerModel, shape: Array, rates: Array, u: Array) -> list[Array]:
+    """States of a shape, by its drives and friction."""
+    states, drives = len(model.friction_names), [model.drives_at(shape, u)]
+    if model.structure.winches:
+        drives.append(model.drives_at(shape, u, pulled=_TAUT))
+    return [
+        np.concatenate([shape, rates, lag, np.full(states, sliding)])
+        for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,))
+    ]
+
+
+def grows(core: Core, method: str, q: Array, u: Array, w: Array, p: Array, step: float) -> bool:
+    """Whether a linearized step of a method from rest in a shape grows faster than the linearized motion, by its
+    drives and friction.
+    """
+    follow = core.step_function(method)
+    for x in _states(core.model, q, np.zeros_like(q), u):
+        moved = np.diag(_MOVED * (1.0 + np.abs(x)))
+        ends = [np.array(follow(x[:, None] + way * moved, u, u, u, w, w, w, p, step)) for way in (0.5, -0.5)]
+        factors = (ends[0] - ends[1]) / moved.diagonal()
+        slope = core.linearization(x, u, w, p)[0]
+        if not np.all(np.isfinite(factors)) or not np.all(np.isfinite(slope)):
+            return True
+        true = math.exp(step * max(0.0, float(np.linalg.eigvals(slope).real.max())))
+        if np.abs(np.linalg.eigvals(factors)).max() > (1.0 + _ROUGH) * true:
+            return True
+    return False
 
 
 def poles(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.inexact]:

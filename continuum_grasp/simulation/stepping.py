@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -53,6 +53,12 @@ class Plan:
     observed: bool = False  # whether steps of twice that length are taken too, to observe how the error shrinks
     tolerance: float = math.inf  # error per length of the finger at which the motion is given up [1]
     corrected: bool = False  # whether to remove the leading errors from the states (Richardson's extrapolation)
+    start_substeps: int = 0  # steps of the method in the first output step, where these are more
+
+    @property
+    def start(self) -> Plan:
+        """Plan of the first output step: what is released may at first move far faster than later."""
+        return replace(self, substeps=max(self.substeps, self.start_substeps))
 
     @property
     def order(self) -> int:
@@ -162,27 +168,28 @@ class Stepper:
         """Add the states after the last one and their differences, and say what stopped them."""
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
-        # Chunks end where steps of all lengths do.
-        chunk = plan.every * max(1, min(wanted, _CHUNK) // (substeps * plan.every))
         ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), _COMPARED * (_LOOKS if math.isinf(plan.tolerance) else 1)
         while start < self.steps:
-            count = min(chunk, self.steps - start)
-            levels = self._levels(ends if found.finite else ends[:1], start, count, plan)
+            now = plan if start else plan.start
+            # Chunks end where steps of all lengths do; the first is as short as can be, to find out how fast it begins.
+            most = max(1, min(wanted, _CHUNK) // (substeps * plan.every)) if start else 1
+            count = min(most * now.every, self.steps - start)
+            levels = self._levels(ends if found.finite else ends[:1], start, count, now)
             part = corrected = levels[0]
             if len(part) <= count:
                 parts.append(part[1:])
-                return self._stopped(plan, start + len(part) - 1, part[-1])
-            shared = part[:: plan.every]
+                return self._stopped(now, start + len(part) - 1, part[-1])
+            shared = part[:: now.every]
             found.finite = found.finite and all(len(level) == len(shared) for level in levels[1:])
             if found.finite and len(shared) > 1:
                 levels[0] = shared
-                found.add(self._distances(levels, start * h, plan.every, looked))
+                found.add(self._distances(levels, start * h, now.every, looked))
                 ends = [level[-1] for level in levels]
                 # The corrected states are output only: the levels go on uncorrected, each with its own error.
                 if plan.corrected:
                     longer = zip(plan.weights, levels[1:], strict=True)
                     missed = sum((k * (level - shared) for k, level in longer), np.zeros_like(shared))
-                    corrected = part + _between(missed, plan.every, len(part))
+                    corrected = part + _between(missed, now.every, len(part))
             ends[0] = part[-1]
             parts.append(corrected[1:])
             start += count

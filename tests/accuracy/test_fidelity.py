@@ -259,17 +259,25 @@ def test_the_pace_is_that_of_the_fewest_steps_within_the_tolerance(share, subste
     model = cg.FingerModel(cg.Finger(rod=cg.Rod(length=0.2, linear_density=0.03, bending_stiffness=0.006)))
 
     class Known:
-        step = 0.01
+        constant = True
 
-        def __init__(self, scene, model):
+        def __init__(self, *_):
             pass
 
-        def states(self, substeps, instants):
-            pass
+        def u(self, t):
+            return np.zeros((len(t), 1))
 
-        def tip(self, substeps):
-            return np.array([[0.0, share * 0.2e-4 / (4.0**-4 - 8.0**-4) * substeps**-4.0]])
+        w = u
 
-    monkeypatch.setattr(motion, "Runs", Known)
+        def rollout(self, x0, instants, step, *, u, w, substeps):
+            off = share * 0.2e-4 / (4.0**-4 - 8.0**-4) * substeps**-4.0
+            return np.full((instants + 1, model.nx), off)
+
+        def batch(self, name, q, u, p):
+            return q[:, :1] * [0.6, 0.8]
+
+    for name in ("Core", "Signals", "initial_state"):
+        monkeypatch.setattr(motion, name, Known)
+    monkeypatch.setattr(motion, "timing_of_comparison", lambda scene: cg.Timing(duration=1.0, step=0.01))
     monkeypatch.setattr(motion, "evaluation_ns", lambda model: 1.0)
-    assert motion.pace(None, model, 1e-4).steps_per_second == substeps / Known.step
+    assert motion.pace(None, model, 1e-4).steps_per_second == substeps / 0.01

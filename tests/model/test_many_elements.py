@@ -241,3 +241,11 @@ def test_elements_are_evaluated_beyond_where_their_links_touch(count):
     usual = min(2 * np.pi / 3, 8 * np.pi / 3 / count)
     wanted = max(usual, min(1.5 * 40.0 * 0.2 / count, 6.3))
     assert FingerModel(finger, family="arc", elements=count).ranges == pytest.approx((wanted,) * count)
+
+
+@pytest.mark.parametrize(("curvature", "count"), [(40.0, 2), (42.1, 3), (320.0, 16), (1000.0, 16)])
+def test_elements_that_are_open_bend_by_one_turn_at_most_where_links_touch(curvature, count):
+    """By 1.5 times curvature times length, up to 16 elements."""
+    rod = Rod(length=0.2, linear_density=0.02, bending_stiffness=0.01)
+    finger = Finger(rod=rod, stops=Stops(curvature=curvature, stiffness_ratio=9.0))
+    assert len(FingerModel(finger).lengths) == count

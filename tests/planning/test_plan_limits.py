@@ -227,7 +227,7 @@ def test_a_shape_is_met_by_an_arc_through_its_points():
     motion = Motion(small(goal=goal, intervals=2))
     problem = PlanProblem(motion, np.zeros(motion.nx))
     w = problem.start(Path(np.tile([bend, 0.0], (3, 1)), np.zeros((3, 1)), 0.1))
-    assert missed_goals(problem, w, weighted=False) == ([], pytest.approx(0.0, abs=1e-9))
+    assert diagnosis.missed_goals(problem, w, weighted=False) == ([], pytest.approx(0.0, abs=1e-9))
 
 
 def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):

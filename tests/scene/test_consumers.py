@@ -164,7 +164,7 @@ MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
     ("key", "refused"),
     [
         ("object", lambda: solve_elastica(cg.load(MUG))),
-        ("object", lambda: cg.choose_fidelity(cg.load(MUG), 0.01)),
+        ("object", lambda: cg.accuracy_report(cg.load(MUG))),
         ("plant.noise", lambda: cg.load(POST, ["estimator=null", "plant.noise=2.0"])),
         ("plant.object_mass", lambda: PlantModel(cg.load(POST, ["plant.object_mass=1.1"]))),
     ],

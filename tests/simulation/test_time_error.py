@@ -194,7 +194,9 @@ def test_quadratic_damping_at_rest_is_met(quadratic):
     exact = simulate(released("arc", 2, 5e-3, 0.1, "reference", initial=held, finger=finger))
     assert found.warnings == ()
     assert true_error(found, exact.x) <= found.time_error <= 1e-4
-    assert found.statistics["substeps"] <= 500
+    # It moves far faster at first than later.
+    assert found.statistics["substeps"] <= 32
+    assert found.statistics["steps_taken"] <= 4_000
 
 
 @pytest.mark.parametrize(("method", "other"), [("rodas", "reference"), ("rk4", "auto")])

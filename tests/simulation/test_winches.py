@@ -332,3 +332,16 @@ def test_long_steps_follow_a_drum_through_the_play_of_its_gear(step):
     fine = given.changed({"time.step": 5e-4, "time.method": "rk4"})
     found, truth = (cg.simulate(each).tip[-1] for each in (given, fine))
     assert np.linalg.norm(found - truth) < 1e-6
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+@pytest.mark.parametrize(
+    ("drive", "input_"),
+    [(SERVO, {"lengths": [PULL, 0.0]}), (HOLDING, {"torques": [{"times": [0.0, 0.05], "values": [0.0, 0.06]}]})],
+)
+def test_steps_that_are_implicit_in_the_finger_alone_are_as_short_as_drives_need(drive, input_, step):
+    """Twice the length is stable too, so that the error can be estimated; longer ones have run away."""
+    given = scene(drive, input_, 0.1, tendons={"friction": 0.1}, step=step, method="extrapolated_euler")
+    found, truth = cg.simulate(given), cg.simulate(given.changed({"time.method": "rk4", "time.step": 1e-3}))
+    off = np.abs(found.tip - truth.tip[:: round(step / 1e-3)]).max() / LENGTH
+    assert off <= found.time_error <= 5e-3
