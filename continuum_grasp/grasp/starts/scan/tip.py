@@ -167,24 +167,3 @@ def touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, sha
 def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
     count = len(walk)
     return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
-
-
-def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | None:
-    """Fingers whose tips alone touch, next to those of a family: each knot's curvature changed both ways."""
-    knots = family.knots[0]
-    size = len(knots)
-    if size < 3 or not (family.knots == knots).all():
-        return None
-    changes, columns = step * np.concatenate([np.eye(size), -np.eye(size)]), tuple(range(size))
-    if size == 4 and knots[1] == knots[2]:
-        # Two arcs: the first is changed, and the second brings the tip back to the object.
-        changes = step * np.array([-1.0, -0.5, -0.2, 0.2, 0.5, 1.0])[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
-        columns = (2, 3)
-    groups = []
-    for part, shape in enumerate(task.shapes):
-        mine = family.take(family.parts[:, 0] == part)
-        if len(mine):
-            _, walk = shape.nearest(mine.points[:, 0])
-            bent = (mine.curvatures[:, None, :] + changes).reshape(-1, size)
-            groups.append(touching(knots, bent, columns, part, shape, np.repeat(walk, len(changes))))
-    return join(groups)
