@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
 from continuum_grasp.grasp.starts.force import TENSION_WEIGHT, Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
-from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
-from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
+from continuum_grasp.grasp.starts.scan.task import ALLOWED, join, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned, together
 from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
@@ -26,6 +26,8 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
+STRICT = 2e-4
+"""Penetration that a posture may have, per length of the finger, where postures are judged."""
 _PLACES, _DENSE, _FEW = 128, 0.25, 10
 """Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
 10 postures are left: short feasible pieces may lie between two places."""
@@ -34,12 +36,8 @@ _NEARLY, _HOPEFUL = 0.05, 0.15
 may be between it and the next one."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_ROUNDS, _SHRINK, _BETTER = 2, 0.125, 0.2
-"""Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
-_SETTLED = 3e-4
-"""Relative difference of the scores of the best two neighbors from which on a basin is refined no more."""
-_PROMISES = 1.3
-"""Score per that of the best basin up to which the exact refinement is worth its time."""
+_ROUNDS, _SHRINK = 2, 0.125
+"""Rounds of that, and what each leaves of the window: the spacing of the neighbors."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
 """First window of the refinement: spacings of places, and change of the bends of two arcs [rad]."""
 _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
@@ -171,7 +169,7 @@ class Basins:
     def _passable(self, found: Branch) -> tuple[Branch, Array]:
         """Those next to which there may be a posture that is clear of everything, and by how much they are not."""
         depth = self._depth(found)
-        near = depth <= LOOSE
+        near = depth <= ALLOWED
         return found.take(near), depth[near]
 
     def _of_arcs(self) -> Scored | None:
@@ -268,20 +266,17 @@ class Basins:
         self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
 
     def _refined(self, best: Scored) -> Scored:
-        """The basins, judged finely and moved along their curves to where they are best, and the order then; the last
-        rounds are those of the most promising basins.
-        """
+        """The basins, judged finely and moved along their curves to where they are best, and the order then."""
         self._judge_finely()
         count = len(best.score)
         window = _PLACE_WINDOW if any(self.task.middles) else _ARC_WINDOW
-        size, index = np.full(count, window), np.arange(count)
         for number in range(1 if self._isolated else _ROUNDS):
             branch, wrong, rows = best.branch, best.wrong, np.zeros(0, int)
             if not self._isolated:
-                found, rows = self._near(best.branch.take(index), size[index, None] * _WINDOW)
+                found, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
                 depth = self._depth(found)
                 clear = depth <= STRICT
-                rows = index[rows[clear]]
+                rows = rows[clear]
                 branch, wrong = together([branch, found.take(clear)]), np.concatenate([wrong, depth[clear]])
                 self.postures += len(rows)
             if number == 0:  # until now they were judged roughly
@@ -292,15 +287,8 @@ class Basins:
                 judged = _merged(best, self._scored(new, wrong[count:])) if len(new) else best
             score = judged.score[count:]
             moved = best_of(score, rows, count)
-            least = np.append(score, np.inf)[moved]
-            change = best.score - least
-            better = change > 0.0
+            better = np.append(score, np.inf)[moved] < best.score
             best = judged.take(np.where(better, count + moved, np.arange(count)))
-            size = np.where(better, _BETTER, _SHRINK) * size
-            promising = best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0
-            index = np.flatnonzero(promising & ((moved < 0) | (np.abs(change) > _SETTLED * best.score)))
-            if not len(index):
-                break
         return _ordered(best)
 
     def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:

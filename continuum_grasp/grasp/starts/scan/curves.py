@@ -20,7 +20,7 @@ from continuum_grasp.model.surfaces.outline import Outline
 Array = NDArray[Any]
 
 _X, _W = np.polynomial.legendre.leggauss(12)
-_NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+NODES, WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 12 nodes on [0, 1]: one interval may bend by more than a turn."""
 _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
@@ -48,11 +48,11 @@ def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array,
     dend = np.zeros((count, size), complex)
     # Curvature is linear in the share u of an interval: per length its first value turns by u - u^2 / 2, its last by
     # u^2 / 2.
-    late = _NODES * (0.5 * _NODES)
-    early = _NODES - late
+    late = NODES * (0.5 * NODES)
+    early = NODES - late
     for k in range(size - 1):
         ell = lengths[:, k : k + 1]
-        weights = ell * _WEIGHTS
+        weights = ell * WEIGHTS
         angle = turn[:, None] + ell * (curvatures[:, k : k + 1] * early + curvatures[:, k + 1 : k + 2] * late)
         tangent = np.empty(angle.shape, complex)
         tangent.real, tangent.imag = -np.sin(angle) * weights, np.cos(angle) * weights

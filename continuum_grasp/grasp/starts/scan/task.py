@@ -29,6 +29,12 @@ Array = NDArray[Any]
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
 IPOPT removes what is left of it."""
+FRONT, ROUGHLY = 0.01, 0.4
+"""Cosine between tangent and normal up to which a tip touches with its front: a tip that touches with its side ends a
+branch, and the best grasp often is there. The same of a first guess, whose tip the exact root may still turn."""
+TIP_REACH, TIP_MOST, TIPS = 8.0, 25.0, 33
+"""Greatest bend of a curve to the tip [rad], its greatest end curvature [1/L], which counts where the tip is next to
+the last contact, and how many end curvatures are tried: 0.5 rad apart."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)

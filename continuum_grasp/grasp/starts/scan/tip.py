@@ -11,20 +11,25 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of, touch
 from continuum_grasp.grasp.starts.scan.joint import ends_of
-from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
+from continuum_grasp.grasp.starts.scan.task import (
+    FRONT,
+    ROUGHLY,
+    TIP_MOST,
+    TIP_REACH,
+    TIPS,
+    FingerTask,
+    Postures,
+    join,
+    touching_family,
+    unique,
+)
 from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
 
-_TIP_REACH, _TIP_GRID = 8.0, 33
-"""Greatest end curvature [1/L] and size of the grid of clothoids whose tips may touch: 0.5 1/L apart."""
 _ARCS_REACH, _ARCS_GRID = 13.0, 53
-"""The same of two arcs, each of which has a part of the length for its bend."""
-_BESIDE = 0.01
-"""Cosine between tangent and normal up to which a tip still touches with its front."""
-_ROUGHLY = 0.4
-"""The same of a first guess: Newton's method may still turn the tip, and only guesses well behind its front are dropped
-before it."""
+"""Greatest curvature [1/L] and size of the grid of two arcs, each of which has a part of the length for its bend: 0.5
+1/L apart, as those of clothoids."""
 _FEW, _ZOOMS, _ZOOMED = 3, 3, 11
 """Where fewer than 3 tips touch, the grid is refined up to 3 times by 11 x 11 around the nearest miss: an object hardly
 in reach is touched in a patch smaller than the grid's cells."""
@@ -34,11 +39,10 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     """The postures on to the tip, which touches."""
     point, angle = ends_of(family)
     rest = 1.0 - family.knots[:, -1]
-    count, tries = len(family), _TIP_GRID
+    count, tries = len(family), TIPS
     one_arc = task.arcs and task.counts[-1] == 1
     begin = family.curvatures[:, -1]
-    # Bends of up to 8 rad; at most 25 1/L, where the tip is next to the last contact.
-    grid = np.clip(np.linspace(-_TIP_REACH, _TIP_REACH, tries)[None, :] / rest[:, None], -25.0, 25.0)
+    grid = np.clip(np.linspace(-TIP_REACH, TIP_REACH, tries)[None, :] / rest[:, None], -TIP_MOST, TIP_MOST)
     first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
     pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
     end, turn, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
@@ -74,7 +78,7 @@ def crossings(
     turns: Array,
     usable: Array | bool = True,
     *,
-    front: float = _ROUGHLY,
+    front: float = ROUGHLY,
     axis: int = 1,
 ) -> tuple[Array, Array, Array, Array]:
     """Where neighbors along an axis of tables have their tips on either side of a grown outline: indices of the first
@@ -96,7 +100,7 @@ def crossings(
 
 def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
     """Whether the front half of the rounded tip touches."""
-    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
+    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT)
 
 
 def tip_only(task: FingerTask) -> Postures | None:
@@ -106,7 +110,7 @@ def tip_only(task: FingerTask) -> Postures | None:
     """
     joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
     # Beside the shapes of `bent_by_tip`, which have clothoids only, every other line of the grid is enough.
-    reach, count = _TIP_REACH, _TIP_GRID if task.arcs else _TIP_GRID // 2 + 1
+    reach, count = TIP_REACH, TIPS if task.arcs else TIPS // 2 + 1
     if joint is not None:
         reach, count = _ARCS_REACH, _ARCS_GRID
     grid, ends, turns, sane = guess_table(reach, count, joint)

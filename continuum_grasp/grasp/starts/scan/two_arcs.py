@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import table_of
-from continuum_grasp.grasp.starts.scan.task import FingerTask
-from continuum_grasp.grasp.starts.scan.touching import FRONT, Branch, bracketed_root
+from continuum_grasp.grasp.starts.scan.task import FRONT, ROUGHLY, FingerTask
+from continuum_grasp.grasp.starts.scan.touching import Branch, bracketed_root
 
 Array = NDArray[Any]
 
@@ -50,7 +50,7 @@ def scanned_arcs(task: FingerTask) -> Branch:
         # Roughly ahead, before roots are found.
         pair = np.stack([bends[i], bends[j]], axis=1)
         other = np.stack([bends[i + (axis == 0)], bends[j + (axis == 1)]], axis=1)
-        ahead = _ahead(task, tips[one][i, j], turns[one][i, j]) < 0.4
+        ahead = _ahead(task, tips[one][i, j], turns[one][i, j]) < ROUGHLY
         found.append((pair[ahead], other[ahead], gap[one][i, j][ahead], gap[two][i, j][ahead]))
     low, high, at_low, at_high = (np.concatenate(part) for part in zip(*found, strict=True))
     return _rooted(task, low, high, at_low, at_high)[0]
