@@ -24,10 +24,6 @@ Array = NDArray[Any]
 Combined = tuple[list[Array], Array, Array, Array]
 """Posture per finger, and for each combination what is left, its cost, and its forces."""
 
-_NEARLY = 0.05
-"""Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
-_FEW = 8
-"""Postures with the least violation that are weighed, however much that is."""
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
@@ -72,7 +68,7 @@ class Weighing:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
                 return None
-            found.append(candidates.take(_least_violation(candidates)))
+            found.append(candidates)
         if not self._tips_alone:
             return self._weigh(pose, found)
         touched = support_contacts(self.scene, pose, self.on)
@@ -96,12 +92,6 @@ class Weighing:
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
         features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
         return Weighed(pose, found, index, left, score, wrong, features, forces)
-
-
-def _least_violation(candidates: Candidates) -> Array:
-    """Those with nothing much in the way, and the few next to them."""
-    good = np.flatnonzero(candidates.violation <= _NEARLY)
-    return np.union1d(good, np.argsort(candidates.violation, kind="stable")[:_FEW])
 
 
 def combine(
