@@ -317,7 +317,7 @@ def opened():
 
 
 def begun(count):
-    """Grasps with one middle contact from which stations are sought, and sets of stations tried while each is better."""
+    """Grasps with one middle contact from which stations are sought, and sets tried while each is better."""
     before, begins, better = [Some(attempt=Some(objective=k), arrays=k) for k in range(count)], [], []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stations, "_begin", lambda search, scene, arrays: begins.append(arrays))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
-from continuum_grasp.grasp.starts.force import TENSION_WEIGHT, Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned, together
@@ -28,9 +28,8 @@ Array = NDArray[Any]
 
 STRICT = 2e-4
 """Penetration that a posture may have, per length of the finger, where postures are judged."""
-_PLACES, _DENSE, _FEW = 128, 0.25, 10
-"""Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
-10 postures are left: short feasible pieces may lie between two places."""
+_PLACES = 128
+"""Places of the middle contact on each part's outline."""
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
@@ -43,23 +42,11 @@ _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
 _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 """Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
 the normal turns by a right angle in less."""
-_PER_DEPTH, _TOUCHES = 100.0, 1e-5
-"""Score of penetration [1/L], and penetration that is rounding [L]."""
 _PER_EXCESS = 10.0
 """Score of a curvature above its limit, as a part of it."""
-
-
-@dataclass(frozen=True)
-class _Accuracy:
-    """How exactly forces are balanced."""
-
-    weight: float  # of the tensions in the least squares
-    balanced: float  # relative imbalance that this weight leaves
-    per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
-
-
-_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0)
-_EXACT = _Accuracy(5e-5, 2e-4, 100.0)
+_WEIGHT, _BALANCED, _PER_IMBALANCE = 5e-5, 2e-4, 100.0
+"""Weight of the tensions in the least squares, relative imbalance that it leaves, and score of what is left beyond:
+lower, and postures that cannot hold would come first."""
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
@@ -97,9 +84,8 @@ class Scored:
 class Basins:
     """The basins of a scene of one finger with the contacts ``on`` by name."""
 
-    def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
-        self.on, self._dense = on, dense
-        self.is_dense = True  # whether a dense scan would find no more
+    def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
+        self.on = on
         base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
@@ -118,7 +104,7 @@ class Basins:
         touched = support_contacts(scene, self.pose, self.on)
         self.loads = loads_of(scene)
         self.supports = support_block(scene, self.loads, touched, self.pose)
-        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
+        self._fine_loads = replace(self.loads, directions=_EXACT_CONE)
         self._fine_supports = support_block(scene, self._fine_loads, touched, self.pose)
 
     def found(self) -> Scored | None:
@@ -142,15 +128,7 @@ class Basins:
     def _along_outline(self) -> Scored | None:
         task, ring, isolated = self.task, self._ring, self._isolated
         some, wrong = self._passable(scanned(task, ring))
-        few: list[int] = []
-        if not isolated:
-            few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
-            self.is_dense = len(few) == 2
-        if few:
-            dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
-            others = ~np.isin(some.side, few)
-            some, wrong = together([some.take(others), dense]), np.concatenate([wrong[others], depth])
-        self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
+        self.places = ring.count * len(task.shapes)
         if not len(some):
             return None
         clear = wrong <= STRICT
@@ -161,7 +139,7 @@ class Basins:
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
             some = some.take(left < _HOPEFUL)
             if len(some):
-                added, _ = beside(task, ring, some, gaps(some, np.where(np.isin(some.side, few), _DENSE, 1.0)))
+                added, _ = beside(task, ring, some, gaps(some))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
         return scored
@@ -209,27 +187,22 @@ class Basins:
 
     def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
         left, cost, forces = self._balance(block)
-        if self.loads.lift and self._accuracy is _ROUGH:
+        if self.loads.lift and self.loads is not self._fine_loads:
             # Eight edges lose up to 8 % of the friction: where that may be what is missing, more of them.
-            near = np.flatnonzero((left > _ROUGH.balanced) & (left < _NEARLY))
+            near = np.flatnonzero((left > _BALANCED) & (left < _NEARLY))
             if len(near):
                 finer = self._finer_block(candidates.take(near))
                 left[near], cost[near], _ = self._balance(finer, self._fine_supports)
             forces = forces[:, :0]
         most = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
-        score = (
-            cost
-            + self._accuracy.per_imbalance * np.maximum(left - self._accuracy.balanced, 0.0)
-            + _PER_DEPTH * np.maximum(wrong - _TOUCHES, 0.0)
-            + _PER_EXCESS * np.maximum(above, 0.0)
-        )
+        score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
         return Scored(branch, candidates, forces, left, wrong, score, most * score)
 
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
         count = len(block.needed)
         blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index, self._accuracy.weight)
+        return imbalance(self.loads, blocks, index, _WEIGHT)
 
     def _finer_block(self, candidates: Candidates) -> Block:
         return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
@@ -262,8 +235,8 @@ class Basins:
         return some.take(minima(some.score, linked))
 
     def _judge_finely(self) -> None:
-        """Take finer friction cones and a lower weight of the tensions from now on."""
-        self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
+        """Take finer friction cones from now on."""
+        self.loads, self.supports = self._fine_loads, self._fine_supports
 
     def _refined(self, best: Scored) -> Scored:
         """The basins, judged finely and moved along their curves to where they are best, and the order then."""

@@ -97,16 +97,16 @@ def together(groups: list[Branch]) -> Branch:
     return Branch(**{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
-def scanned(task: FingerTask, ring: Ring, sides: tuple[int, ...] = (1, -1), step: float = 1.0) -> Branch:
-    """All postures with a middle contact at the places of a ring, on some sides, of clothoids in any steps."""
-    even = np.arange(0.0, ring.count, step)
+def scanned(task: FingerTask, ring: Ring) -> Branch:
+    """All postures with a middle contact at the places of a ring."""
+    even = np.arange(float(ring.count))
     parts = np.repeat(np.arange(len(task.shapes)), len(even))
     places = np.tile(even, len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
         first = _arcs(task, ring, parts, places, point, normal)
     else:
-        first = _clothoids(task, sides, parts, places, point, normal)
+        first = _clothoids(task, parts, places, point, normal)
     return _onwards(task, _clear_first(task, first))
 
 
@@ -149,9 +149,7 @@ def _next_to(angle: Array, old: Array) -> Array:
     return np.asarray(old + np.remainder(angle - old + math.pi, math.tau) - math.pi)
 
 
-def _clothoids(
-    task: FingerTask, which: tuple[int, ...], parts: Array, places: Array, point: Array, normal: Array
-) -> Branch:
+def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
     # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
@@ -160,7 +158,7 @@ def _clothoids(
     rows: list[Array] = []
     sides: list[Array] = []
     turns: list[Array] = []
-    for one in which:
+    for one in (1, -1):
         angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
             fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
