@@ -28,8 +28,9 @@ Array = NDArray[Any]
 
 STRICT = 2e-4
 """Penetration that a posture may have, per length of the finger, where postures are judged."""
-_PLACES = 128
-"""Places of the middle contact on each part's outline."""
+_PLACES, _DENSE, _FEW = 128, 0.25, 10
+"""Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
+10 postures are left: short feasible pieces may lie between two places."""
 _NEARLY, _HOPEFUL = 0.05, 0.15
 """Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
 may be between it and the next one."""
@@ -84,8 +85,9 @@ class Scored:
 class Basins:
     """The basins of a scene of one finger with the contacts ``on`` by name."""
 
-    def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
-        self.on = on
+    def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
+        self.on, self._dense = on, dense
+        self.is_dense = True  # whether a dense scan would find no more
         base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
@@ -128,7 +130,15 @@ class Basins:
     def _along_outline(self) -> Scored | None:
         task, ring, isolated = self.task, self._ring, self._isolated
         some, wrong = self._passable(scanned(task, ring))
-        self.places = ring.count * len(task.shapes)
+        few: list[int] = []
+        if not isolated:
+            few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
+            self.is_dense = len(few) == 2
+        if few:
+            dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
+            others = ~np.isin(some.side, few)
+            some, wrong = together([some.take(others), dense]), np.concatenate([wrong[others], depth])
+        self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
         if not len(some):
             return None
         clear = wrong <= STRICT
@@ -139,7 +149,7 @@ class Basins:
             left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
             some = some.take(left < _HOPEFUL)
             if len(some):
-                added, _ = beside(task, ring, some, gaps(some))
+                added, _ = beside(task, ring, some, gaps(some, np.where(np.isin(some.side, few), _DENSE, 1.0)))
                 more = self._judged(added)
                 scored = more if scored is None else scored if more is None else _merged(scored, more)
         return scored

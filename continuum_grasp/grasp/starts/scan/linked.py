@@ -24,11 +24,13 @@ _JOINT, _CURVATURE, _NORMAL = 0.08, 2.5, 0.5
 """Greatest differences of neighbors on one curve: joints [L], curvatures [1/L] and normals [rad]."""
 
 
-def gaps(some: Branch) -> Array:
-    """Shifts by which places are added: on to the next place, and back where no posture lies before."""
-    before = _linked(some, some.place[None, :] - some.place[:, None] + 1.0, 0.01).any(axis=1)
+def gaps(some: Branch, spacing: Array) -> Array:
+    """Shifts by which places are added, given their spacings (P,): on to the next place, and back where no posture lies
+    before.
+    """
+    before = _linked(some, some.place[None, :] - some.place[:, None] + spacing[:, None], 0.01).any(axis=1)
     back = np.where(np.asarray(before)[:, None], np.nan, -_BETWEEN)
-    return np.concatenate([np.broadcast_to(_BETWEEN, back.shape), back], axis=1)
+    return np.concatenate([np.broadcast_to(_BETWEEN, back.shape), back], axis=1) * spacing[:, None]
 
 
 def _linked(branch: Branch, apart: Array, near: float) -> Array:

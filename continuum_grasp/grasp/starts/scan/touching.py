@@ -97,16 +97,16 @@ def together(groups: list[Branch]) -> Branch:
     return Branch(**{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
-def scanned(task: FingerTask, ring: Ring) -> Branch:
-    """All postures with a middle contact at the places of a ring."""
-    even = np.arange(float(ring.count))
+def scanned(task: FingerTask, ring: Ring, sides: tuple[int, ...] = (1, -1), step: float = 1.0) -> Branch:
+    """All postures with a middle contact at the places of a ring, on some sides, of clothoids in any steps."""
+    even = np.arange(0.0, ring.count, step)
     parts = np.repeat(np.arange(len(task.shapes)), len(even))
     places = np.tile(even, len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
         first = _arcs(task, ring, parts, places, point, normal)
     else:
-        first = _clothoids(task, parts, places, point, normal)
+        first = _clothoids(task, sides, parts, places, point, normal)
     return _onwards(task, _clear_first(task, first))
 
 
@@ -120,7 +120,7 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     point, normal = ring.at(old.part, places)
     turn = _next_to(np.where(old.side > 0, normal, normal + math.pi), old.turn)
     guess = old.ends[:, 0] * old.joint
-    bend, length, good = exact_bends(point, turn, guess, _STRAY)
+    bend, length, good = exact_bends(point, turn, guess)
     ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
     new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
     new = replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1))
@@ -139,8 +139,6 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     return found.take(order[unique]), rows[index[order[unique]]]
 
 
-_STRAY = 1.5
-"""Greatest change of a first curvature, times the length, from a posture to the next."""
 _NEARBY = 2.5
 """Greatest change of an end curvature, in spacings of the scan."""
 
@@ -149,7 +147,9 @@ def _next_to(angle: Array, old: Array) -> Array:
     return np.asarray(old + np.remainder(angle - old + math.pi, math.tau) - math.pi)
 
 
-def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
+def _clothoids(
+    task: FingerTask, which: tuple[int, ...], parts: Array, places: Array, point: Array, normal: Array
+) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
     # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
@@ -158,7 +158,7 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     rows: list[Array] = []
     sides: list[Array] = []
     turns: list[Array] = []
-    for one in (1, -1):
+    for one in which:
         angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
             fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
@@ -170,7 +170,7 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     row, side, turn = row[index], side[index], turn[index]
     some = (np.abs(guess) < limit) & (np.abs(2.0 * turn - guess) < limit)
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
-    bend, length, good = exact_bends(point[row], turn, guess, 0.4)
+    bend, length, good = exact_bends(point[row], turn, guess)
     ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
     found = _started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
     return found.take(good & _within(task, found))
