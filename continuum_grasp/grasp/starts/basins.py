@@ -43,8 +43,8 @@ _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
 _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 """Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
 the normal turns by a right angle in less."""
-_PER_EXCESS = 10.0
-"""Score of a curvature above its limit, as a part of it."""
+_PER_DEPTH, _PER_EXCESS = 100.0, 10.0
+"""Score of penetration [1/L], and of a curvature above its limit, as a part of it."""
 _WEIGHT, _BALANCED, _PER_IMBALANCE = 5e-5, 2e-4, 100.0
 """Weight of the tensions in the least squares, relative imbalance that it leaves, and score of what is left beyond:
 lower, and postures that cannot hold would come first."""
@@ -206,7 +206,8 @@ class Basins:
             forces = forces[:, :0]
         most = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
-        score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
+        score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
+        score += _PER_DEPTH * np.maximum(wrong, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
         return Scored(branch, candidates, forces, left, wrong, score, most * score)
 
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
