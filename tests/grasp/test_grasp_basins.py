@@ -107,7 +107,7 @@ def test_forces_are_those_of_linear_programming():
         right = np.concatenate([loads.target, needed[0]])
         exact = linprog(block.cost, A_eq=rows, b_eq=right, bounds=[(0.0, 5.0)] * 8)
         if exact.status == 0:
-            left, cost, _ = imbalance(loads, [block], [np.zeros(1, int)], 1e-5)
+            left, cost, _ = imbalance(loads, [block], [np.zeros(1, int)])
             assert left[0] < 1e-3
             found.append(cost[0] * 10.0)
             wanted.append(exact.fun)

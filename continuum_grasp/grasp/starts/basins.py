@@ -45,9 +45,9 @@ _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 the normal turns by a right angle in less."""
 _PER_DEPTH, _PER_EXCESS = 100.0, 10.0
 """Score of penetration [1/L], and of a curvature above its limit, as a part of it."""
-_WEIGHT, _BALANCED, _PER_IMBALANCE = 5e-5, 2e-4, 100.0
-"""Weight of the tensions in the least squares, relative imbalance that it leaves, and score of what is left beyond:
-lower, and postures that cannot hold would come first."""
+_BALANCED, _PER_IMBALANCE = 2e-4, 100.0
+"""Relative imbalance that the weight of the tensions leaves, and score of what is left beyond: lower, and postures that
+cannot hold would come first."""
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
@@ -213,7 +213,7 @@ class Basins:
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
         count = len(block.needed)
         blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index, _WEIGHT)
+        return imbalance(self.loads, blocks, index)
 
     def _finer_block(self, candidates: Candidates) -> Block:
         return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)

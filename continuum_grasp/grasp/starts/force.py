@@ -32,7 +32,7 @@ Array = NDArray[Any]
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-TENSION_WEIGHT = 3e-4
+_TENSION_WEIGHT = 5e-5
 """Weight of the tensions (per their limits) beside the squared imbalance."""
 
 
@@ -277,9 +277,7 @@ def contact_forces(
     return out
 
 
-def imbalance(
-    loads: Loads, blocks: list[Block], index: list[Array], tension_weight: float = TENSION_WEIGHT
-) -> tuple[Array, Array, Array]:
+def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
     Returns the imbalances (B,) relative to the loads, the sums of the tensions per their limits (B,), and the forces of
@@ -298,4 +296,4 @@ def imbalance(
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
     low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
-    return boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), tension_weight)
+    return boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), _TENSION_WEIGHT)
