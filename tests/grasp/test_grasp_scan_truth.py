@@ -29,6 +29,8 @@ STEEP = (20, 226, 585, 682, 1214, 1314, 1739, 2250, 2363, 2957)
 merge, curvatures at their limits, tips that touch with their sides."""
 ROUGH = [(661, 0.01), (929, 0.01), (1071, 0.01), (1242, 0.04), (1632, 0.06), (2197, 0.03), (2928, 0.01)]
 """Scenes whose best posture few rough starts are near, and by what part their estimate may be off."""
+TIPS = [("two", 2), ("two", 28), ("two", 58), ("two", 77), ("three", 13), ("three", 19)]
+"""Scenes of fingers that touch with their tips alone."""
 WITH_SEVERAL = (226, 1154, 1514)
 """Scenes with a second basin beside a side of few postures."""
 
@@ -56,6 +58,14 @@ def test_rough_starts_come_near_to_the_tension_of_the_oracle(seed, part):
     found = [make_starts(scene, mode, 6, np.random.default_rng(0)) for mode in contact_modes(scene)]
     best = min(start.estimate for starts in found for start in starts if start.label == "scan")
     assert best == pytest.approx(tensions("one")[seed], rel=part)
+
+
+@pytest.mark.parametrize(("kind", "seed"), TIPS)
+def test_the_best_set_of_tips_takes_nearly_the_tension_of_the_oracle(kind, seed):
+    scene = scene_of(kind, seed)
+    starts = make_starts(scene, contact_modes(scene)[0], 8, np.random.default_rng(0))
+    best = min(start.estimate for start in starts if start.label == "scan" and not math.isnan(start.estimate))
+    assert 0.9 < best / tensions(kind)[seed] < 1.06
 
 
 @pytest.mark.parametrize("seed", WITH_SEVERAL)
