@@ -30,6 +30,8 @@ _EXACT = 1e-12
 """Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
 _STEPS = 14
 """Newton steps."""
+_BEND_STEP = 3.0
+"""Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
 
 def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
@@ -170,7 +172,7 @@ def tangent(
         ]
 
     first = np.stack([out[:, free[0]], out[:, free[1]], walk], axis=1)
-    found, good = _newton(equations, first)
+    found, good = _newton(equations, first, (_BEND_STEP, _BEND_STEP, 0.15 * shape.period))
     out[:, free[0]], out[:, free[1]] = found[:, 0], found[:, 1]
     return out, found[:, 2], good
 
@@ -196,7 +198,7 @@ def touch(
         return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
 
     first = np.stack([np.zeros(len(walk)), walk], axis=1)
-    found, good = _newton(equations, first)
+    found, good = _newton(equations, first, (_BEND_STEP, 0.15 * shape.period))
     out[:, columns] += found[:, :1]
     return out, found[:, 1], good
 
@@ -217,7 +219,7 @@ def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) ->
         ]
 
     first = np.stack([length, curvature, walk], axis=1)
-    found, good = _newton(equations, first)
+    found, good = _newton(equations, first, (0.2, _BEND_STEP, 0.15 * shape.period))
     return found[:, 0], found[:, 1], found[:, 2], good & (found[:, 0] > 0.0)
 
 
@@ -225,7 +227,7 @@ def _turned(angle: Array) -> Array:
     return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
 
 
-def _newton(equations: Equations, first: Array) -> tuple[Array, Array]:
+def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tuple[Array, Array]:
     """Roots of B systems of two or three equations from ``first`` (B, n), and which were found."""
     unknown = first.copy()
     good = np.zeros(len(first), bool)
@@ -244,8 +246,12 @@ def _newton(equations: Equations, first: Array) -> tuple[Array, Array]:
             left = [part[going] for part in left]
             slopes = [[part[going] for part in row] for row in slopes]
         change = _solve(slopes, left)
+        # One factor for all unknowns keeps the direction of the step.
+        cut = np.ones(len(rows))
+        for part, limit in zip(change, most, strict=True):
+            cut = np.minimum(cut, limit / np.maximum(np.abs(part), 1e-300))
         for k, part in enumerate(change):
-            unknown[rows, k] -= part
+            unknown[rows, k] -= cut * part
     return unknown, good
 
 
