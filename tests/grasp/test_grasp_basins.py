@@ -43,7 +43,7 @@ def test_all_curves_in_a_direction_are_found():
     rng = np.random.default_rng(1)
     aims, turns = np.exp(1j * rng.uniform(0.0, math.tau, 25)), rng.uniform(-6.0, 6.0, 25)
     rows, guess = bends_to(aims, turns)
-    bend, length, good = exact_bends(aims[rows], turns[rows], guess, 0.4)
+    bend, length, good = exact_bends(aims[rows], turns[rows], guess)
     fine = np.linspace(-11.0, 11.0, 4001)
     for row, (aim, turn) in enumerate(zip(aims, turns, strict=True)):
         off = chords(fine, np.full(fine.shape, turn))[0] * np.conj(aim)
@@ -107,7 +107,7 @@ def test_forces_are_those_of_linear_programming():
         right = np.concatenate([loads.target, needed[0]])
         exact = linprog(block.cost, A_eq=rows, b_eq=right, bounds=[(0.0, 5.0)] * 8)
         if exact.status == 0:
-            left, cost, _ = imbalance(loads, [block], [np.zeros(1, int)], 1e-5)
+            left, cost, _ = imbalance(loads, [block], [np.zeros(1, int)])
             assert left[0] < 1e-3
             found.append(cost[0] * 10.0)
             wanted.append(exact.fun)

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
-from continuum_grasp.grasp.starts.force import TENSION_WEIGHT, Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
-from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
-from continuum_grasp.grasp.starts.scan.touching import LOOSE, STRICT, Branch, Ring, beside, scanned, together
+from continuum_grasp.grasp.starts.scan.task import ALLOWED, join, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned, together
 from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
@@ -26,6 +26,8 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
+STRICT = 2e-4
+"""Penetration that a posture may have, per length of the finger, where postures are judged."""
 _PLACES, _DENSE, _FEW = 128, 0.25, 10
 """Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
 10 postures are left: short feasible pieces may lie between two places."""
@@ -34,34 +36,18 @@ _NEARLY, _HOPEFUL = 0.05, 0.15
 may be between it and the next one."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
-_ROUNDS, _SHRINK, _BETTER = 2, 0.125, 0.2
-"""Rounds of that, and what each leaves of the window: where no neighbor was better, and where one was."""
-_SETTLED = 3e-4
-"""Relative difference of the scores of the best two neighbors from which on a basin is refined no more."""
-_PROMISES = 1.3
-"""Score per that of the best basin up to which the exact refinement is worth its time."""
+_ROUNDS, _SHRINK = 2, 0.125
+"""Rounds of that, and what each leaves of the window: the spacing of the neighbors."""
 _PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
 """First window of the refinement: spacings of places, and change of the bends of two arcs [rad]."""
 _ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
 """Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
 the normal turns by a right angle in less."""
-_PER_DEPTH, _TOUCHES = 100.0, 1e-5
-"""Score of penetration [1/L], and penetration that is rounding [L]."""
-_PER_EXCESS = 10.0
-"""Score of a curvature above its limit, as a part of it."""
-
-
-@dataclass(frozen=True)
-class _Accuracy:
-    """How exactly forces are balanced."""
-
-    weight: float  # of the tensions in the least squares
-    balanced: float  # relative imbalance that this weight leaves
-    per_imbalance: float  # score of what is left beyond: lower, and some that cannot hold would come first
-
-
-_ROUGH = _Accuracy(TENSION_WEIGHT, 1e-3, 30.0)
-_EXACT = _Accuracy(5e-5, 2e-4, 100.0)
+_PER_DEPTH, _PER_EXCESS = 100.0, 10.0
+"""Score of penetration [1/L], and of a curvature above its limit, as a part of it."""
+_BALANCED, _PER_IMBALANCE = 2e-4, 100.0
+"""Relative imbalance that the weight of the tensions leaves, and score of what is left beyond: lower, and postures that
+cannot hold would come first."""
 _EXACT_CONE = 24
 """Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
@@ -120,7 +106,7 @@ class Basins:
         touched = support_contacts(scene, self.pose, self.on)
         self.loads = loads_of(scene)
         self.supports = support_block(scene, self.loads, touched, self.pose)
-        self._accuracy, self._fine_loads = _ROUGH, replace(self.loads, directions=_EXACT_CONE)
+        self._fine_loads = replace(self.loads, directions=_EXACT_CONE)
         self._fine_supports = support_block(scene, self._fine_loads, touched, self.pose)
 
     def found(self) -> Scored | None:
@@ -171,7 +157,7 @@ class Basins:
     def _passable(self, found: Branch) -> tuple[Branch, Array]:
         """Those next to which there may be a posture that is clear of everything, and by how much they are not."""
         depth = self._depth(found)
-        near = depth <= LOOSE
+        near = depth <= ALLOWED
         return found.take(near), depth[near]
 
     def _of_arcs(self) -> Scored | None:
@@ -211,27 +197,23 @@ class Basins:
 
     def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
         left, cost, forces = self._balance(block)
-        if self.loads.lift and self._accuracy is _ROUGH:
+        if self.loads.lift and self.loads is not self._fine_loads:
             # Eight edges lose up to 8 % of the friction: where that may be what is missing, more of them.
-            near = np.flatnonzero((left > _ROUGH.balanced) & (left < _NEARLY))
+            near = np.flatnonzero((left > _BALANCED) & (left < _NEARLY))
             if len(near):
                 finer = self._finer_block(candidates.take(near))
                 left[near], cost[near], _ = self._balance(finer, self._fine_supports)
             forces = forces[:, :0]
         most = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
-        score = (
-            cost
-            + self._accuracy.per_imbalance * np.maximum(left - self._accuracy.balanced, 0.0)
-            + _PER_DEPTH * np.maximum(wrong - _TOUCHES, 0.0)
-            + _PER_EXCESS * np.maximum(above, 0.0)
-        )
+        score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
+        score += _PER_DEPTH * np.maximum(wrong, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
         return Scored(branch, candidates, forces, left, wrong, score, most * score)
 
     def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
         count = len(block.needed)
         blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index, self._accuracy.weight)
+        return imbalance(self.loads, blocks, index)
 
     def _finer_block(self, candidates: Candidates) -> Block:
         return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
@@ -264,24 +246,21 @@ class Basins:
         return some.take(minima(some.score, linked))
 
     def _judge_finely(self) -> None:
-        """Take finer friction cones and a lower weight of the tensions from now on."""
-        self.loads, self.supports, self._accuracy = self._fine_loads, self._fine_supports, _EXACT
+        """Take finer friction cones from now on."""
+        self.loads, self.supports = self._fine_loads, self._fine_supports
 
     def _refined(self, best: Scored) -> Scored:
-        """The basins, judged finely and moved along their curves to where they are best, and the order then; the last
-        rounds are those of the most promising basins.
-        """
+        """The basins, judged finely and moved along their curves to where they are best, and the order then."""
         self._judge_finely()
         count = len(best.score)
         window = _PLACE_WINDOW if any(self.task.middles) else _ARC_WINDOW
-        size, index = np.full(count, window), np.arange(count)
         for number in range(1 if self._isolated else _ROUNDS):
             branch, wrong, rows = best.branch, best.wrong, np.zeros(0, int)
             if not self._isolated:
-                found, rows = self._near(best.branch.take(index), size[index, None] * _WINDOW)
+                found, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
                 depth = self._depth(found)
                 clear = depth <= STRICT
-                rows = index[rows[clear]]
+                rows = rows[clear]
                 branch, wrong = together([branch, found.take(clear)]), np.concatenate([wrong, depth[clear]])
                 self.postures += len(rows)
             if number == 0:  # until now they were judged roughly
@@ -292,15 +271,8 @@ class Basins:
                 judged = _merged(best, self._scored(new, wrong[count:])) if len(new) else best
             score = judged.score[count:]
             moved = best_of(score, rows, count)
-            least = np.append(score, np.inf)[moved]
-            change = best.score - least
-            better = change > 0.0
+            better = np.append(score, np.inf)[moved] < best.score
             best = judged.take(np.where(better, count + moved, np.arange(count)))
-            size = np.where(better, _BETTER, _SHRINK) * size
-            promising = best.score <= _PROMISES * best.score.min() + _PROMISES - 1.0
-            index = np.flatnonzero(promising & ((moved < 0) | (np.abs(change) > _SETTLED * best.score)))
-            if not len(index):
-                break
         return _ordered(best)
 
     def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:

@@ -12,18 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.bent import bent_by_tip
-from continuum_grasp.grasp.starts.scan.joint import first_joint, moved_joint, next_joint
+from continuum_grasp.grasp.starts.scan.joint import first_joint, next_joint
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task, violation
-from continuum_grasp.grasp.starts.scan.tip import moved_tip, tip_only, with_tip
+from continuum_grasp.grasp.starts.scan.tip import tip_only, with_tip
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
-
-_SHIFTS = 0.01 * np.array([-1.5, -0.5, 0.5, 1.5])
-"""Shifts of the first contact along the finger [L] in a refinement of size one: a sixth of the spacing of the scan."""
-_CHANGE = 0.4
-"""Change of a knot's curvature [1/L] in a refinement of size one: the spacing of the scans of tips, about."""
 
 
 @dataclass(frozen=True)
@@ -66,32 +61,6 @@ def find_candidates(
     return join([_as_candidates(task, family) for task, family in families if family is not None])
 
 
-def near_candidates(
-    scene: GraspScene, setup: FingerSetup, some: Candidates, pose: Pose, on: frozenset[str], scale: float
-) -> Candidates:
-    """Postures next to some, with changes of a relative size, and these themselves."""
-    groups = [some]
-    keys = np.concatenate([some.bases, some.sides[:, None]], axis=1)
-    for key in np.unique(keys, axis=0):
-        mine = some.take((keys == key).all(axis=1))
-        x, y, angle, side = key.tolist()
-        task = make_task(scene, setup, (x, y, angle), pose, int(side), on)
-        angles = task.frame.angle(mine.angles)
-        family = Postures(
-            mine.knots,
-            task.side * mine.curvatures,
-            mine.joints[:, np.flatnonzero(task.middles)],
-            mine.parts,
-            task.frame.point(mine.points) + task.half * np.exp(1j * angles),
-            angles,
-            mine.violation,
-        )
-        found = _neighbors(task, family, scale)
-        if found is not None:
-            groups.append(_as_candidates(task, found))
-    return join(groups) or some
-
-
 def _as_candidates(task: FingerTask, family: Postures) -> Candidates:
     count = len(family)
     return Candidates(
@@ -124,21 +93,6 @@ def _postures(task: FingerTask) -> Postures | None:
     else:
         family = _untouched(task)
     return None if family is None else _finished(task, family)
-
-
-def _neighbors(task: FingerTask, family: Postures, scale: float) -> Postures | None:
-    """Postures next to those of a family, with the same contacts, at changes of a relative size ``scale``.
-
-    None where there are none or the family has no free parameter.
-    """
-    found: Postures | None = None
-    if sum(task.middles) == 1 and not task.one_arc_to_joint:
-        found = moved_joint(task, family, scale * _SHIFTS)
-        if found is not None:
-            found = with_tip(task, found) if task.tip else _free_end(found)
-    elif not any(task.middles) and task.tip:
-        found = moved_tip(task, family, scale * _CHANGE)
-    return None if found is None else _finished(task, found)
 
 
 def _finished(task: FingerTask, family: Postures) -> Postures:

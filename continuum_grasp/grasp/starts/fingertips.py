@@ -21,8 +21,6 @@ Array = NDArray[np.float64]
 
 _TABLE = {2: 400, 3: 36, 4: 14}
 """Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
-_PAIRS = 160
-"""Postures per finger of two that are matched where there are supports, which cost more."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _COST = 0.1
@@ -41,7 +39,7 @@ def matched_sets(
     first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
-    most = _TABLE[len(found)] if len(found) > 2 or not supports[1] else _PAIRS
+    most = _TABLE[len(found)]
     picks, tables = [], []
     for setup, candidates in zip(scene.setups, found, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.boxed import boxed
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, sample
+from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.families import FAMILIES
@@ -28,12 +29,10 @@ from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
 
-_FINE = 6
-"""Elements up to which all are balanced; of more, two between contacts."""
 _X, _W = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 4 nodes on [0, 1]."""
-TENSION_WEIGHT = 3e-4
+_TENSION_WEIGHT = 5e-5
 """Weight of the tensions (per their limits) beside the squared imbalance."""
 
 
@@ -208,7 +207,7 @@ class _Mesh:
     @staticmethod
     def of(setup: FingerSetup, found: Candidates) -> _Mesh:
         """The elements of a finger, or fewer where it has many."""
-        few, count = setup.elements <= _FINE, len(found)
+        few, count = setup.elements <= FINE, len(found)
         counts = tuple(n if few else min(n, 2) for n in np.diff((0, *setup.before, setup.elements)).tolist())
         at, share, shapes = _elements(counts, few and family_class(setup.family).degree == 0)
         ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
@@ -278,9 +277,7 @@ def contact_forces(
     return out
 
 
-def imbalance(
-    loads: Loads, blocks: list[Block], index: list[Array], tension_weight: float = TENSION_WEIGHT
-) -> tuple[Array, Array, Array]:
+def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
     Returns the imbalances (B,) relative to the loads, the sums of the tensions per their limits (B,), and the forces of
@@ -299,4 +296,4 @@ def imbalance(
         right[:, row : row + rows] = block.needed[chosen]
         row, column = row + rows, column + size
     low, high, cost = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("low", "high", "cost"))
-    return boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), tension_weight)
+    return boxed(system, right, low, high, cost / max(float((cost * high).sum()), 1e-300), _TENSION_WEIGHT)

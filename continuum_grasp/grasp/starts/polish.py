@@ -31,8 +31,6 @@ nearly in balance, and the last steps balance it."""
 _STEP, _MOST, _DAMPING = 1e-4, 0.8, 1e-4
 """Difference for slopes, whose error is far below the imbalance sought; greatest change of a curvature in one
 step [1/L]; damping of the normal equations, which may be singular."""
-_ENOUGH = 1e-3
-"""Relative imbalance that is balance: IPOPT needs a start, no solution."""
 _SWEEPS = 8
 """Sweeps of coordinate descent to the nearest forces of supports, with which Gauss-Newton steps begin."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
@@ -91,8 +89,6 @@ def polished(
         weight = np.ones(rest.shape[1])
         weight[: balance.costs] = cost
         size = ((weight * rest) ** 2).sum(axis=1)
-        if size.max() < _ENOUGH**2:
-            break
         tall = weight[:, None] * slope
         square = np.einsum("kri,krj->kij", tall, tall) + damping[:, None, None] * np.eye(point.shape[1])
         change = -np.linalg.solve(square, np.einsum("kri,kr->ki", tall, weight * rest)[..., None])[..., 0]

@@ -36,7 +36,6 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.rando
     """
     weighing = Weighing(scene, on)
     found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
-    found += weighing.refined(found)
     if not found:
         return _shaken(weighing.setups, [_fallback(scene, on)], count, rng)
     rows = [(at, row) for at in found for row in range(len(at.score))]

@@ -1,6 +1,4 @@
-"""Postures of all fingers at poses of the object: which go together, weighed, and refined where they come near to
-holding it.
-"""
+"""Postures of all fingers at poses of the object: which go together, weighed."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, near_candidates
+from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates
 from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.fingertips import matched_sets
 from continuum_grasp.grasp.starts.force import Block, Loads, finger_block, imbalance, loads_of, support_block
@@ -25,17 +23,6 @@ Array = NDArray[Any]
 
 Combined = tuple[list[Array], Array, Array, Array]
 """Posture per finger, and for each combination what is left, its cost, and its forces."""
-
-_BALANCED = 3e-3
-"""What is left where a posture is in balance but for the weight of its tension in the least squares."""
-_NEARLY = 0.05
-"""Violation, about in lengths of the finger, up to which a posture may have a good one next to it."""
-_ENOUGH, _BEST, _POSES, _FEW = 6, 12, 2, 8
-"""Balanced starts from which on nothing is refined; how many are refined, and at how many poses."""
-_ROUNDS, _ONE_ROUND = (2.0, 0.7), (1.0,)
-"""Sizes of the changes with which they are refined, the latter for several fingers that are close to balance."""
-_CLOSE = 0.05
-"""Relative imbalance from which on several fingers are refined in one round instead of two."""
 
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
@@ -81,7 +68,7 @@ class Weighing:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
                 return None
-            found.append(candidates.take(_least_violation(candidates)))
+            found.append(candidates)
         if not self._tips_alone:
             return self._weigh(pose, found)
         touched = support_contacts(self.scene, pose, self.on)
@@ -89,32 +76,6 @@ class Weighing:
         count = _SETS[len(self.setups)] // (1 if number == 0 else _SHARE)
         sets = matched_sets(self.scene, self.loads, found, pose, supports, count)
         return self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True)
-
-    def refined(self, found: list[Weighed]) -> list[Weighed]:
-        """What is next to the best that was found, unless enough of it is in balance."""
-        if (
-            self._tips_alone
-            or not found
-            or sum(int(((at.left < _BALANCED) & (at.wrong <= 0.0)).sum()) for at in found) >= _ENOUGH
-        ):
-            return []
-        out: list[Weighed] = []
-        poses = sorted(found, key=lambda at: float(at.score.min()))[:_POSES]
-        for at in poses:
-            close = len(self.setups) > 1 and at.left.min() < _CLOSE
-            for scale in _ONE_ROUND if close else _ROUNDS:
-                at = self._next_to(at, scale)
-                out.append(at)
-        return out
-
-    def _next_to(self, at: Weighed, scale: float) -> Weighed:
-        best = spread_order(at.score, at.features, _BEST)
-        more: list[Candidates] = []
-        for setup, candidates, index in zip(self.setups, at.candidates, at.index, strict=True):
-            some = candidates.take(np.unique(index[best]))
-            near = near_candidates(self.scene, setup, some, at.pose, self.on, scale)
-            more.append(near.take(_least_violation(near)))
-        return self._weigh(at.pose, more)
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
@@ -131,12 +92,6 @@ class Weighing:
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
         features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
         return Weighed(pose, found, index, left, score, wrong, features, forces)
-
-
-def _least_violation(candidates: Candidates) -> Array:
-    """Those with nothing much in the way, and the few next to them."""
-    good = np.flatnonzero(candidates.violation <= _NEARLY)
-    return np.union1d(good, np.argsort(candidates.violation, kind="stable")[:_FEW])
 
 
 def combine(

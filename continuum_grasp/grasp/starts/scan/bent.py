@@ -27,8 +27,6 @@ _REACH, _COUNT = 10.0, 41
 """Greatest curvature at base and joint [1/L], and their number: 0.5 1/L apart, as in the scans of tips."""
 _TIP_REACH, _TIP_COUNT = 15.0, 41
 """The same at the tip, which a short end bends."""
-_APART = 0.35
-"""Greatest distance of the tips of neighbors in the table [L]: farther away from the object no crossing is possible."""
 
 
 def bent_by_tip(task: FingerTask) -> Postures | None:
@@ -58,7 +56,7 @@ def _elastica(task: FingerTask) -> Postures | None:
         near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
         gap = np.full(table.tips.shape, np.nan)
         gap[near] = shape.distance(table.tips[near]) - task.half
-        i, j, share, walk = crossings(shape, gap, table.tips, table.turns, table.sane, front=0.1)
+        i, j, share, walk = crossings(shape, gap, table.tips, table.sane)
         pushed = np.cos(table.directions[i] - shape.walk(walk).angle) > math.cos(cone)
         retained = pushed | (table.forces[i] == 0.0)
         i, j, share, walk = i[retained], j[retained], share[retained], walk[retained]
@@ -70,11 +68,11 @@ def _elastica(task: FingerTask) -> Postures | None:
 
 
 @lru_cache(1)
-def _halves() -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Curvatures, and ends and angles of both halves (of length 1/2) by first and last curvature."""
+def _halves() -> tuple[Array, Array, Array, Array, Array]:
+    """Curvatures, ends of both halves (of length 1/2), and angles of the first, by first and last curvature."""
     line, ends = np.linspace(-_REACH, _REACH, _COUNT), np.linspace(-_TIP_REACH, _TIP_REACH, _TIP_COUNT)
     # A curve of half the length is half as long with twice the curvature.
-    return line, ends, *_half(line, line), *_half(line, ends)
+    return line, ends, *_half(line, line), _half(line, ends)[0]
 
 
 def _half(firsts: Array, lasts: Array) -> tuple[Array, Array]:
@@ -84,17 +82,13 @@ def _half(firsts: Array, lasts: Array) -> tuple[Array, Array]:
 
 def _two_clothoids(task: FingerTask) -> Postures | None:
     """All postures, one or more for each pair of curvatures at base and joint from which the tip touches."""
-    line, ends, joints, bends, tips, turns = _halves()
+    line, ends, joints, bends, tips = _halves()
     groups = []
     for part, shape in enumerate(task.shapes):
         near = np.abs(joints - shape.center) < shape.extent + task.half + 0.5
         i, j = np.nonzero(near)
         at = joints[i, j][:, None] + np.exp(1j * bends[i, j])[:, None] * tips[j]
-        angle = bends[i, j][:, None] + turns[j]
-        gap = np.abs(at - shape.center) - shape.extent - task.half
-        close = gap < _APART
-        gap[close] = shape.distance(at[close]) - task.half
-        row, k, share, walk = crossings(shape, gap, at, angle)
+        row, k, share, walk = crossings(shape, shape.distance(at) - task.half, at)
         if len(row):
             last = ends[k] + share * (ends[1] - ends[0])
             bent = np.stack([line[i[row]], line[j[row]], last], axis=1)

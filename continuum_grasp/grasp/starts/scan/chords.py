@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan import kernel
+from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS
 
 Array = NDArray[Any]
 
@@ -18,11 +19,10 @@ _MOST_BEND = 12.0
 """Greatest first curvature, per length: of a curve that turns by a whole turn and whose curvature grows from zero."""
 _TURNS, _BENDS = 129, 97
 """Size of the table: 0.1 rad and 0.25 apart, so that linear interpolation is good to 2e-3 of the length."""
-_X, _W = np.polynomial.legendre.leggauss(12)
-_AT, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
-"""Gauss-Legendre rule of 12 nodes on [0, 1]: good to 1e-8 for the most crooked curve of the table."""
-_EARLY, _LATE = _AT - _AT**2, _AT**2
-_RULES = np.stack([_WEIGHTS, _WEIGHTS * _EARLY], axis=1)
+_AWAY = 0.4
+"""Greatest change of a first curvature, times the length, from its guess: one and a half lines of the table."""
+_EARLY, _LATE = NODES - NODES**2, NODES**2
+_RULES = np.stack([WEIGHTS, WEIGHTS * _EARLY], axis=1)
 
 
 @cache
@@ -77,13 +77,13 @@ def bends_to(aims: Array, turns: Array, limit: float = _MOST_BEND) -> tuple[Arra
     return rows, bends[columns] + (bends[1] - bends[0]) * first / (first - last)
 
 
-def exact_bends(aims: Array, turns: Array, guess: Array, away: float) -> tuple[Array, Array, Array]:
+def exact_bends(aims: Array, turns: Array, guess: Array) -> tuple[Array, Array, Array]:
     """First curvatures (R,) next to a guess, with which the chord has the direction of the aim (R,); the curves'
-    lengths then, and which were found within ``away`` of the guess.
+    lengths then, and which were found near the guess.
     """
     back = np.conj(aims / np.abs(aims))
     if kernel.library():
-        numbers = len(aims), len(_AT), away, _AT, _WEIGHTS, np.conj(back), turns, guess
+        numbers = len(aims), len(NODES), _AWAY, NODES, WEIGHTS, np.conj(back), turns, guess
         bend, along, across = kernel.called("exact_bends", np.empty((3, len(aims))), *numbers)
         good = (np.abs(across) < 1e-9) & (along > 1e-3)
         return bend, np.abs(aims) / np.where(good, along, 1.0), good
@@ -93,7 +93,7 @@ def exact_bends(aims: Array, turns: Array, guess: Array, away: float) -> tuple[A
         chord, slope = chords(bend, turns)
         off, fall = chord * back, (slope * back).imag
         step = off.imag / np.where(np.abs(fall) < 1e-9, 1e-9, fall)
-        bend = np.clip(bend - step, guess - away, guess + away)
+        bend = np.clip(bend - step, guess - _AWAY, guess + _AWAY)
     chord, _ = chords(bend, turns)
     off = chord * back
     good = (np.abs(off.imag) < 1e-9) & (off.real > 1e-3)

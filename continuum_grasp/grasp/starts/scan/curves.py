@@ -20,7 +20,7 @@ from continuum_grasp.model.surfaces.outline import Outline
 Array = NDArray[Any]
 
 _X, _W = np.polynomial.legendre.leggauss(12)
-_NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
+NODES, WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 """Gauss-Legendre rule of 12 nodes on [0, 1]: one interval may bend by more than a turn."""
 _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
@@ -28,9 +28,8 @@ _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
 _EXACT = 1e-12
 """Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
-_STEPS, _EARLY, _HOPEFUL = 14, 5, 0.05
-"""Newton steps; after the first five, systems with a larger residual are given up: a start in the basin of a root has
-converged quadratically below it by then."""
+_STEPS = 14
+"""Newton steps."""
 _BEND_STEP = 3.0
 """Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
@@ -48,11 +47,11 @@ def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array,
     dend = np.zeros((count, size), complex)
     # Curvature is linear in the share u of an interval: per length its first value turns by u - u^2 / 2, its last by
     # u^2 / 2.
-    late = _NODES * (0.5 * _NODES)
-    early = _NODES - late
+    late = NODES * (0.5 * NODES)
+    early = NODES - late
     for k in range(size - 1):
         ell = lengths[:, k : k + 1]
-        weights = ell * _WEIGHTS
+        weights = ell * WEIGHTS
         angle = turn[:, None] + ell * (curvatures[:, k : k + 1] * early + curvatures[:, k + 1 : k + 2] * late)
         tangent = np.empty(angle.shape, complex)
         tangent.real, tangent.imag = -np.sin(angle) * weights, np.cos(angle) * weights
@@ -229,13 +228,11 @@ def _turned(angle: Array) -> Array:
 
 
 def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tuple[Array, Array]:
-    """Roots of B systems of two or three equations from ``first`` (B, n), and which were found; those that get
-    nowhere are given up early.
-    """
+    """Roots of B systems of two or three equations from ``first`` (B, n), and which were found."""
     unknown = first.copy()
     good = np.zeros(len(first), bool)
     rows = np.arange(len(first))
-    for step in range(_STEPS):
+    for _ in range(_STEPS):
         if not len(rows):
             break
         left, slopes = equations(unknown[rows], rows)
@@ -244,8 +241,6 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
             wrong = np.maximum(wrong, np.abs(more))
         good[rows[wrong < _EXACT]] = True
         going = (wrong >= _EXACT) & np.isfinite(wrong)
-        if step >= _EARLY:
-            going &= wrong < _HOPEFUL
         if not going.all():
             rows = rows[going]
             left = [part[going] for part in left]

@@ -40,7 +40,6 @@ class ElasticaTable:
     directions: Array  # (F,) angle of the force on the finger [rad]
     forces: Array  # (F,)
     tips: Array  # (F, C) complex
-    turns: Array  # (F, C) angle of the tip
     curvatures: Array  # (F, C, S) at evenly spaced positions
     sane: Array  # (F, C) neither curved nor turned beyond any finger
 
@@ -68,7 +67,7 @@ def elastica_table() -> ElasticaTable:
         bent = bent - step * (np.conj(tangent) * pull).imag
         curvatures[..., k + 1] = bent
     sane = (np.abs(curvatures).max(axis=2) < _MOST_CURVED) & (np.abs(turn) < _MOST_TURNED)
-    return ElasticaTable(directions, forces, tip, turn, curvatures, sane)
+    return ElasticaTable(directions, forces, tip, curvatures, sane)
 
 
 @lru_cache(32)

@@ -33,8 +33,6 @@ _ARCS = 49
 _NEAR, _STEEP = 0.12, 0.7
 """Distance of two neighbors [L] up to which, and change of their bends [rad] from which on, curves between them are
 sought: a branch is steep there."""
-_GUESSES = 10
-"""Best tried curves per position that Newton's method starts from: windings and sides give several solutions."""
 
 
 def first_joint(task: FingerTask) -> Postures | None:
@@ -106,16 +104,8 @@ def _guesses(
     gap, walk = shape.nearest(points[row, column])
     tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
     merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
-    best = _best_per_row(row, merit, _GUESSES)
-    return row[best], column[best], walk[best]
-
-
-def _best_per_row(row: Array, merit: Array, most: int) -> Array:
-    """Indices of the ``most`` least merits below one of each row."""
-    order = np.lexsort((merit, row))
-    order = order[merit[order] < 1.0]
-    starts = np.searchsorted(row[order], row[order], side="left")
-    return order[np.arange(len(order)) - starts < most]
+    near = merit < 1.0
+    return row[near], column[near], walk[near]
 
 
 def _round_corners(shape: Outline) -> tuple[Array, Array, Array]:

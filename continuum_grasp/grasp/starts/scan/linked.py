@@ -20,9 +20,8 @@ _NEIGHBORS = 1.6
 """Spacings between places up to which postures are neighbors: from a place to the next with what was added."""
 _ARCS_NEAR = 0.1
 """The same of two arcs: sum of the differences of both bends [rad], 1.6 lines of the grid."""
-_JOINT, _CURVATURE, _STEEP, _NORMAL = 0.08, 2.5, 0.15, 0.5
-"""Greatest differences of neighbors on one curve: joints [L], curvatures [1/L], in addition per curvature, and normals
-[rad]."""
+_JOINT, _CURVATURE, _NORMAL = 0.08, 2.5, 0.5
+"""Greatest differences of neighbors on one curve: joints [L], curvatures [1/L] and normals [rad]."""
 
 
 def gaps(some: Branch, spacing: Array) -> Array:
@@ -44,8 +43,7 @@ def _linked(branch: Branch, apart: Array, near: float) -> Array:
     alike = (branch.side[one] == branch.side[two]) & (branch.part[one] == branch.part[two])
     alike &= (differ(branch.joint) < _JOINT) & _alike_normals(branch, one, two)
     for end in (0, 1, 3):
-        values = branch.ends[:, end]
-        alike &= differ(values) < _CURVATURE + _STEEP * np.abs(values[two])
+        alike &= differ(branch.ends[:, end]) < _CURVATURE
     return _pairs(len(branch), one[alike], two[alike])
 
 

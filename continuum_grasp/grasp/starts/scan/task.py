@@ -29,13 +29,19 @@ Array = NDArray[Any]
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
 IPOPT removes what is left of it."""
+FRONT = 0.01
+"""Cosine between tangent and normal up to which a tip touches with its front: a tip that touches with its side ends a
+branch, and the best grasp often is there."""
+TIP_REACH, TIP_MOST, TIPS = 8.0, 25.0, 33
+"""Greatest bend of a curve to the tip [rad], its greatest end curvature [1/L], which counts where the tip is next to
+the last contact, and how many end curvatures are tried: 0.5 rad apart."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
 _TOUCHES = 0.75
 """Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
-_FINE = 6
-"""Most elements of a tip-only posture in the scan; for more, IPOPT starts from this shape."""
+FINE = 6
+"""Most elements of a posture in the scan and in its balance: of more, IPOPT starts from the shape of fewer."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +200,7 @@ def make_task(
     halves = skin(profile.half_thickness)(places) * scale
     half = float(halves[int(_TOUCHES * (_STATIONS - 1))])
     marks = (0, *setup.before, setup.elements)
-    few = min(setup.elements, _FINE)
+    few = min(setup.elements, FINE)
     return FingerTask(
         base=base,
         side=side,

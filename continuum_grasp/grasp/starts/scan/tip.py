@@ -9,45 +9,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, table_of, touch
+from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, touch
 from continuum_grasp.grasp.starts.scan.joint import ends_of
-from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, touching_family, unique
+from continuum_grasp.grasp.starts.scan.task import (
+    FRONT,
+    TIP_MOST,
+    TIP_REACH,
+    TIPS,
+    FingerTask,
+    Postures,
+    join,
+    touching_family,
+    unique,
+)
 from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
 
-_TIP_REACH, _TIP_GRID = 8.0, 33
-"""Greatest end curvature [1/L] and size of the grid of clothoids whose tips may touch: 0.5 1/L apart."""
 _ARCS_REACH, _ARCS_GRID = 13.0, 53
-"""The same of two arcs, each of which has a part of the length for its bend."""
-_BESIDE = 0.01
-"""Cosine between tangent and normal up to which a tip still touches with its front."""
-_ROUGHLY = 0.4
-"""The same of a first guess: Newton's method may still turn the tip, and only guesses well behind its front are dropped
-before it."""
-_FEW, _ZOOMS, _ZOOMED = 3, 3, 11
-"""Where fewer than 3 tips touch, the grid is refined up to 3 times by 11 x 11 around the nearest miss: an object hardly
-in reach is touched in a patch smaller than the grid's cells."""
+"""Greatest curvature [1/L] and size of the grid of two arcs, each of which has a part of the length for its bend: 0.5
+1/L apart, as those of clothoids."""
 
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     """The postures on to the tip, which touches."""
     point, angle = ends_of(family)
     rest = 1.0 - family.knots[:, -1]
-    count, tries = len(family), _TIP_GRID
+    count, tries = len(family), TIPS
     one_arc = task.arcs and task.counts[-1] == 1
     begin = family.curvatures[:, -1]
-    # Bends of up to 8 rad; at most 25 1/L, where the tip is next to the last contact.
-    grid = np.clip(np.linspace(-_TIP_REACH, _TIP_REACH, tries)[None, :] / rest[:, None], -25.0, 25.0)
+    grid = np.clip(np.linspace(-TIP_REACH, TIP_REACH, tries)[None, :] / rest[:, None], -TIP_MOST, TIP_MOST)
     first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
     pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
-    end, turn, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
+    end, _, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
     tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
-    facing = angle[:, None] + turn.reshape(count, tries)
     groups = []
     for part, shape in enumerate(task.shapes):
         gap = shape.distance(tips) - task.half
-        row, column, share, walk = crossings(shape, gap, tips, facing)
+        row, column, share, walk = crossings(shape, gap, tips)
         if not len(row):
             continue
         guess = grid[row, column] + share * (grid[row, column + 1] - grid[row, column])
@@ -71,16 +70,12 @@ def crossings(
     shape: Outline,
     gap: Array,
     tips: Array,
-    turns: Array,
     usable: Array | bool = True,
     *,
-    front: float = _ROUGHLY,
     axis: int = 1,
 ) -> tuple[Array, Array, Array, Array]:
     """Where neighbors along an axis of tables have their tips on either side of a grown outline: indices of the first
     of both, the share of the way to the second, and the walk of the nearest place.
-
-    Dropped are those whose tip would touch it behind its front, by the cosine between tangent and normal.
     """
     one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
     two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
@@ -88,15 +83,13 @@ def crossings(
     with np.errstate(invalid="ignore"):
         i, j = np.nonzero((a * b <= 0.0) & (a != b) & usable[one] & usable[two])
     share = a[i, j] / (a[i, j] - b[i, j])
-    tip, turn = (v[one][i, j] + share * (v[two][i, j] - v[one][i, j]) for v in (tips, turns))
-    _, walk = shape.nearest(tip)
-    ahead = np.cos(shape.walk(walk).angle - turn - 0.5 * math.pi) < front
-    return i[ahead], j[ahead], share[ahead], walk[ahead]
+    tip = tips[one][i, j] + share * (tips[two][i, j] - tips[one][i, j])
+    return i, j, share, shape.nearest(tip)[1]
 
 
 def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
     """Whether the front half of the rounded tip touches."""
-    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= _BESIDE)
+    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT)
 
 
 def tip_only(task: FingerTask) -> Postures | None:
@@ -106,10 +99,10 @@ def tip_only(task: FingerTask) -> Postures | None:
     """
     joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
     # Beside the shapes of `bent_by_tip`, which have clothoids only, every other line of the grid is enough.
-    reach, count = _TIP_REACH, _TIP_GRID if task.arcs else _TIP_GRID // 2 + 1
+    reach, count = TIP_REACH, TIPS if task.arcs else TIPS // 2 + 1
     if joint is not None:
         reach, count = _ARCS_REACH, _ARCS_GRID
-    grid, ends, turns, sane = guess_table(reach, count, joint)
+    grid, ends, _, sane = guess_table(reach, count, joint)
     knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
     groups = []
     for part, shape in enumerate(task.shapes):
@@ -118,38 +111,21 @@ def tip_only(task: FingerTask) -> Postures | None:
         touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
         if touches and _in_front(shape, walk, np.zeros(1)).all():
             groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, walk))
-        found = _cuts(part, shape, knots, (grid, grid), (gap, ends, turns, sane))
-        width, at = grid[1] - grid[0], (grid, grid)
-        for _ in range(_ZOOMS):  # hardly in reach: what touches may lie between the grid's lines
-            if sum(len(g) for g in found) >= _FEW:
-                break
-            _, walk = shape.nearest(ends)
-            ahead = sane & (np.cos(shape.walk(walk).angle - turns - 0.5 * math.pi) < 0.0)
-            if not ahead.any():
-                break
-            i, j = np.unravel_index(np.argmin(np.where(ahead, np.abs(gap), np.inf)), gap.shape)
-            near = width * np.linspace(-1.0, 1.0, _ZOOMED)
-            at, width = (at[0][i] + near, at[1][j] + near), near[1] - near[0]
-            ends, turns = table_of(*at, joint)
-            gap, sane = shape.distance(ends) - task.half, np.ones(ends.shape, bool)
-            found += _cuts(part, shape, knots, at, (gap, ends, turns, sane))
-        groups += found
+        groups += _cuts(part, shape, knots, grid, (gap, ends, sane))
     every = join(groups)
     return None if every is None else unique(every)
 
 
-def _cuts(
-    part: int, shape: Outline, knots: Array, grids: tuple[Array, Array], table: tuple[Array, Array, Array, Array]
-) -> list[Postures]:
+def _cuts(part: int, shape: Outline, knots: Array, grid: Array, table: tuple[Array, Array, Array]) -> list[Postures]:
     """Curves whose tip touches, between neighbors on a grid of first and last curvatures."""
     groups = []
     half = len(knots) // 2
     for axis in (0, 1):
         i, j, share, walk = crossings(shape, *table, axis=axis)
         if len(i):
-            curve = np.repeat(np.stack([grids[0][i], grids[1][j]], axis=1), half, axis=1)
+            curve = np.repeat(np.stack([grid[i], grid[j]], axis=1), half, axis=1)
             columns = tuple(range(axis * half, axis * half + half))
-            curve[:, columns] += (share * (grids[axis][1] - grids[axis][0]))[:, None]
+            curve[:, columns] += (share * (grid[1] - grid[0]))[:, None]
             groups.append(touching(knots, curve, columns, part, shape, walk))
     return groups
 
@@ -167,24 +143,3 @@ def touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, sha
 def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
     count = len(walk)
     return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
-
-
-def moved_tip(task: FingerTask, family: Postures, step: float) -> Postures | None:
-    """Fingers whose tips alone touch, next to those of a family: each knot's curvature changed both ways."""
-    knots = family.knots[0]
-    size = len(knots)
-    if size < 3 or not (family.knots == knots).all():
-        return None
-    changes, columns = step * np.concatenate([np.eye(size), -np.eye(size)]), tuple(range(size))
-    if size == 4 and knots[1] == knots[2]:
-        # Two arcs: the first is changed, and the second brings the tip back to the object.
-        changes = step * np.array([-1.0, -0.5, -0.2, 0.2, 0.5, 1.0])[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
-        columns = (2, 3)
-    groups = []
-    for part, shape in enumerate(task.shapes):
-        mine = family.take(family.parts[:, 0] == part)
-        if len(mine):
-            _, walk = shape.nearest(mine.points[:, 0])
-            bent = (mine.curvatures[:, None, :] + changes).reshape(-1, size)
-            groups.append(touching(knots, bent, columns, part, shape, np.repeat(walk, len(changes))))
-    return join(groups)

@@ -15,21 +15,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
-from continuum_grasp.grasp.starts.scan.curves import sample
-from continuum_grasp.grasp.starts.scan.task import FingerTask
+from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS, sample
+from continuum_grasp.grasp.starts.scan.task import ALLOWED, FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask
 
 Array = NDArray[Any]
 
-LOOSE, STRICT = 2e-3, 2e-4
-"""Penetration that a posture may have, per length of the finger: where a branch is scanned, so that its short feasible
-pieces survive, and where postures are judged."""
-_TIPS = 33
-"""End curvatures of the second curve that are tried."""
-_TIP_REACH, _TIP_MOST = 8.0, 25.0
-"""Greatest bend of the second curve [rad] and its greatest end curvature [1/L]."""
-FRONT = 0.01
-"""Cosine between tangent and normal up to which a tip touches with its front: a tip that touches with its side ends a
-branch, and the best grasp often is there."""
 _FIRST = np.linspace(0.0, 1.0, 17)
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
@@ -38,8 +28,6 @@ _ROUNDED = 1e-10
 _NEAR_FOLD = 0.05
 """Least gap of a parabola through three end curvatures, per its second difference, from which on both roots may lie
 between: the error of the parabola."""
-_X, _W = np.polynomial.legendre.leggauss(10)
-_AT, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
 
 
 class Ring:
@@ -132,7 +120,7 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     point, normal = ring.at(old.part, places)
     turn = _next_to(np.where(old.side > 0, normal, normal + math.pi), old.turn)
     guess = old.ends[:, 0] * old.joint
-    bend, length, good = exact_bends(point, turn, guess, _STRAY)
+    bend, length, good = exact_bends(point, turn, guess)
     ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
     new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
     new = replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1))
@@ -142,7 +130,7 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
         return _free(task, new), rows
     # The tip's root next to the old one.
     last = new.ends[:, 3]
-    width = _NEARBY * (2.0 * _TIP_REACH / (_TIPS - 1)) / (1.0 - new.joint)
+    width = _NEARBY * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
     found, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
     # Of several the nearest.
     away = np.abs(found.ends[:, 3] - last[index])
@@ -151,8 +139,6 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     return found.take(order[unique]), rows[index[order[unique]]]
 
 
-_STRAY = 1.5
-"""Greatest change of a first curvature, times the length, from a posture to the next."""
 _NEARBY = 2.5
 """Greatest change of an end curvature, in spacings of the scan."""
 
@@ -184,7 +170,7 @@ def _clothoids(
     row, side, turn = row[index], side[index], turn[index]
     some = (np.abs(guess) < limit) & (np.abs(2.0 * turn - guess) < limit)
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
-    bend, length, good = exact_bends(point[row], turn, guess, 0.4)
+    bend, length, good = exact_bends(point[row], turn, guess)
     ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
     found = _started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
     return found.take(good & _within(task, found))
@@ -259,7 +245,7 @@ def _clear_first(task: FingerTask, found: Branch) -> Branch:
     at = found.joint[:, None] * _FIRST
     knots = found.knots[:, :2]
     depth = task.half - task.rough_distance(sample(knots, found.ends[:, :2], at)).min(axis=1)
-    return found.take(depth <= LOOSE)
+    return found.take(depth <= ALLOWED)
 
 
 def _free(task: FingerTask, found: Branch) -> Branch:
@@ -273,9 +259,9 @@ def _onwards(task: FingerTask, first: Branch) -> Branch:
     if not len(first) or not task.tip:
         return _free(task, first)
     rest = 1.0 - first.joint
-    most = np.minimum(np.minimum(_TIP_REACH, _range_after(task)) / rest, _TIP_MOST)
+    most = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
     most = np.minimum(most, np.max(task.limits) * (1.0 + _ABOVE))
-    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, _TIPS))[0]
+    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, TIPS))[0]
 
 
 def _range_after(task: FingerTask) -> float:
@@ -294,20 +280,20 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         """Tips (R, G) and angles of the sections there."""
         ell = rest[rows, None]
         start = last if one_arc else begin[rows, None]
-        late = 0.5 * _AT**2
+        late = 0.5 * NODES**2
         angle = first.turn[rows, None, None] + ell[..., None] * (
-            start[..., None] * (_AT - late) + last[..., None] * late
+            start[..., None] * (NODES - late) + last[..., None] * late
         )
-        move = ell * (-(np.sin(angle) @ _WEIGHTS) + 1j * (np.cos(angle) @ _WEIGHTS))
+        move = ell * (-(np.sin(angle) @ WEIGHTS) + 1j * (np.cos(angle) @ WEIGHTS))
         return first.point[rows, None] + move, first.turn[rows, None] + 0.5 * ell * (start + last)
 
     start = np.stack([first.point.real, first.point.imag, first.turn, rest], axis=1)
-    rule = task.object_numbers, _AT, _WEIGHTS
+    rule = task.object_numbers, NODES, WEIGHTS
 
     def gaps(rows: Array, last: Array) -> Array:
         """Gaps (R, G) between such tips and the object."""
         if kernel.library():
-            numbers = *last.shape, len(_AT), int(one_arc), *rule, start[rows], begin[rows], last
+            numbers = *last.shape, len(NODES), int(one_arc), *rule, start[rows], begin[rows], last
             return kernel.called("tip_gaps", np.empty(last.shape), *numbers) - task.half
         return task.rough_distance(tips(rows, last)[0]) - task.half
 
@@ -331,7 +317,7 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         return np.asarray(gaps(rows, last[:, None])[:, 0])
 
     if kernel.library():
-        numbers = len(rows), len(_AT), int(one_arc), _ROOT, task.half, _ROUNDED, *rule, start[rows], begin[rows], ends
+        numbers = len(rows), len(NODES), int(one_arc), _ROOT, task.half, _ROUNDED, *rule, start[rows], begin[rows], ends
         last = kernel.called("tip_roots", np.empty(len(rows)), *numbers)
     else:
         last = bracketed_root(miss, *ends)

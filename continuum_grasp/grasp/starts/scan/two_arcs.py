@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan.curves import table_of
-from continuum_grasp.grasp.starts.scan.task import FingerTask
-from continuum_grasp.grasp.starts.scan.touching import FRONT, Branch, bracketed_root
+from continuum_grasp.grasp.starts.scan.task import FRONT, FingerTask
+from continuum_grasp.grasp.starts.scan.touching import Branch, bracketed_root
 
 Array = NDArray[Any]
 
@@ -24,16 +24,15 @@ _ACROSS = np.linspace(-1.0, 1.0, 7)
 
 
 @lru_cache(8)
-def _table(reach: float) -> tuple[Array, Array, Array]:
-    """Bends of the arcs of a finger, tips, and angles there."""
+def _table(reach: float) -> tuple[Array, Array]:
+    """Bends of the arcs of a finger, and tips."""
     bends = np.linspace(-reach, reach, _LINES)
-    tips, turns = table_of(bends / SHARE, bends / SHARE, SHARE)
-    return bends, tips, turns
+    return bends, table_of(bends / SHARE, bends / SHARE, SHARE)[0]
 
 
 def scanned_arcs(task: FingerTask) -> Branch:
     """All postures, by crossings of the curves with the lines of a grid of both bends."""
-    bends, tips, turns = _table(task.bending_range)
+    bends, tips = _table(task.bending_range)
     near = np.zeros(tips.shape, bool)
     cell = 2.0 * (bends[1] - bends[0])
     for shape in task.shapes:
@@ -47,11 +46,9 @@ def scanned_arcs(task: FingerTask) -> Branch:
         one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
         two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
         i, j = np.nonzero(gap[one] * gap[two] <= 0.0)
-        # Roughly ahead, before roots are found.
         pair = np.stack([bends[i], bends[j]], axis=1)
         other = np.stack([bends[i + (axis == 0)], bends[j + (axis == 1)]], axis=1)
-        ahead = _ahead(task, tips[one][i, j], turns[one][i, j]) < 0.4
-        found.append((pair[ahead], other[ahead], gap[one][i, j][ahead], gap[two][i, j][ahead]))
+        found.append((pair, other, gap[one][i, j], gap[two][i, j]))
     low, high, at_low, at_high = (np.concatenate(part) for part in zip(*found, strict=True))
     return _rooted(task, low, high, at_low, at_high)[0]
 
@@ -84,12 +81,6 @@ def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
 
 def _gap(task: FingerTask, bends: Array) -> Array:
     return task.rough_distance(_tips(task, bends)[0]) - task.half
-
-
-def _ahead(task: FingerTask, tip: Array, facing: Array) -> Array:
-    """Cosine between the tip's tangent and the outward normal."""
-    normal = task.touched(tip)[2]
-    return np.asarray(np.cos(normal - facing - 0.5 * math.pi))
 
 
 def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:

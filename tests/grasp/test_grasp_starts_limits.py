@@ -1,0 +1,120 @@
+"""The limits by which starts are made: each decides otherwise on either side of it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from grasp_scenes import UPRIGHT, make_scene
+
+from continuum_grasp.grasp.starts.basins import Basins
+from continuum_grasp.grasp.starts.scan import linked, task, touching
+from continuum_grasp.grasp.starts.scan.touching import Branch
+from continuum_grasp.grasp.starts.spread import spread_order
+from continuum_grasp.grasp.starts.weighing import doubt
+
+ON = frozenset({"finger.middle", "finger.tip", "palm"})
+
+
+def branch(count=2, **last):
+    """Postures that are alike, but for numbers of the last one."""
+    values = {name: np.zeros(count) for name in Branch.__dataclass_fields__}
+    values |= {"side": np.ones(count, int), "joint": np.full(count, 0.5), "ends": np.zeros((count, 4))}
+    for name, value in last.items():
+        values[name] = values[name].copy()
+        values[name][-1] = value
+    return Branch(**values)
+
+
+def neighbors(**last):
+    return bool(linked.along_outline(branch(**last), 128)[0, 1])
+
+
+def neighboring_arcs(**last):
+    return bool(linked.in_bends(branch(**last))[0, 1])
+
+
+def within(curvature):
+    """Whether a curve to the first contact may be bent so much, whose limit is 8 per length."""
+    bounds = {
+        "bounds": (0.1, 0.9),
+        "bending_range": 6.0,
+        "counts": (1, 1),
+        "middles": (True,),
+        "limits": np.array([8.0]),
+    }
+    return bool(touching._within(SimpleNamespace(**bounds), branch(1, ends=curvature))[0])
+
+
+def clear_to_the_contact(depth):
+    free = SimpleNamespace(half=0.02, rough_distance=lambda points: np.full(points.shape, 0.02 - depth))
+    return bool(len(touching._clear_first(free, branch(1))))
+
+
+def judged(depth, method="_judged"):
+    """Whether postures so deep in something are left; those that are scanned may be deeper than those that count."""
+    scan = Basins(make_scene("matched_clothoid", UPRIGHT), ON)
+    scan._depth = lambda some: np.full(len(some), depth)
+    some = touching.scanned(scan.task, touching.Ring(scan.task, 32))
+    left = getattr(scan, method)(some)
+    return left is not None and len(left[0] if isinstance(left, tuple) else left.branch) > 0
+
+
+def violates_nothing(depth=0.0, bent=0.0):
+    straight = SimpleNamespace(limits=np.full(65, 8.0), bending_range=100.0, counts=(1,))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(task, "obstruction", lambda *_: np.array([depth]))
+        wrong = task.violation(straight, np.array([[0.0, 1.0]]), np.full((1, 2), bent), np.zeros((1, 0)))
+    return bool(wrong[0] == 0.0)
+
+
+def comes_before_another(score):
+    """Whether a posture 0.5 from the best comes before another one far away that is worse by ``score``."""
+    features = np.array([[0.0], [0.5], [9.0]])
+    return spread_order(np.array([0.0, 1.0, 1.0 + score]), features, 3)[1] == 2
+
+
+LIMITS = [
+    ("places apart of neighbors", 1.6, lambda x: neighbors(place=x)),
+    ("the same round the end of the ring", 1.6, lambda x: neighbors(place=128.0 - x)),
+    ("joints apart of neighbors", 0.08, lambda x: neighbors(joint=0.5 + x)),
+    ("curvatures apart of neighbors", 2.5, lambda x: neighbors(ends=np.array([0.0, x, x, 0.0]))),
+    ("normals apart of neighbors", 0.5, lambda x: neighbors(tip_normal=x)),
+    ("bends apart of neighboring arcs", 0.1, lambda x: neighboring_arcs(ends=np.array([x, x, x, x]))),
+    ("curvature above its limit", 8.0 * 1.02, within),
+    ("depth up to the first contact", 2e-3, clear_to_the_contact),
+    ("depth of a posture that counts", 2e-4, judged),
+    ("depth of a posture next to which others may be clear", 2e-3, lambda x: judged(x, "_passable")),
+    ("depth of a rough start", 2e-3, lambda x: violates_nothing(depth=x)),
+    ("score for a posture unlike the best", 0.5 * math.exp(-1.0), comes_before_another),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_starts_are_otherwise_on_either_side_of_a_limit(limit, decides):
+    assert decides((1.0 - 1e-6) * limit)
+    assert not decides((1.0 + 1e-6) * limit)
+
+
+def test_beyond_two_parts_in_a_hundred_imbalance_ranks_less():
+    """What IPOPT brings to zero: there the doubt has its kink."""
+    left = np.array([0.0, 0.01, 0.02 - 1e-9, 0.02, 0.03])
+    steep, flat = np.diff(doubt(left))[[0, 3]] / 0.01
+    assert steep == pytest.approx(10.0)
+    assert flat == pytest.approx(2.0)
+    assert doubt(left[2]) == pytest.approx(doubt(left[3]))
+
+
+def test_twelve_basins_at_most_the_best_first():
+    score = np.arange(20.0)[::-1]
+    assert linked.minima(score, np.eye(20, dtype=bool)).tolist() == [*range(19, 7, -1)]
+
+
+def test_places_are_added_at_quarters_of_the_spacing():
+    """On to the next place, and back where none is before."""
+    shifts = linked.gaps(branch(2, place=1.0), np.ones(2))
+    assert shifts[0].tolist() == [0.25, 0.5, 0.75, -0.25, -0.5, -0.75]
+    assert shifts[1, :3].tolist() == [0.25, 0.5, 0.75]
+    assert np.isnan(shifts[1, 3:]).all()

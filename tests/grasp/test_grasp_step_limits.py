@@ -1,0 +1,352 @@
+"""Limits of what follows a search: reasons, stable grasps, stations, robust ones and the closing path; each decides
+otherwise on either side of it, or counts so many tries.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from continuum_grasp.grasp import stations, steady
+from continuum_grasp.grasp.closing.path import _Walk
+from continuum_grasp.grasp.closing.result import ClosingStatus
+from continuum_grasp.grasp.closing.verdict import Ending
+from continuum_grasp.grasp.problem import solver_run
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.reasons import diagnosis, pairs
+from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
+from continuum_grasp.grasp.robust import solve as robust
+from continuum_grasp.grasp.robust.response import Response
+from continuum_grasp.grasp.values import Reason
+from continuum_grasp.nlp import Attempt, Budget, Status
+from tests import certificate_cases as cases
+
+TENSION = next(limit for limit in RELAXATIONS if limit.name == "tension")
+SCENE = cases.squeezed_disc()[0]
+
+
+class Some(SimpleNamespace):
+    """Something of its own, whatever others hold."""
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
+
+def reason(name="tension", limit=1.0, needed=1.0):
+    return Reason(name, "", "", limit, needed, "", "", None)
+
+
+def searching(scene=SCENE, **more):
+    return Some(**{"scene": scene, "budget": Budget(), "basins": [], "tried": [], "good": [], "best": None, **more})
+
+
+# -- reasons ---------------------------------------------------------------------------------------------------
+
+
+def agree(*amounts):
+    repairs = Repairs(SCENE, searching())
+    repairs.found["tension"], repairs._amounts["tension"] = Some(), list(amounts)
+    return repairs.agree(TENSION)
+
+
+def hopeful(imbalance, known=math.inf, elements=2):
+    """Whether a start is tried whose best forces leave so much, where the scan without the limit relaxed left more."""
+    basin = Some(start=Some(imbalance=known))
+    search = searching(SCENE.changed({"fidelity.elements": elements}), knows_postures=True, basins=[basin])
+    return bool(diagnosis._hopeful(search, [Some(imbalance=imbalance)]))
+
+
+def repaired(amount, most=1.0):
+    """Whether a limit relaxed by an amount is a repair."""
+    limit = Some(name="tension", most=most, excuses=None, start=lambda scene: 1.0)
+    found = Some(x=np.zeros(1), violations=[], status=Status.SOLVED)
+    solver = Some(run=lambda *_, **__: found, given=lambda *_: amount, arrays=lambda *_: {})
+    repairs = Repairs(SCENE, searching(solver=lambda start: solver))
+    repairs._holds = lambda *_: True
+    repairs.attempt(limit, Some(), 1.0)
+    return bool(repairs.found)
+
+
+def stays_without_programming(part):
+    """Whether the amount of the solver stays where linear programming gives a limit that is less by a part."""
+    amount, found = 10.0, TENSION.value(SCENE, 10.0)
+    repairs = Repairs(SCENE, searching(attempt=lambda *_, **__: None))
+    repairs._holds = lambda *_: True
+    attempt = Some(optimal=True, start=Some(), features={}, x=np.zeros(1))
+    repairs.found["tension"] = Repair(amount, {}, attempt)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diagnosis, "least_amount", lambda *_: Some(amount=amount - part * found, arrays={}))
+        return repairs.reason(TENSION).needed == pytest.approx(found, rel=1e-9)
+
+
+# -- the closing path, of one finger of length one and E I / L^2 of one -----------------------------------------
+
+
+def ending(*lines, free=True):
+    """The end of a path with so many shapes, one place at (0, x) each."""
+    finger = Some(name="finger", stations=np.array([0.5, 0.7, 0.9]), length=1.0)
+    finger.setup = Some(middle_names=("finger.middle",), before=(1,), tip_name="finger.tip")
+    closing = Some(fingers=[finger], unit=1.0, length=1.0, free=free, grasped=np.zeros(3), scene=SCENE)
+    taken = [Some(sight=Some(lines=np.array([[0.0], [x]])), share=0.1 * k) for k, x in enumerate(lines)]
+    arrays = {
+        "contact_names": np.array(["finger.middle"]),
+        "contact_forces": np.array([[1.0, 0.0, 0.0]]),
+        "finger.lengths": np.array([0.6, 0.4]),
+    }
+    return Ending(closing, arrays, taken, 0.0)
+
+
+def touches_nothing(force):
+    return not ending(0.0, 0.0)._touches(np.array([[[0.0, 0.0, 0.0]], [[0.0, force, 0.0]]]))
+
+
+def status(moved=0.0, distance=0.0):
+    """The verdict on an object moved by a part of its size, and on a finger so far from where it is in the grasp."""
+    end = ending(0.0)
+    end._missing = lambda normal: []
+    poses = np.array([[moved * SCENE.object.size, 0.0, 0.0]])
+    return end._verdict(None, np.zeros((1, 1, 3)), poses, np.zeros((1, 3)), distance, ())[0]
+
+
+def touches_where_it_should(along):
+    """Whether a place so far along the finger from a contact of the grasp, at 0.6, stands for it."""
+    end = ending(0.0)
+    end.closing.fingers[0].stations = np.array([0.6 + along])
+    return not end._missing(np.ones((1, 1)))
+
+
+def opens(depth):
+    """Whether a finger that lies so deep in the object, unloaded, begins its path there."""
+    walk, _ = walking(depth)
+    return walk._open() is not None
+
+
+def walking(depth=0.0, converged=True):
+    """A path whose solver counts its calls."""
+    setup = Some(finger=Some(tendons_used="both", tension_limits=(np.zeros(2), np.ones(2))))
+    calls = []
+
+    def solve(*arguments):
+        calls.append(arguments)
+        return Some(converged=converged, x=np.zeros(1))
+
+    sight = Some(gaps=np.array([-depth]), lines=np.zeros((2, 1)), pose=np.zeros(3))
+    closing = Some(fingers=[Some(name="finger", setup=setup)], pairs=[], free=False, length=1.0, grasped=np.zeros(3))
+    closing.problem, closing.solve, closing.found = Some(x=np.zeros(1)), solve, lambda *_: sight
+    closing.problem.x = Some(numel=lambda: 1)
+    closing.sliding = lambda *_: None
+    walk = _Walk(closing, {"finger.tensions": np.array([2.0, 1.0])}, 40)
+    walk._keep = lambda *_: None
+    walk.taken, walk._multipliers = [Some(share=0.0, normal=np.zeros(0), x=np.zeros(1), sight=sight)], None
+    return walk, calls
+
+
+# -- solver, stable and robust grasps ----------------------------------------------------------------------------
+
+
+def rounds(deepest=0.0, change=0.0):
+    """Solver runs until no finger is deeper than one between guarded places that move what is sought by a change."""
+    one = Some(x=np.zeros(1), g=np.zeros(1), objective=1.0, status=Status.SOLVED, converged=True, iterations=1)
+    values = {**vars(one), "multipliers": Some(constraints=np.ones(1))}
+    known = {name: values.get(name) for name in Attempt.__dataclass_fields__}
+    method = Some(solve=lambda *_: Attempt(**known))
+    problem = Some(functions={"jac_g": lambda x, p: [np.array([change])]})
+    start = solver_run.nlp.Start(np.zeros(1), *[np.zeros(1)] * 4, np.zeros(1))
+    look = lambda x, numbers: (deepest, numbers)  # noqa: E731
+    return solver_run.solve_clear(method, problem, start, look, 1.0, Budget(), 10)[0].iterations
+
+
+def stable(*found, value=-0.09):
+    """Levels asked for, and iterations, where attempts give (eigenvalue, objective, acceptable) in turn."""
+    asked, solver = [], Some(problem=Some(spec=None))
+
+    def grasp(eigenvalue, objective=1.0, acceptable=False):
+        attempt = Some(x=np.zeros(1), start=None, features={}, objective=objective, converged=True)
+        certificate = Some(stability=Some(eigenvalue=eigenvalue))
+        return Some(attempt=attempt, certificate=certificate, acceptable=acceptable, solver=solver)
+
+    def attempt(*_, numbers, **options):
+        asked.append((numbers["stability level"], options["iterations"]))
+        return grasp(*found[min(len(asked), len(found)) - 1])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(steady, "_slope", lambda *_: np.ones(1))
+        patch.setattr(steady, "solver_for", lambda spec: None)
+        patch.setattr(steady, "replace", lambda some, **_: some)
+        steady._stabilize(searching(attempt=attempt), grasp(value))
+    return asked
+
+
+def unstable(*objectives):
+    """How many of the unstable grasps with these objectives stable ones are sought from."""
+    found = [Some(acceptable=False, attempt=Some(objective=objective)) for objective in objectives]
+    seen = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(steady, "_stabilize", lambda search, at: seen.append(at))
+        steady.stabilize(searching(good=found))
+    return len(seen)
+
+
+def same_branch(part):
+    """Whether a grasp whose tension differs by a part is none of its own."""
+
+    def grasp(tension):
+        arrays = {"contact_names": np.array(["finger.tip"]), "finger.tensions": np.array([tension, 0.0])}
+        return Some(arrays=arrays, acceptable=True)
+
+    best, other = grasp(1.0), grasp(1.0 - part)
+    return not list(robust._others(searching(good=[other]), best.arrays))
+
+
+def holds(reserve):
+    return Response(*[None] * 2, reserve, *[None] * 6).holds
+
+
+LIMITS = [
+    ("friction that is rare", 1.0, lambda x: not is_rare(reason("friction", 0.1, x))),
+    ("what is missing of a limit", 1.03, lambda x: not is_clear(reason(needed=x), SCENE)),
+    ("amounts that are one", 1.0 / (1.0 - 1e-4), lambda x: agree(1.0, 1.0, x)),
+    ("imbalance with a limit relaxed", 0.02, hopeful),
+    ("the same of more elements", 0.06, lambda x: hopeful(x, elements=3)),
+    ("imbalance per that without", 0.95 * 0.01, lambda x: hopeful(x, known=0.01)),
+    ("imbalance that is none", 1e-3, lambda x: hopeful(x, known=0.0)),
+    ("most that makes sense of an amount", 1.0 - 1e-3, repaired),
+    ("what linear programming improves", 1e-3, stays_without_programming),
+    ("force of a place that touches", 1e-3, touches_nothing),
+    ("movement of the object", 0.02, lambda x: status(moved=x) is not ClosingStatus.PUSHED),
+    ("distance from the grasp", 0.03, lambda x: status(distance=x) is ClosingStatus.REACHED),
+    ("place that stands for a contact", 0.1, touches_where_it_should),
+    ("jump of a finger that snaps", 0.15, lambda x: not ending(0.0, x)._snaps()),
+    ("depth of an unloaded finger", 1e-4, opens),
+    ("depth between guarded places", 1.0, lambda x: rounds(deepest=x) == 1),
+    ("change by new guarded places", 1e-5, lambda x: rounds(change=x) == 1),
+    ("objectives of unstable grasps that are one", 1.01, lambda x: unstable(1.0, x) == 1),
+    ("change of a stable grasp that is settled", 1e-4 / (1.0 - 1e-4),
+     lambda x: len(stable((0.02, 1.0, True), (0.02, 1.0 + x, True), (0.02, 1.0 + x, True))) == 2),
+    ("tensions of a branch", 1e-3, same_branch),
+    ("reserve that is lost by rounding", 1e-4, lambda x: holds(-x)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_a_step_decides_otherwise_on_either_side_of_a_limit(limit, decides):
+    assert decides((1.0 - 1e-6) * limit)
+    assert not decides((1.0 + 1e-6) * limit)
+
+
+# -- counts ------------------------------------------------------------------------------------------------------
+
+
+def starts_per_limit(agreeing):
+    """Starts from which a limit is relaxed that gives a grasp, or none; iterations of each."""
+    starts, asked = [Some(k=k) for k in range(20)], []
+    repairs = Repairs(SCENE, searching())
+
+    def attempt(limit, start, amount, iterations):
+        asked.append((start.k, iterations))
+        if agreeing:
+            repairs.found["tension"] = Some(amount=1.0)
+            repairs._amounts["tension"] = [1.0]
+
+    repairs.starts, repairs.attempt, repairs.resume = lambda *_, **__: starts, attempt, lambda *_: None
+    repairs._try([TENSION])
+    return asked
+
+
+def pairs_of(*totals):
+    seen = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pairs, "_reason", lambda scene, search, pair, more: seen.append(pair.total))
+        pairs._reasons(SCENE, searching(), [Some(total=total, amounts={}) for total in totals], {})
+    return seen
+
+
+def starts_of_pairs():
+    """Usual amounts by which shapes are relaxed in search of pairs; starts of each, and those of the best pair."""
+    factors, tried, left = [], [], []
+
+    def relax(scene, search, pair, start):
+        tried.append(start)
+        return Some(total=1.0, amounts=dict.fromkeys(pair))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pairs, "_scanned", lambda *known: factors.append(known[-1]) or {(1, 2): [*range(9)]})
+        patch.setattr(pairs, "_relax", relax)
+        patch.setattr(pairs, "_reason", lambda scene, search, pair, more: left.append(more))
+        pairs.find_pairs(SCENE, searching())
+    return factors, tried[:2], left[0]
+
+
+def eased_by():
+    """Usual amounts of tension by which a limit is relaxed until postures are in balance, which they never are."""
+    usual, seen = TENSION.start(SCENE), []
+
+    def rebalanced(scene):
+        seen.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / usual)
+        return [[]]
+
+    diagnosis.balanced_starts(searching(rebalanced=rebalanced, knows_postures=False), [TENSION])
+    return seen
+
+
+def share_that_holds(most):
+    """The share of the friction of the fingers that is reported where grasps hold up to one."""
+    scene = SCENE.changed({"finger.tendons.friction": 0.1, "fidelity.family": "arc"})
+    response = Some(holds=False, reserve=-1.0, error=np.zeros(6), weakest="", attempt=Some(violations=[]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(robust, "_holds", lambda result, bounds, share, budget: share <= most)
+        patch.setattr(robust, "replace", lambda some, **changes: Some(**changes))
+        nominal, found = Some(nominal=Some(tension=1.0)), Some(responses=[response])
+        result = robust._none(Some(scene=scene), nominal, found, None, Budget())
+    return result.reasons[0].needed / 0.1
+
+
+def halved():
+    walk, calls = walking(converged=False)
+    walk._advance(1.0)
+    return len(calls)
+
+
+def opened():
+    walk, calls = walking(depth=1.0)
+    assert walk._open() is None
+    return len(calls)
+
+
+def begun(count):
+    """Grasps with one middle contact from which stations are sought, and sets tried while each is better."""
+    before, begins, better = [Some(attempt=Some(objective=k), arrays=k) for k in range(count)], [], []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stations, "_begin", lambda search, scene, arrays: begins.append(arrays))
+        patch.setattr(stations, "_exchanges", lambda scene, arrays: [None])
+        patch.setattr(stations, "_better", lambda search, start: better.append(start) or True)
+        stations.search_stations(searching(best=Some(arrays={})), searching(good=before))
+    return begins, len(better)
+
+
+COUNTS = [
+    ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),
+    ("starts of a limit that gives one", [*range(8)], lambda: sorted({k for k, _ in starts_per_limit(True)})),
+    ("iterations of each", {80}, lambda: {most for _, most in starts_per_limit(True)}),
+    ("amounts that agree", (False, True), lambda: (agree(1.0, 1.0), agree(1.0, 1.0, 1.0))),
+    ("pairs of limits", [*range(6)], lambda: pairs_of(*range(20))),
+    ("starts of pairs", ([1.0, 3.0], [0, 1], [2, 3, 4, 5]), starts_of_pairs),
+    ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
+    ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
+    ("halvings of a step", 6, halved),
+    ("tensions that open", 11, opened),
+    ("begins and exchanges of stations", ([0, 1, 2], 24), lambda: begun(9)),
+    ("rounds of guarded places", 8, lambda: rounds(deepest=2.0)),
+    ("rounds towards stability", [(pytest.approx(0.1), 40), 12],
+     lambda: [stable((-0.09,))[0], len(stable((-0.09,)))]),
+    ("steps to a solver that does not follow", [0.1, 0.04], lambda: pytest.approx([a for a, _ in stable((-1.0,))])),
+    ("unstable grasps", 2, lambda: unstable(1.0, 2.0, 3.0)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("count", "counted"), [row[1:] for row in COUNTS], ids=[row[0] for row in COUNTS])
+def test_a_step_tries_so_many(count, counted):
+    assert counted() == count
