@@ -20,14 +20,11 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, Data, TipPath
-from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.problem import Build, Given, Problem
 from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
-from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
-Given = Sequence[tuple[Data, Scene]]
-Build = Callable[[Given, Sequence[Unknown]], Problem]
 
 IMPLAUSIBLE = "implausible"
 """Status of a fit whose measurements cannot be those of the finger."""

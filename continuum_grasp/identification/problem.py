@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.data import Data
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.unknowns import Unknown, prior
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
+Given = Sequence[tuple[Data, Scene]]
 
 _HUBER = 1.345
 """Deviations beyond which Huber's loss is linear [1]: 95 % efficient for normal noise (P. J. Huber, 1981)."""
@@ -133,6 +136,18 @@ class Problem:
             if chosen is None or chosen[part].any():
                 y[part], jacobian[part, columns] = block.predict(values[columns])
         return y, jacobian
+
+    def weighted(self, solution: Solution, further: Array | None = None) -> tuple[Array, Array]:
+        """Jacobian and residuals (rows, n) of what was fitted, per standard deviation, and of what is known beforehand.
+
+        ``further`` (m, k) are derivatives by more parameters, of which nothing is known.
+        """
+        fitted, (missed, slopes) = self.fitted, self.prior(solution.values)
+        further = np.zeros((len(self.measured), 0)) if further is None else further
+        jacobian = (np.hstack([solution.jacobian, further]) / solution.sigma[:, None])[fitted]
+        residuals = ((solution.predictions - self.measured) / solution.sigma)[fitted]
+        slopes = np.pad(slopes, ((0, 0), (0, further.shape[1])))
+        return np.vstack([jacobian, slopes]), np.append(residuals, missed)
 
     def solve(self, progress: Progress) -> Solution:
         """Find the parameters; unknown standard deviations and robust weights are found by iteration.
@@ -287,6 +302,10 @@ class Problem:
         correction = 1.0 + len(self.unknowns) / len(size) * (1.0 - inside) / max(inside, 1e-3)
         plain = float(size @ size)
         return correction**2 * float(bounded @ bounded) / max(inside, 1e-3) ** 2 / max(plain, 1e-300)
+
+
+Build = Callable[[Given, Sequence[Unknown]], Problem]
+"""The problem of sets of data with their scenes, and of what is sought in them."""
 
 
 def _own_residuals(
