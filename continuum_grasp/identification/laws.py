@@ -32,8 +32,8 @@ fingers are off, and ten times what two integrators differ by."""
 _FURTHER = {
     "quadratic_damping": (
         "damping",
-        "large swings lose more of it, which the drag of the air does",
-        "small swings lose more of it, which dry friction does, of the bending or in the tendons",
+        "large swings lose more of it, as the drag of the air makes them",
+        "small swings lose more of it, as dry friction makes them, of the bending or in the tendons",
     ),
     "softening_ratio": (
         "stiffness",

@@ -17,7 +17,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.control_logs import Log, read_logs
+from continuum_grasp.identification.control_logs import Log, read_logs, refuse_implausible
 from continuum_grasp.identification.residual import OneStepError, ResidualFit
 from continuum_grasp.identification.smoothing import Smoother, Steps
 from continuum_grasp.model.learned_residual import distance, terms
@@ -86,6 +86,8 @@ def learn_residual(
     ------
     InputError
         If logs and scene do not fit together, or the logs are too short.
+    SolverError
+        If a log cannot be that of this finger, with the status ``implausible``.
     NumericalError
         If the model does not follow a log.
 
@@ -123,6 +125,8 @@ def learn_residual(
             f"{', '.join(names)}), {4 * _EDGE + 1} in each log, got {rows} in {len(logs)}",
             key="data",
         )
+    for log in own:
+        refuse_implausible(scene, log, smoother.delay)
     smoother.choose_noise(own[: len(logs)])
     report(0.5)
     steps = [_inner(smoother, log) for log in own]
