@@ -127,7 +127,7 @@ def identify(
     }
     laws = doubts_of_laws(problem, solution, given, build)
     fit = _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), laws, statistics)
-    verdict = judge(problem, solution.predictions, solution.sigma, given, build)
+    verdict = judge(problem, solution, given, build)
     return replace(
         fit,
         status=IMPLAUSIBLE if verdict.reason else fit.status,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from os import PathLike
 from time import perf_counter
@@ -234,19 +233,18 @@ def _learn(
     for count in _KERNELS:
         kernels = _kernels(z, count)
         empty = residual(kernels)
-        problem = RidgeProblem.of(_terms(empty, values), slopes, targets)
+        weights = ridge_weights(_terms(empty, values), slopes, targets, _RIDGES)
         own = ca.SX.sym("weights", n * len(empty.weights[0]))
         forces = ca.mtimes(ca.reshape(own, -1, n).T, ca.vertcat(*map(ca.SX, terms(empty, features.symbols))))
         flow = smoother.flow(forces, own)
-        tried += [(ahead.share(flow, problem.weights(ridge)), ridge, kernels, problem) for ridge in _RIDGES]
+        tried += [(ahead.share(flow, one), ridge, kernels, one) for ridge, one in zip(_RIDGES, weights, strict=True)]
     least = min(share for share, *_ in tried)
     simplest = min(len(kernels) for share, _, kernels, _ in tried if share <= _SIMPLER * least)
-    share, ridge, kernels, problem = min(
+    share, ridge, kernels, best = min(
         (one for one in tried if len(one[2]) == simplest), key=lambda one: (one[0], one[1])
     )
-    weights = problem.weights(ridge).reshape(n, -1)
     training = ResidualTraining(logs=tuple(names), rows=len(z), ridge=ridge, error_share=share)
-    return residual(kernels, weights, training=training), _Choice(len(kernels), ridge, share)
+    return residual(kernels, best.reshape(n, -1), training=training), _Choice(len(kernels), ridge, share)
 
 
 class _Ahead:
@@ -294,38 +292,17 @@ def _terms(residual: LearnedResidual, values: Array) -> Array:
     return np.array(function.map(len(values))(values.T)).reshape(-1, len(values), order="F").T
 
 
-@dataclass(frozen=True)
-class RidgeProblem:
-    """Least squares of targets by forces that are linear in weights, with a ridge.
+def ridge_weights(factors: Array, slopes: Array, targets: Array, ridges: Sequence[float]) -> list[Array]:
+    """Weights (n * size,), for each ridge, of targets (K, m) = slopes (K, m, n) weights (n, size) factors (K, size).
 
-    Attributes
-    ----------
-    gram : (size, size) ndarray
-        Of the columns, scaled to a mean square of one.
-    moment : (size,) ndarray
-    rows : int
-    columns : (size,) ndarray
-        Root mean squares of the columns.
+    Columns are scaled to a mean square of one, and the ridge counts per row.
     """
-
-    gram: Array
-    moment: Array
-    rows: int
-    columns: Array
-
-    @staticmethod
-    def of(factors: Array, slopes: Array, targets: Array) -> RidgeProblem:
-        """That of targets (K, m) = slopes (K, m, n) times weights (n, size) times factors (K, size)."""
-        whole = np.einsum("kmn,ks->kmns", slopes, factors).reshape(targets.size, -1)
-        columns = np.sqrt(np.mean(whole**2, axis=0))
-        columns = np.where(columns > 0.0, columns, 1.0)
-        a = whole / columns
-        return RidgeProblem(a.T @ a, a.T @ targets.ravel(), targets.size, columns)
-
-    def weights(self, ridge: float) -> Array:
-        """The weights (n * size,)."""
-        gram = self.gram + ridge * self.rows * np.eye(len(self.columns))
-        return np.asarray(np.linalg.solve(gram, self.moment) / self.columns)
+    whole = np.einsum("kmn,ks->kmns", slopes, factors).reshape(targets.size, -1)
+    unit = np.sqrt(np.mean(whole**2, axis=0))
+    unit = np.where(unit > 0.0, unit, 1.0)
+    a = whole / unit
+    gram, moment, own = a.T @ a, a.T @ targets.ravel(), targets.size * np.eye(len(unit))
+    return [np.asarray(np.linalg.solve(gram + ridge * own, moment) / unit) for ridge in ridges]
 
 
 class _TipErrors:

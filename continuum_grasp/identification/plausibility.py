@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, Data, TipPath
-from continuum_grasp.identification.problem import Build, Given, Problem
+from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 
@@ -46,6 +46,11 @@ _NOTHING = 0.01
 """Misfit per what is plausible [1] below which no slip explains the data better than another."""
 _REFITTED = 4
 """Slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a minute."""
+_FAR = 10.0
+"""Factor of an estimate on the scene's value, up or down, from which slips are tried although the fit is good [1]: what
+scales load and stiffness alike leaves no misfit, and materials of one kind differ by less."""
+_SCALES = ("bending_stiffness", "linear_density")
+"""Unknowns that scale with units of the loads or times."""
 _MEASURED = {*KIND_OF, "frequency", "decay rate"}
 """Columns on whose values no prediction depends."""
 _BASE = ("base_x", "base_y")
@@ -81,9 +86,9 @@ class Verdict(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, build: Build) -> Verdict:
-    """Judge a fit by its predictions (m,) and the standard deviations (m,) of what was measured."""
-    left = misfits(problem, predictions)
+def judge(problem: Problem, solution: Solution, given: Given, build: Build) -> Verdict:
+    """Judge a fit."""
+    left, sigma = misfits(problem, solution.predictions), solution.sigma
     reason, doubtful = _too_far(problem, sigma, given), [one for one in left if one.doubtful]
     causes = explain(problem, given, build, left) if reason or doubtful else ()
     worst = max(left, key=lambda one: one.rms / one.limit)
@@ -101,6 +106,13 @@ def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, buil
         for one in doubtful
         if one.rms > one.scatter
     ]
+    for one, value in zip(problem.unknowns, solution.values, strict=True):
+        times = value / one.typical
+        if one.target in _SCALES and not 1.0 / _FAR <= times <= _FAR:
+            slips = " or ".join(explain(problem, given, build)) or "none of the usual ones explains it"
+            warnings.append(
+                f"{one.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
+            )
     return Verdict("", (), tuple(warnings))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -161,11 +160,11 @@ class Problem:
         for share in _HORIZONS if any(block.free for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):
-                values = self._search(values, chosen, 1.0 / sigma, first=True).values
+                values = self._search(values, chosen, 1.0 / sigma, self._sought, first=True).values
             progress(0.5 * share)
         scale = np.ones(len(self.measured))
         for round_ in range(_ROUNDS):
-            minimum = self._search(values, self.fitted, scale / sigma)
+            minimum = self._search(values, self.fitted, scale / sigma, self._sought)
             predictions, jacobian = self.predict(minimum.values, self.fitted)
             # each group by its own residuals (iteratively reweighted): meters and radians weigh as they scatter
             new_sigma = self._new_sigma(predictions, jacobian, sigma)
@@ -186,31 +185,25 @@ class Problem:
 
         What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
         """
-        values = values.copy()
-        for block, part, columns in zip(self.blocks, self.parts, self._columns, strict=True):
-            own = columns >= self.shared
-            if self.fitted[part].any() or not own.any():
-                continue
-            unknowns = [self.unknowns[k] for k in columns[own]]
-            given = (values[columns], own, self.measured[part], sigma[part])
-            residuals = partial(_own_residuals, block, unknowns, *given)
-            lower, upper, sizes = self._bounds(unknowns)
-            found = least_squares(
-                residuals, values[columns[own]], lower, upper, sizes, evaluations=_EVALUATIONS, **self._ends
-            )
-            values[columns[own]] = found.values
+        for part, columns in zip(self.parts, self._columns, strict=True):
+            chosen, sought = np.zeros(len(self.measured), dtype=bool), np.zeros(len(values), dtype=bool)
+            chosen[part], sought[columns[columns >= self.shared]] = True, True
+            if sought.any() and not self.fitted[part].any():
+                values = self._search(values, chosen, 1.0 / sigma, sought).values
         return values
 
-    @staticmethod
-    def _bounds(unknowns: Sequence[Unknown]) -> tuple[Array, Array, Array]:
-        """Bounds and typical sizes."""
+    def _search(
+        self,
+        start: Array,
+        chosen: NDArray[np.bool_],
+        weights: Array,
+        own: NDArray[np.bool_],
+        *,
+        first: bool = False,
+    ) -> Minimum:
+        unknowns = [one for one, sought in zip(self.unknowns, own, strict=True) if sought]
         rows = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in unknowns]
         lower, upper, sizes = (np.array(column) for column in zip(*rows, strict=True))
-        return lower, upper, sizes
-
-    def _search(self, start: Array, chosen: NDArray[np.bool_], weights: Array, first: bool = False) -> Minimum:
-        own = self._sought
-        lower, upper, sizes = (column[own] for column in self._bounds(self.unknowns))
         if first:
             reach = np.maximum(_REACH * np.abs(start[own]), sizes)
             lower, upper = np.maximum(lower, start[own] - reach), np.minimum(upper, start[own] + reach)
@@ -219,9 +212,9 @@ class Problem:
             values = start.copy()
             values[own] = sought
             y, jacobian = self.predict(values, chosen)
-            scale, known = weights[chosen], self.prior(values)
-            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen]
-            return np.append(missed, known[0]), np.vstack([slope, known[1]])[:, own]
+            scale, known = weights[chosen], prior(unknowns, sought)
+            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen][:, own]
+            return np.append(missed, known[0]), np.vstack([slope, known[1]])
 
         most = _FIRST if first else _EVALUATIONS
         found = least_squares(residuals, start[own], lower, upper, sizes, evaluations=most, **self._ends)
@@ -232,8 +225,7 @@ class Problem:
                 "the parameters were not found",
                 status=found.status,
                 violated=[
-                    f"{self.unknowns[k].name} = {value:.6g} {self.unknowns[k].unit}"
-                    for k, value in zip(np.flatnonzero(own), found.values, strict=True)
+                    f"{one.name} = {value:.6g} {one.unit}" for one, value in zip(unknowns, found.values, strict=True)
                 ],
                 advice="check units and signs of the data, start nearer to the values, bound them, or estimate fewer",
                 result=found,
@@ -306,19 +298,3 @@ class Problem:
 
 Build = Callable[[Given, Sequence[Unknown]], Problem]
 """The problem of sets of data with their scenes, and of what is sought in them."""
-
-
-def _own_residuals(
-    block: Block,
-    unknowns: Sequence[Unknown],
-    values: Array,
-    own: NDArray[np.bool_],
-    measured: Array,
-    sigma: Array,
-    found: Array,
-) -> tuple[Array, Array]:
-    """Residuals of one set and their Jacobian by what it has of its own."""
-    values, known = values.copy(), prior(unknowns, found)
-    values[own] = found
-    y, slope = block.predict(values)
-    return np.append((y - measured) / sigma, known[0]), np.vstack([slope[:, own] / sigma[:, None], known[1]])
