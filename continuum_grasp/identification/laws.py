@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 
 _LEAST = 4
 """Least degrees of freedom beside a trend, and least rows of each way [1]."""
-_OF_PARABOLA = 3
-"""Rows through which a parabola goes exactly [1]."""
 _PART = 0.25
 """Of the residuals' squares, the share that a trend must explain to be reported [1]: systematic, and not just seen."""
 _MATTERS = 1e-3
@@ -42,8 +40,6 @@ _FURTHER = {
     ),
 }
 """Parameters of the laws that are tried on motions; of what law they are, and what greater and smaller ones mean."""
-_NEARLY = 0.999
-"""Ratio of softening at which it is added to a finger without any [1]: only its derivative is taken."""
 
 
 def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Build) -> list[str]:
@@ -128,8 +124,8 @@ def _with_law(name: str, problem: Problem, solution: Solution, given: Given, bui
         data, scene = given[k]
         added = name == "softening_ratio" and scene.finger.softening is None
         if added:
-            # From half of the greatest curvature on, as the range of the readings says.
-            bent = {"curvature": 0.5 * max(sizes) / scene.finger.rod.length, "stiffness_ratio": _NEARLY}
+            # From half of the greatest curvature on, as the range of the readings says; the derivative at a ratio of 1.
+            bent = {"curvature": 0.5 * max(sizes) / scene.finger.rod.length, "stiffness_ratio": 0.5}
             scene = scene.changed({"finger.softening": bent})
         (unknown,) = read_unknowns(scene, [name])
         (block,) = build([(data, scene)], [*problem.sought, unknown]).blocks
@@ -145,7 +141,7 @@ def _rows(problem: Problem, predictions: Array) -> list[str]:
     for _, name, own in _series(problem, moves=False):
         left, moved = problem.measured[own] - predictions[own], predictions[own] - predictions[own[0]]
         span = float(np.ptp(moved))
-        if len(left) <= _OF_PARABOLA or not span > 0.0:
+        if not span > 0.0:
             continue
         reach, side = np.abs(moved) / span, np.sign(moved[np.argmax(np.abs(moved))])
         # In shares of the range, so that sets of one reading are judged together.

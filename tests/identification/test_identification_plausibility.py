@@ -11,9 +11,9 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification import Poses, Reading
+from continuum_grasp.identification import Poses, Reading, plausibility
 from continuum_grasp.identification.blocks import Block, Entry, PosesBlock
-from continuum_grasp.identification.plausibility import Misfit, judge, misfits
+from continuum_grasp.identification.plausibility import Misfit, _refitted, judge, misfits
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.slips import slips_of, undone
 from continuum_grasp.identification.unknowns import read_unknowns
@@ -92,6 +92,56 @@ def test_points_beyond_the_reach_are_refused(at, way):
 def test_bends_are_refused_from_a_share_of_their_range_on(quantity, values, limit):
     (found,) = misfits(Problem([Missed(Poses([Reading(quantity, values)]))], [ONE], "squares"), np.zeros(3))
     assert found.limit == pytest.approx(limit)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "limit"), [("frequency", 0.05), ("torque", 1.0), ("decay rate", np.inf)], ids=lambda one: str(one)
+)
+def test_frequencies_and_drives_are_refused_from_a_share_of_their_size_on(quantity, limit):
+    block = Missed(Poses([Reading("x", [3.0, 4.0])]))
+    block.entries = [replace(one, quantity=quantity) for one in block.entries]
+    (found,) = misfits(Problem([block], [ONE], "squares"), np.zeros(2))
+    assert found.limit == pytest.approx(limit * np.sqrt(12.5))
+
+
+class Fixed(Missed):
+    """A set that is missed by a millimeter to either side of a level."""
+
+    def predict(self, values):
+        off = 1e-3 * (-1.0) ** np.arange(len(self.entries))
+        return np.array([one.value for one in self.entries]) + off + values[0], np.ones((len(self.entries), 1))
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.999, False), (1.001, True)])
+def test_a_slip_explains_what_it_leaves_a_third_of(share, named):
+    problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE], "squares")
+    before = 3.0 * 1e-3 / (0.05 * LENGTH)  # per what is plausible
+    assert bool(_refitted("a slip", lambda: problem, share * before)) == named
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])
+@pytest.mark.parametrize("times", [10.0, 0.1])
+def test_stiffnesses_ten_times_the_scene_s_are_doubted(share, warned, times):
+    poses = Poses([Reading("x", 0.1 * np.arange(4))])
+    problem = Problem([Missed(poses)], [ONE._replace(target="bending_stiffness")], "squares")
+    value = times ** (1.0 + np.log10(share))
+    solution = Solution(np.array([value]), problem.measured, np.ones((4, 1)), np.ones(4), 1.0, 0, 0)
+    found = judge(problem, solution, [(poses, SCENE)], _fails).warnings
+    assert bool(found) == warned
+
+
+def test_few_slips_are_fitted_anew(monkeypatch):
+    """Those that are least off at the start: of readings of zero all are off alike."""
+    tried = []
+    monkeypatch.setattr(plausibility, "_refitted", lambda words, *_: tried.append(words) or [])
+    poses = Poses([Reading("x", [0.0, 1e-9]), Reading("y", [1e-9, 0.0])])
+    problem = Problem([Fixed(poses)], [ONE], "squares")
+    assert (
+        plausibility.explain(problem, [(poses, SCENE)], lambda given, _: Problem([Fixed(given[0][0])], [ONE], "huber"))
+        == ()
+    )
+    assert len(tried) == 5
+    assert tried[-1] == "the base is elsewhere"
 
 
 def test_slips_are_tried_from_half_the_scatter_on():
