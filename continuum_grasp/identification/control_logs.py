@@ -73,14 +73,12 @@ def refuse_implausible(scene: ControlScene, log: ControlLog, delay: int) -> None
         path = TipPath(t[: len(y)][there], measured=readings, start="measured", name=log.name)
         # A stiffness that is off is what a residual is to learn.
         fit = identify(moved, path, parameters=["bending_stiffness"])
-    except SolverError as error:
-        if error.status == IMPLAUSIBLE:
+    except ContinuumGraspError as error:
+        if isinstance(error, SolverError) and error.status == IMPLAUSIBLE:
             raise
-    except ContinuumGraspError:
-        pass
-    else:
-        if fit.reason:
-            raise SolverError(fit.verdict, status=IMPLAUSIBLE, advice="correct the log or the scene")
+        return
+    if fit.reason:
+        raise SolverError(fit.verdict, status=IMPLAUSIBLE, advice="correct the log or the scene")
 
 
 def _read(path: Path, u_names: Sequence[str], y_names: Sequence[str]) -> ControlLog:

@@ -169,7 +169,7 @@ def _too_far(problem: Problem, sigma: Array, given: Given) -> str:
                 )
             over.append(beyond)
     # a robust loss expects outliers, and is misled only if most of the readings are
-    return found if not problem.robust or np.mean(np.concatenate(over) > 0.0) > 0.5 else ""
+    return found if problem.loss == "squares" or np.mean(np.concatenate(over) > 0.0) > 0.5 else ""
 
 
 def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
@@ -191,11 +191,11 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
                 block if pair is None else _other_values(block, slip, data) or build([pair], problem.sought).blocks[0]
                 for block, (data, _), pair in zip(problem.blocks, given, pairs, strict=True)
             ]
-            trial = problem.of(blocks, problem.sought)
+            trial = Problem(blocks, problem.sought, problem.loss)
             total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
         except ContinuumGraspError:
             continue
-        tried[words] = total, partial(problem.of, blocks, problem.sought)
+        tried[words] = total, partial(Problem, blocks, problem.sought, problem.loss)
     ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
     found: list[tuple[float, str]] = []
     for words, (total, undo) in ranked:
@@ -233,7 +233,7 @@ def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
     length = scene.finger.rod.length
     shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in _BASE]
     blocks = [_Shifted(block, len(sought)) for block in build(given, sought).blocks]
-    return problem.of(blocks, [*sought, *shift])
+    return Problem(blocks, [*sought, *shift], problem.loss)
 
 
 class _Shifted(Block):

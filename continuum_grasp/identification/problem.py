@@ -68,7 +68,7 @@ class Problem:
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
-        self.blocks, self.sought, self._loss = list(blocks), tuple(unknowns), loss
+        self.blocks, self.sought, self.loss = list(blocks), tuple(unknowns), loss
         shared = [one for one in unknowns if not one.per_set]
         self.unknowns, self.shared, self._columns = list(shared), len(shared), []
         for block in blocks:
@@ -93,15 +93,6 @@ class Problem:
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
-
-    def of(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> Problem:
-        """The problem of other sets, with the same loss."""
-        return Problem(blocks, unknowns, self._loss)
-
-    @property
-    def robust(self) -> bool:
-        """Whether outliers are expected."""
-        return self._loss == "huber"
 
     @property
     def fingers(self) -> list[Finger]:
@@ -173,7 +164,7 @@ class Problem:
             values, sigma, scale = minimum.values, new_sigma, new_scale
             progress(0.5 + 0.5 * (round_ + 1) / _ROUNDS)
             # one weight for all does not move the minimum
-            if settled or (len(self.groups) == 1 and self._loss == "squares"):
+            if settled or (len(self.groups) == 1 and self.loss == "squares"):
                 break
         inflation = self._inflation(predictions, sigma)
         values = self._of_holdouts(values, sigma)
@@ -273,21 +264,21 @@ class Problem:
 
     def spread(self, residuals: Array, freedom: float) -> float:
         """Standard deviation: of all residuals, or from their median where outliers are expected."""
-        if self._loss == "huber" and residuals.size >= 5:
+        if self.loss == "huber" and residuals.size >= 5:
             # 1.4826 makes the median of sizes the standard deviation of normal noise
             return 1.4826 * float(np.median(np.abs(residuals))) * float(np.sqrt(residuals.size / freedom))
         return float(np.sqrt(residuals @ residuals / freedom))
 
     def _new_scale(self, predictions: Array, sigma: Array) -> Array:
         """Roots of Huber's weights, which multiply the residuals."""
-        if self._loss == "squares":
+        if self.loss == "squares":
             return np.ones(len(sigma))
         size = np.abs(predictions - self.measured) / sigma
         return np.asarray(np.sqrt(np.minimum(1.0, _HUBER / np.maximum(size, 1e-300))))
 
     def _inflation(self, predictions: Array, sigma: Array) -> float:
         """Of the covariance (P. J. Huber, Robust Statistics, 1981, section 7.6), relative to plain squares."""
-        if self._loss == "squares":
+        if self.loss == "squares":
             return 1.0
         size = ((predictions - self.measured) / sigma)[self.fitted]
         bounded, inside = np.clip(size, -_HUBER, _HUBER), float(np.mean(np.abs(size) <= _HUBER))
