@@ -9,7 +9,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.identification import Poses, Reading, TipPath
-from continuum_grasp.identification.laws import _of_law, doubts_of_laws
+from continuum_grasp.identification.blocks import PosesBlock
+from continuum_grasp.identification.laws import _of_law, _widths, doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
@@ -138,6 +139,38 @@ def test_stiffness_and_memory_of_shapes_at_rest(make, words, side):
     warnings = [one for one in fit.warnings if "law" in one or "memory" in one]
     assert len(warnings) == (words is not None)
     assert all(words in one for one in warnings)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("rows", [6, 12, 24])
+def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
+    """At most one false alarm in a hundred, there and back; the models are built once."""
+    scene, half = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0)), rows // 2
+    moments = 0.1 * np.concatenate([np.linspace(0.0, 1.0, half), np.linspace(0.95, 0.0, rows - half)])
+    given = [(Poses([Reading("bend", moments * LENGTH / STIFFNESS)], {"tip_moment": moments}), scene)]
+    built: dict[int, Problem] = {}
+
+    def build(given, unknowns) -> Problem:
+        if len(unknowns) not in built:
+            built[len(unknowns)] = Problem([PosesBlock(given[0][1], given[0][0], unknowns)], unknowns, "squares")
+        return built[len(unknowns)]
+
+    problem, found = build(given, read_unknowns(scene, KNOWN[:1])), 0
+    clean = problem.measured
+    for seed in range(300):
+        problem.measured = clean + 4e-3 * np.random.default_rng(seed).standard_normal(rows)
+        found += bool(doubts_of_laws(problem, problem.solve(lambda share: None), given, build))
+    assert found <= 3
+
+
+@pytest.mark.parametrize(("back", "judged"), [(3, False), (4, True)])
+def test_the_direction_of_loading_is_judged_from_four_rows_each_way_on(back, judged):
+    bends = np.concatenate([np.linspace(0.0, 1.0, 8), np.linspace(0.9, 0.1, back + 1)])
+    scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
+    poses = Poses([Reading("bend", bends)], {"tip_moment": 0.1 * bends})
+    unknowns = read_unknowns(scene, KNOWN[:1])
+    problem = Problem([PosesBlock(scene, poses, unknowns)], unknowns, "squares")
+    assert bool(_widths(problem, bends)) == judged
 
 
 @pytest.mark.parametrize("softening", [None, {"curvature": 0.5, "stiffness_ratio": 0.5}])
