@@ -55,7 +55,7 @@ def refuse_implausible(scene: ControlScene, log: ControlLog, delay: int) -> None
         With the status ``implausible``.
     """
     at = scene.estimator.measured.bending.at if scene.estimator and scene.estimator.measured.bending else ()
-    places = {"tip_x": ("x", None), "tip_y": ("y", None)}
+    places: dict[str, tuple[str, float | None]] = {"tip_x": ("x", None), "tip_y": ("y", None)}
     places |= {f"angle_{k}": ("angle", place) for k, place in enumerate(at, 1)}
     names, columns = ([split_unit(label)[0] for label in labels] for labels in (log.y_names, log.u_names))
     seen = [k for k, name in enumerate(names) if name in places]
