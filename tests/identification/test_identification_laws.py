@@ -165,7 +165,7 @@ def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
 
 @pytest.mark.parametrize(("back", "judged"), [(3, False), (4, True)])
 def test_the_direction_of_loading_is_judged_from_four_rows_each_way_on(back, judged):
-    bends = np.concatenate([np.linspace(0.0, 1.0, 8), np.linspace(0.9, 0.1, back + 1)])
+    bends = np.concatenate([np.linspace(0.0, 1.0, 8), np.linspace(0.9, 0.1, back)])
     scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
     poses = Poses([Reading("bend", bends)], {"tip_moment": 0.1 * bends})
     unknowns = read_unknowns(scene, KNOWN[:1])
