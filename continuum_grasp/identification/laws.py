@@ -44,7 +44,8 @@ def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Bu
     tried, slopes = zip(*further, strict=True)
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
     step: Array = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
-    left, unknowns = residuals + jacobian @ step, [*problem.unknowns, *tried]
+    left: Array = np.asarray(residuals + jacobian @ step)
+    unknowns = [*problem.unknowns, *tried]
     found = infer(unknowns, step, jacobian, left, solution.inflation, series=problem.series)
     readings = _series(problem)
     about = [(problem.measured[own] - problem.measured[own].mean()) / solution.sigma[own] for *_, own in readings]
