@@ -156,6 +156,8 @@ def raised(report) -> bool:
 
 LONG = 2 * W + W // 2
 """2.5 windows [1]."""
+
+
 def seen(happens, **state):
     """Calls until something happens with an entry of the state: the greatest mismatch, or the drive's echo."""
 
