@@ -134,7 +134,7 @@ def camera(factor):
 FAULTS = {
     "tip axes swapped": ({"sensors": swapped((0, 1))}, 0.1, 1.5),
     "tensions swapped": ({"sensors": swapped((2, 3))}, 0.1, 2.0),
-    "commands swapped": ({"commands": lambda u: u[::-1]}, 0.16, 2.0),
+    "commands swapped": ({"commands": lambda u: u[::-1]}, 0.16, 2.6),
     "tip stuck": ({"sensors": stuck(0, 1)}, 0.3, 0.7),
     "tip_x stuck": ({"sensors": stuck(0)}, 0.3, 0.7),
     "a tension stuck": ({"sensors": stuck(2)}, 0.3, math.inf),
