@@ -9,9 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from continuum_grasp.control.log import COMMANDED, ControlLog
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
+from continuum_grasp.identification.data import START_SAMPLES, Reading, TipPath
+from continuum_grasp.identification.fitting import identify
+from continuum_grasp.identification.plausibility import IMPLAUSIBLE
+from continuum_grasp.identification.read import commanded
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.labels import split_unit
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.simulate import Scene
 
 Log = ControlLog | str | PathLike[str]
 
@@ -35,6 +41,44 @@ def read_logs(given: Sequence[Log], u_names: Sequence[str], y_names: Sequence[st
             raise InputError(message, key="data")
         found.append(log)
     return found
+
+
+def refuse_implausible(scene: ControlScene, log: ControlLog, delay: int) -> None:
+    """Refuse a log that cannot be that of the finger, as measurements are refused, and name the slip that explains it.
+
+    Measurements had been taken ``delay`` periods before they arrived. Logs without tip and angles, and those that the
+    model cannot follow for another reason, are not judged.
+
+    Raises
+    ------
+    SolverError
+        With the status ``implausible``.
+    """
+    at = scene.estimator.measured.bending.at if scene.estimator and scene.estimator.measured.bending else ()
+    places: dict[str, tuple[str, float | None]] = {"tip_x": ("x", None), "tip_y": ("y", None)}
+    places |= {f"angle_{k}": ("angle", place) for k, place in enumerate(at, 1)}
+    names, columns = ([split_unit(label)[0] for label in labels] for labels in (log.y_names, log.u_names))
+    seen = [k for k, name in enumerate(names) if name in places]
+    y, t = log.y[delay:, seen], log.t - log.t[0]
+    there = np.isfinite(y).all(axis=1)
+    if not seen or there.sum() < START_SAMPLES:
+        return
+    finger, fidelity = scene.finger, scene.fidelity.model_copy(update={"residual": None})
+    plain = Scene(finger=finger, gravity=scene.gravity, fidelity=fidelity)
+    readings = [
+        Reading(places[names[k]][0], values, places[names[k]][1]) for k, values in zip(seen, y[there].T, strict=True)
+    ]
+    try:
+        moved = commanded(plain, t, dict(zip(columns, log.u.T, strict=True)), log.name, "data")
+        path = TipPath(t[: len(y)][there], measured=readings, start="measured", name=log.name)
+        # A stiffness that is off is what a residual is to learn.
+        fit = identify(moved, path, parameters=["bending_stiffness"])
+    except ContinuumGraspError as error:
+        if isinstance(error, SolverError) and error.status == IMPLAUSIBLE:
+            raise
+        return
+    if fit.reason:
+        raise SolverError(fit.verdict, status=IMPLAUSIBLE, advice="correct the log or the scene")
 
 
 def _read(path: Path, u_names: Sequence[str], y_names: Sequence[str]) -> ControlLog:

@@ -69,18 +69,15 @@ class Reading:
     @property
     def what(self) -> str:
         """Quantity and place, for labels."""
-        return f"{self.quantity} {self.of or 1}" if self.of_drive else f"{self.quantity} of {self.place}"
+        if self.of_drive:
+            return f"{self.quantity} {self.of or 1}"
+        end = "tip" if self.at is None else f"{self.at:g} m"
+        return f"{self.quantity} of {end if self.since is None else f'{self.since:g} to {end}'}"
 
     @property
     def kind(self) -> str:
         """What shares its standard deviation."""
         return KIND_OF.get(self.quantity, self.quantity)
-
-    @property
-    def place(self) -> str:
-        """Where it was measured, for labels."""
-        end = "tip" if self.at is None else f"{self.at:g} m"
-        return end if self.since is None else f"{self.since:g} to {end}"
 
 
 @dataclass(frozen=True)

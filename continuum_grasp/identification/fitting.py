@@ -20,6 +20,7 @@ from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBl
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.inference import doubts, infer, model_error_warnings
+from continuum_grasp.identification.laws import doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
 from continuum_grasp.identification.problem import Problem, Solution
@@ -124,8 +125,9 @@ def identify(
         "total_s": perf_counter() - started,
         **({"fidelity": note} if note else {}),
     }
-    fit = _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), statistics)
-    verdict = judge(problem, solution.predictions, solution.sigma, given, build)
+    laws = doubts_of_laws(problem, solution, given, build)
+    fit = _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), laws, statistics)
+    verdict = judge(problem, solution, given, build)
     return replace(
         fit,
         status=IMPLAUSIBLE if verdict.reason else fit.status,
@@ -193,17 +195,21 @@ def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
     return PathBlock(scene, data, unknowns)
 
 
-def _fit(scene: Scene, problem: Problem, solution: Solution, finer: Array | None, statistics: Mapping[str, Any]) -> Fit:
-    fitted, sigma, unknowns = problem.fitted, solution.sigma, problem.unknowns
-    weighted = ((solution.predictions - problem.measured) / sigma)[fitted]
-    jacobian, shared = (solution.jacobian / sigma[:, None])[fitted], problem.shared
-    missed, slopes = problem.prior(solution.values)
-    rows = np.vstack([jacobian, slopes]), np.append(weighted, missed)
+def _fit(
+    scene: Scene,
+    problem: Problem,
+    solution: Solution,
+    finer: Array | None,
+    laws: Sequence[str],
+    statistics: Mapping[str, Any],
+) -> Fit:
+    fitted, sigma, unknowns, shared = problem.fitted, solution.sigma, problem.unknowns, problem.shared
+    rows = problem.weighted(solution)
     found = infer(unknowns, solution.values, *rows, solution.inflation, shared, problem.series)
     doubted: tuple[str, ...] = ()
     if finer is not None:
         coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))
-        doubted = model_error_warnings(unknowns, found.deviations, jacobian, coarse, fine)
+        doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
     own = zip(problem.blocks, problem.by_block(solution.values), strict=True)
     shapes = [f"{block.name}: {one}" for block, values in own for one in block.warnings(values)]
     return Fit(
@@ -224,6 +230,6 @@ def _fit(scene: Scene, problem: Problem, solution: Solution, finer: Array | None
         blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
         targets=tuple((one.target, one.factor, one.added) for one in unknowns[:shared]),
         scene=scene,
-        warnings=(*found.warnings, *shapes, *doubts(problem, solution, found.freedom), *doubted),
+        warnings=(*found.warnings, *shapes, *doubts(problem, solution, found.freedom), *laws, *doubted),
         statistics=statistics,
     )

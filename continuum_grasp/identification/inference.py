@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.identification.correlated import middle
-from continuum_grasp.identification.laws import FALSE_ALARMS, doubts_of_laws, surely
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
 
 Array = NDArray[np.float64]
 
+FALSE_ALARMS = 2e-3
+"""Probability with which noise alone makes a single verdict [1]: the four of them then make one in 1 % of data sets."""
 _BLIND = 1e-7
 """Singular value, relative to the largest, below which a direction is not seen at all [1]: a digit above the error of
 the derivatives, which is below 1e-8."""
@@ -208,8 +209,14 @@ def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
         *(_outliers(problem, weighted) if freedom >= 5 else ()),
         *_series(problem, weighted),
         *_sets(problem, weighted),
-        *doubts_of_laws(problem, solution.predictions),
     ]
+
+
+def surely(freedom: float, chances: int = 1) -> float:
+    """Student's t that noise exceeds, to either side, in one of so many chances with the probability of a verdict."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, 1.0 - 0.5 * FALSE_ALARMS / chances))
 
 
 def _outliers(problem: Problem, weighted: Array) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from os import PathLike
 from time import perf_counter
@@ -17,7 +16,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.control_logs import Log, read_logs
+from continuum_grasp.identification.control_logs import Log, read_logs, refuse_implausible
 from continuum_grasp.identification.residual import OneStepError, ResidualFit
 from continuum_grasp.identification.smoothing import Smoother, Steps
 from continuum_grasp.model.learned_residual import distance, terms
@@ -90,6 +89,8 @@ def learn_residual(
     ------
     InputError
         If logs and scene do not fit together, or the logs are too short.
+    SolverError
+        If a log cannot be that of this finger, with the status ``implausible``.
     NumericalError
         If the model does not follow a log.
 
@@ -126,6 +127,8 @@ def learn_residual(
             f"{', '.join(names)}), {4 * _EDGE + 1} in each log, got {rows} in {len(logs)}",
             key="data",
         )
+    for log in own:
+        refuse_implausible(scene, log, smoother.delay)
     smoother.choose_noise(own[: len(logs)])
     report(0.5)
     steps = [_inner(smoother, log) for log in own]
@@ -233,19 +236,18 @@ def _learn(
     for count in _KERNELS:
         kernels = _kernels(z, count)
         empty = residual(kernels)
-        problem = RidgeProblem.of(_terms(empty, values), slopes, targets)
+        weights = ridge_weights(_terms(empty, values), slopes, targets, _RIDGES)
         own = ca.SX.sym("weights", n * len(empty.weights[0]))
         forces = ca.mtimes(ca.reshape(own, -1, n).T, ca.vertcat(*map(ca.SX, terms(empty, features.symbols))))
         flow = smoother.flow(forces, own)
-        tried += [(ahead.share(flow, problem.weights(ridge)), ridge, kernels, problem) for ridge in _RIDGES]
+        tried += [(ahead.share(flow, one), ridge, kernels, one) for ridge, one in zip(_RIDGES, weights, strict=True)]
     least = min(share for share, *_ in tried)
     simplest = min(len(kernels) for share, _, kernels, _ in tried if share <= _SIMPLER * least)
-    share, ridge, kernels, problem = min(
+    share, ridge, kernels, best = min(
         (one for one in tried if len(one[2]) == simplest), key=lambda one: (one[0], one[1])
     )
-    weights = problem.weights(ridge).reshape(n, -1)
     training = ResidualTraining(logs=tuple(names), rows=len(z), ridge=ridge, error_share=share)
-    return residual(kernels, weights, training=training), _Choice(len(kernels), ridge, share)
+    return residual(kernels, best.reshape(n, -1), training=training), _Choice(len(kernels), ridge, share)
 
 
 class _Ahead:
@@ -293,38 +295,17 @@ def _terms(residual: LearnedResidual, values: Array) -> Array:
     return np.array(function.map(len(values))(values.T)).reshape(-1, len(values), order="F").T
 
 
-@dataclass(frozen=True)
-class RidgeProblem:
-    """Least squares of targets by forces that are linear in weights, with a ridge.
+def ridge_weights(factors: Array, slopes: Array, targets: Array, ridges: Sequence[float]) -> list[Array]:
+    """Weights (n * size,), for each ridge, of targets (K, m) = slopes (K, m, n) weights (n, size) factors (K, size).
 
-    Attributes
-    ----------
-    gram : (size, size) ndarray
-        Of the columns, scaled to a mean square of one.
-    moment : (size,) ndarray
-    rows : int
-    columns : (size,) ndarray
-        Root mean squares of the columns.
+    Columns are scaled to a mean square of one, and the ridge counts per row.
     """
-
-    gram: Array
-    moment: Array
-    rows: int
-    columns: Array
-
-    @staticmethod
-    def of(factors: Array, slopes: Array, targets: Array) -> RidgeProblem:
-        """That of targets (K, m) = slopes (K, m, n) times weights (n, size) times factors (K, size)."""
-        whole = np.einsum("kmn,ks->kmns", slopes, factors).reshape(targets.size, -1)
-        columns = np.sqrt(np.mean(whole**2, axis=0))
-        columns = np.where(columns > 0.0, columns, 1.0)
-        a = whole / columns
-        return RidgeProblem(a.T @ a, a.T @ targets.ravel(), targets.size, columns)
-
-    def weights(self, ridge: float) -> Array:
-        """The weights (n * size,)."""
-        gram = self.gram + ridge * self.rows * np.eye(len(self.columns))
-        return np.asarray(np.linalg.solve(gram, self.moment) / self.columns)
+    whole = np.einsum("kmn,ks->kmns", slopes, factors).reshape(targets.size, -1)
+    unit = np.sqrt(np.mean(whole**2, axis=0))
+    unit = np.where(unit > 0.0, unit, 1.0)
+    a = whole / unit
+    gram, moment, own = a.T @ a, a.T @ targets.ravel(), targets.size * np.eye(len(unit))
+    return [np.asarray(np.linalg.solve(gram + ridge * own, moment) / unit) for ridge in ridges]
 
 
 class _TipErrors:

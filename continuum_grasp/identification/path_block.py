@@ -263,19 +263,12 @@ class _Grid:
             self.spacing = 0.5 / rate
             self.substeps = 1
             self.steps = max(4, math.ceil(t[-1] / self.spacing))
-            self._index = np.clip(np.floor(t / self.spacing).astype(int) - 1, 0, self.steps - 3)
-            self._within = t / self.spacing - self._index
+            self._t = t
 
     def pick(self, rows: Array) -> Array:
         """Rows at the instants."""
         if self._even:
             return np.asarray(rows[self._index])
-        s = self._within[:, None]
-        total: Array = np.zeros((len(s), rows.shape[1]))
-        for k in range(4):  # Lagrange's polynomials on the nodes 0 to 3
-            weight = np.ones_like(s)
-            for j in range(4):
-                if j != k:
-                    weight = weight * (s - j) / (k - j)
-            total += weight * rows[self._index + k]
-        return total
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.spacing * np.arange(len(rows)), rows)(self._t))

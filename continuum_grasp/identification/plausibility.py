@@ -20,14 +20,11 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, Data, TipPath
-from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
-from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
-Given = Sequence[tuple[Data, Scene]]
-Build = Callable[[Given, Sequence[Unknown]], Problem]
 
 IMPLAUSIBLE = "implausible"
 """Status of a fit whose measurements cannot be those of the finger."""
@@ -49,6 +46,11 @@ _NOTHING = 0.01
 """Misfit per what is plausible [1] below which no slip explains the data better than another."""
 _REFITTED = 4
 """Slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a minute."""
+_FAR = 10.0
+"""Factor of an estimate on the scene's value, up or down, from which slips are tried although the fit is good [1]: what
+scales load and stiffness alike leaves no misfit, and materials of one kind differ by less."""
+_SCALES = ("bending_stiffness", "linear_density")
+"""Unknowns that scale with units of the loads or times."""
 _MEASURED = {*KIND_OF, "frequency", "decay rate"}
 """Columns on whose values no prediction depends."""
 _BASE = ("base_x", "base_y")
@@ -84,9 +86,9 @@ class Verdict(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, build: Build) -> Verdict:
-    """Judge a fit by its predictions (m,) and the standard deviations (m,) of what was measured."""
-    left = misfits(problem, predictions)
+def judge(problem: Problem, solution: Solution, given: Given, build: Build) -> Verdict:
+    """Judge a fit."""
+    left, sigma = misfits(problem, solution.predictions), solution.sigma
     reason, doubtful = _too_far(problem, sigma, given), [one for one in left if one.doubtful]
     causes = explain(problem, given, build, left) if reason or doubtful else ()
     worst = max(left, key=lambda one: one.rms / one.limit)
@@ -104,6 +106,13 @@ def judge(problem: Problem, predictions: Array, sigma: Array, given: Given, buil
         for one in doubtful
         if one.rms > one.scatter
     ]
+    for one, value in zip(problem.unknowns, solution.values, strict=True):
+        times = value / one.typical
+        if one.target in _SCALES and not 1.0 / _FAR <= times <= _FAR:
+            slips = " or ".join(explain(problem, given, build)) or "none of the usual ones explains it"
+            warnings.append(
+                f"{one.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
+            )
     return Verdict("", (), tuple(warnings))
 
 
@@ -160,7 +169,7 @@ def _too_far(problem: Problem, sigma: Array, given: Given) -> str:
                 )
             over.append(beyond)
     # a robust loss expects outliers, and is misled only if most of the readings are
-    return found if not problem.robust or np.mean(np.concatenate(over) > 0.0) > 0.5 else ""
+    return found if problem.loss == "squares" or np.mean(np.concatenate(over) > 0.0) > 0.5 else ""
 
 
 def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
@@ -182,11 +191,11 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
                 block if pair is None else _other_values(block, slip, data) or build([pair], problem.sought).blocks[0]
                 for block, (data, _), pair in zip(problem.blocks, given, pairs, strict=True)
             ]
-            trial = problem.of(blocks, problem.sought)
+            trial = Problem(blocks, problem.sought, problem.loss)
             total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
         except ContinuumGraspError:
             continue
-        tried[words] = total, partial(problem.of, blocks, problem.sought)
+        tried[words] = total, partial(Problem, blocks, problem.sought, problem.loss)
     ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
     found: list[tuple[float, str]] = []
     for words, (total, undo) in ranked:
@@ -224,7 +233,7 @@ def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
     length = scene.finger.rod.length
     shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in _BASE]
     blocks = [_Shifted(block, len(sought)) for block in build(given, sought).blocks]
-    return problem.of(blocks, [*sought, *shift])
+    return Problem(blocks, [*sought, *shift], problem.loss)
 
 
 class _Shifted(Block):

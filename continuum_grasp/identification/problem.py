@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +11,15 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.data import Data
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.unknowns import Unknown, prior
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
+Given = Sequence[tuple[Data, Scene]]
 
 _HUBER = 1.345
 """Deviations beyond which Huber's loss is linear [1]: 95 % efficient for normal noise (P. J. Huber, 1981)."""
@@ -66,7 +68,7 @@ class Problem:
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
-        self.blocks, self.sought, self._loss = list(blocks), tuple(unknowns), loss
+        self.blocks, self.sought, self.loss = list(blocks), tuple(unknowns), loss
         shared = [one for one in unknowns if not one.per_set]
         self.unknowns, self.shared, self._columns = list(shared), len(shared), []
         for block in blocks:
@@ -91,15 +93,6 @@ class Problem:
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
-
-    def of(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> Problem:
-        """The problem of other sets, with the same loss."""
-        return Problem(blocks, unknowns, self._loss)
-
-    @property
-    def robust(self) -> bool:
-        """Whether outliers are expected."""
-        return self._loss == "huber"
 
     @property
     def fingers(self) -> list[Finger]:
@@ -134,6 +127,18 @@ class Problem:
                 y[part], jacobian[part, columns] = block.predict(values[columns])
         return y, jacobian
 
+    def weighted(self, solution: Solution, further: Array | None = None) -> tuple[Array, Array]:
+        """Jacobian and residuals (rows, n) of what was fitted, per standard deviation, and of what is known beforehand.
+
+        ``further`` (m, k) are derivatives by more parameters, of which nothing is known.
+        """
+        fitted, (missed, slopes) = self.fitted, self.prior(solution.values)
+        further = np.zeros((len(self.measured), 0)) if further is None else further
+        jacobian = (np.hstack([solution.jacobian, further]) / solution.sigma[:, None])[fitted]
+        residuals = ((solution.predictions - self.measured) / solution.sigma)[fitted]
+        slopes = np.pad(slopes, ((0, 0), (0, further.shape[1])))
+        return np.vstack([jacobian, slopes]), np.append(residuals, missed)
+
     def solve(self, progress: Progress) -> Solution:
         """Find the parameters; unknown standard deviations and robust weights are found by iteration.
 
@@ -146,11 +151,11 @@ class Problem:
         for share in _HORIZONS if any(block.free for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):
-                values = self._search(values, chosen, 1.0 / sigma, first=True).values
+                values = self._search(values, chosen, 1.0 / sigma, self._sought, first=True).values
             progress(0.5 * share)
         scale = np.ones(len(self.measured))
         for round_ in range(_ROUNDS):
-            minimum = self._search(values, self.fitted, scale / sigma)
+            minimum = self._search(values, self.fitted, scale / sigma, self._sought)
             predictions, jacobian = self.predict(minimum.values, self.fitted)
             # each group by its own residuals (iteratively reweighted): meters and radians weigh as they scatter
             new_sigma = self._new_sigma(predictions, jacobian, sigma)
@@ -159,7 +164,7 @@ class Problem:
             values, sigma, scale = minimum.values, new_sigma, new_scale
             progress(0.5 + 0.5 * (round_ + 1) / _ROUNDS)
             # one weight for all does not move the minimum
-            if settled or (len(self.groups) == 1 and self._loss == "squares"):
+            if settled or (len(self.groups) == 1 and self.loss == "squares"):
                 break
         inflation = self._inflation(predictions, sigma)
         values = self._of_holdouts(values, sigma)
@@ -171,31 +176,25 @@ class Problem:
 
         What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
         """
-        values = values.copy()
-        for block, part, columns in zip(self.blocks, self.parts, self._columns, strict=True):
-            own = columns >= self.shared
-            if self.fitted[part].any() or not own.any():
-                continue
-            unknowns = [self.unknowns[k] for k in columns[own]]
-            given = (values[columns], own, self.measured[part], sigma[part])
-            residuals = partial(_own_residuals, block, unknowns, *given)
-            lower, upper, sizes = self._bounds(unknowns)
-            found = least_squares(
-                residuals, values[columns[own]], lower, upper, sizes, evaluations=_EVALUATIONS, **self._ends
-            )
-            values[columns[own]] = found.values
+        for part, columns in zip(self.parts, self._columns, strict=True):
+            chosen, sought = np.zeros(len(self.measured), dtype=bool), np.zeros(len(values), dtype=bool)
+            chosen[part], sought[columns[columns >= self.shared]] = True, True
+            if sought.any() and not self.fitted[part].any():
+                values = self._search(values, chosen, 1.0 / sigma, sought).values
         return values
 
-    @staticmethod
-    def _bounds(unknowns: Sequence[Unknown]) -> tuple[Array, Array, Array]:
-        """Bounds and typical sizes."""
+    def _search(
+        self,
+        start: Array,
+        chosen: NDArray[np.bool_],
+        weights: Array,
+        own: NDArray[np.bool_],
+        *,
+        first: bool = False,
+    ) -> Minimum:
+        unknowns = [one for one, sought in zip(self.unknowns, own, strict=True) if sought]
         rows = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in unknowns]
         lower, upper, sizes = (np.array(column) for column in zip(*rows, strict=True))
-        return lower, upper, sizes
-
-    def _search(self, start: Array, chosen: NDArray[np.bool_], weights: Array, first: bool = False) -> Minimum:
-        own = self._sought
-        lower, upper, sizes = (column[own] for column in self._bounds(self.unknowns))
         if first:
             reach = np.maximum(_REACH * np.abs(start[own]), sizes)
             lower, upper = np.maximum(lower, start[own] - reach), np.minimum(upper, start[own] + reach)
@@ -204,9 +203,9 @@ class Problem:
             values = start.copy()
             values[own] = sought
             y, jacobian = self.predict(values, chosen)
-            scale, known = weights[chosen], self.prior(values)
-            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen]
-            return np.append(missed, known[0]), np.vstack([slope, known[1]])[:, own]
+            scale, known = weights[chosen], prior(unknowns, sought)
+            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen][:, own]
+            return np.append(missed, known[0]), np.vstack([slope, known[1]])
 
         most = _FIRST if first else _EVALUATIONS
         found = least_squares(residuals, start[own], lower, upper, sizes, evaluations=most, **self._ends)
@@ -217,8 +216,7 @@ class Problem:
                 "the parameters were not found",
                 status=found.status,
                 violated=[
-                    f"{self.unknowns[k].name} = {value:.6g} {self.unknowns[k].unit}"
-                    for k, value in zip(np.flatnonzero(own), found.values, strict=True)
+                    f"{one.name} = {value:.6g} {one.unit}" for one, value in zip(unknowns, found.values, strict=True)
                 ],
                 advice="check units and signs of the data, start nearer to the values, bound them, or estimate fewer",
                 result=found,
@@ -266,21 +264,21 @@ class Problem:
 
     def spread(self, residuals: Array, freedom: float) -> float:
         """Standard deviation: of all residuals, or from their median where outliers are expected."""
-        if self._loss == "huber" and residuals.size >= 5:
+        if self.loss == "huber" and residuals.size >= 5:
             # 1.4826 makes the median of sizes the standard deviation of normal noise
             return 1.4826 * float(np.median(np.abs(residuals))) * float(np.sqrt(residuals.size / freedom))
         return float(np.sqrt(residuals @ residuals / freedom))
 
     def _new_scale(self, predictions: Array, sigma: Array) -> Array:
         """Roots of Huber's weights, which multiply the residuals."""
-        if self._loss == "squares":
+        if self.loss == "squares":
             return np.ones(len(sigma))
         size = np.abs(predictions - self.measured) / sigma
         return np.asarray(np.sqrt(np.minimum(1.0, _HUBER / np.maximum(size, 1e-300))))
 
     def _inflation(self, predictions: Array, sigma: Array) -> float:
         """Of the covariance (P. J. Huber, Robust Statistics, 1981, section 7.6), relative to plain squares."""
-        if self._loss == "squares":
+        if self.loss == "squares":
             return 1.0
         size = ((predictions - self.measured) / sigma)[self.fitted]
         bounded, inside = np.clip(size, -_HUBER, _HUBER), float(np.mean(np.abs(size) <= _HUBER))
@@ -289,17 +287,5 @@ class Problem:
         return correction**2 * float(bounded @ bounded) / max(inside, 1e-3) ** 2 / max(plain, 1e-300)
 
 
-def _own_residuals(
-    block: Block,
-    unknowns: Sequence[Unknown],
-    values: Array,
-    own: NDArray[np.bool_],
-    measured: Array,
-    sigma: Array,
-    found: Array,
-) -> tuple[Array, Array]:
-    """Residuals of one set and their Jacobian by what it has of its own."""
-    values, known = values.copy(), prior(unknowns, found)
-    values[own] = found
-    y, slope = block.predict(values)
-    return np.append((y - measured) / sigma, known[0]), np.vstack([slope[:, own] / sigma[:, None], known[1]])
+Build = Callable[[Given, Sequence[Unknown]], Problem]
+"""The problem of sets of data with their scenes, and of what is sought in them."""

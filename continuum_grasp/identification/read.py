@@ -139,7 +139,7 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
     if isinstance(one, RingDown):
         return _ring_downs(one, table, t, inside, scene, name)
     if one.conditions:
-        scene = _commanded(scene, t, _conditions(table, one.conditions, scene, key), table.file, key)
+        scene = commanded(scene, t, _conditions(table, one.conditions, scene, key), table.file, key)
     x, y = (None if value is None else _column(table, value, "m") for value in (one.x, one.y))
     measured = _readings(one.measured, table, scene, key)
     points = [Reading(key, values, one.at) for key, values in (("x", x), ("y", y)) if values is not None]
@@ -168,7 +168,7 @@ def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key
     return readings
 
 
-def _commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
+def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
     """The scene under commands that were logged, smooth between their instants."""
     taken, names = scene.finger.input_key, [name_of(label) for label in scene.finger.input_labels]
     unknown = [name for name in commands if name not in names]

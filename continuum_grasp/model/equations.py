@@ -680,7 +680,8 @@ class Equations:
 
     def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
         """The same as a step takes it that is implicit in ``part`` [s] where dry friction makes the finger stiff."""
-        ahead: list[Scalar] = [self.qd[k] + part * accelerations[k] for k in range(self._structure.n)]
+        n = self._structure.n
+        ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
         own = self.dry_friction.state_rates(ahead, part)
         return [*self.drive_rates[: self.lag.numel() + self.z.numel() - len(own)], *own]
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.log import ControlLog
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification import learn_residual
-from continuum_grasp.identification.control_logs import read_logs
-from continuum_grasp.identification.learning import RidgeProblem
+from continuum_grasp.identification.control_logs import read_logs, refuse_implausible
+from continuum_grasp.identification.learning import ridge_weights
 from continuum_grasp.scene.load import load
+from tests.marks import few
 
 FOLDER = Path(__file__).parents[2] / "configs/mpc"
 U, Y = ("tension_1 [N]", "tension_2 [N]"), ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
@@ -31,13 +32,13 @@ def log() -> ControlLog:
 def test_ridge_weights_are_those_of_a_least_squares_with_rows_for_the_ridge():
     rng = np.random.default_rng(0)
     factors, slopes, targets = rng.normal(size=(60, 4)), rng.normal(size=(60, 3, 2)), rng.normal(size=(60, 3))
-    problem, ridge = RidgeProblem.of(factors, slopes, targets), 0.03
+    ridge = 0.03
     columns = np.einsum("kmn,ks->kmns", slopes, factors).reshape(180, 8)
     unit = np.sqrt(np.mean(columns**2, axis=0))
 
     a = np.vstack([columns / unit, np.sqrt(ridge * 180) * np.eye(8)])
     expected = np.linalg.lstsq(a, np.append(targets.ravel(), np.zeros(8)), rcond=None)[0] / unit
-    assert problem.weights(ridge) == pytest.approx(expected, rel=1e-9)
+    assert ridge_weights(factors, slopes, targets, [ridge])[0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.deep
@@ -118,6 +119,34 @@ def test_logs_of_nothing_or_of_another_finger_are_refused(scene, log):
     grasped = scene.changed({"estimator": None})
     with pytest.raises(InputError, match="needs an `estimator:` section"):
         learn_residual(grasped, [log])
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    few(
+        [
+            (lambda u, y: (u, y * [1.0, -1.0, 1.0, 1.0]), "y points down"),
+            (lambda u, y: (u, y * [1e3, 1e3, 1.0, 1.0]), "positions are in mm, read as m"),
+            (lambda u, y: (u, y[:, [1, 0, 2, 3]]), "columns of x and y are swapped"),
+            (lambda u, y: (u[:, ::-1], y), "swapped|numbered from the other side|x points to the other side"),
+            (lambda u, y: (u, y), None),
+        ],
+        0,
+    ),
+)
+def test_logs_with_a_slip_are_refused_and_the_slip_is_named(scene, log, change, cause):
+    part = slice(300)
+    u, y = change(log.u[part], log.y[part])
+    changed = ControlLog(log.t[part], u, y, U, Y, "changed")
+    if cause is None:
+        refuse_implausible(scene, changed, 1)
+        return
+    with pytest.raises(SolverError, match=f"likely cause: .*({cause})") as caught:
+        refuse_implausible(scene, changed, 1)
+    assert caught.value.status == "implausible"
+
+
+def test_a_log_that_the_model_cannot_follow_is_refused(scene, log):
     huge = ControlLog(log.t, 1e7 * log.u, log.y, U, Y, "newtons")
-    with pytest.raises(NumericalError, match="newtons: the model does not follow the log"):
+    with pytest.raises((NumericalError, SolverError), match=r"newtons: |the parameters were not found"):
         learn_residual(scene, [huge])
