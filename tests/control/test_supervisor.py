@@ -182,9 +182,9 @@ def test_faults_are_reported_and_end_in_the_safe_state(fault):
 @pytest.mark.parametrize(("seed", "share"), [(1, 1.0), (2, 1.0), (1, 0.3)])
 def test_an_old_image_near_the_setpoint_trips(seed, share):
     """The tip rests within 1 mm of its setpoint, and drifts off slowly: without a trip by 16 to 56 mm within 3 s."""
-    found = run(f"plant.seed={seed}", duration=4.0, sensors=held(share), start=2.0)
+    found = run(f"plant.seed={seed}", duration=4.5, sensors=held(share), start=2.0)
     assert set(found.health[:200]) == {"ok"}
-    assert first(found, "tripped") < 4.0
+    assert first(found, "tripped") < 4.3
     assert _TRIPS[Trip.UNANSWERED] in found.health_texts[-1]
 
 

@@ -70,7 +70,7 @@ State = _structure(
     c=("path", TWO),
     d=("mismatch", THREE),
     e=("activity", REAL),
-    f=("echo usual caused silent", TWO),
+    f=("echo usual before caused silent", TWO),
     g=("calls rung raises since calm doubted late", INT),
     h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect", INT),
 )
@@ -345,6 +345,15 @@ def test_evidence_of_an_old_image_by_call(caused, moved, most, expected):
     watch.settings.noise = TWO(-1.0, 0.1)  # below zero: not compared
     moving(watch, caused, moved)
     assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("before", "expected"), [(0.0, 0.0), (1.0, -0.6 / 1.4), (-1.0, 0.6 / 1.4)])
+def test_what_lasts_from_one_reading_to_the_next_is_no_noise(before, expected):
+    """Twice their product counts against an old image; here beside a share of 0.15, which counts nothing."""
+    watch = Watch(silent=(10.0, 0.0), before=(before, 0.0))
+    moving(watch, 2.0, 0.3)
+    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
+    assert watch.state.before[0] == pytest.approx(0.3)
 
 
 def test_an_old_image_trips_after_two_windows_of_evidence():

@@ -22,6 +22,8 @@
                                    0.45 of a loop that swings by 9 to 15 mm with an unknown delay of three periods */
 #define SUPERVISOR_ANSWER 0.15  /* share of the motion that drives cause in a reading: 0.5 in noise at rest and on a finger of
                                    twice the stiffness, within 0.01 of zero in an old image */
+#define SUPERVISOR_LASTING 2.0  /* weight of the product of successive readings, which is none of noise: by it, drives three and
+                                   four times as slow as stated, whose answer comes too late to be in step, trip nothing */
 #define SUPERVISOR_UNSURE 0.1   /* variance of that motion, per the greatest lately: what is left of a great one is wrong, and the
                                    evidence that a nominal loop gathers falls from 58 to 14 calls */
 #define SUPERVISOR_MOVED 9.0    /* mean squared motion of a reading, in variances, that is none of an old image, even with twice
@@ -82,12 +84,13 @@ static int supervisor_blind(supervisor_state *state, const supervisor_settings *
 
 /* Gather the evidence that a device shows an old image, which is whether it has for two windows: by log-likelihood, call by
  * call, that its readings are noise alone rather than noise and a share of the motion that drives cause, both about slow
- * means (CUSUM, E. S. Page, doi:10.2307/2333009). No call counts more than one, and nothing counts below none, so that
- * neither a great motion nor a long past one decides. */
+ * means, or any motion that lasts (CUSUM, E. S. Page, doi:10.2307/2333009). No call counts more than one, and nothing counts
+ * below none, so that neither a great motion nor a long past one decides. */
 static int supervisor_silent(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
                              int sensor)
 {
-  real caused = 0, moved = 0, common = 0, rows = 0, *most = &state->caused[sensor], *silent = &state->silent[sensor];
+  real caused = 0, moved = 0, common = 0, lasting = 0, rows = 0;
+  real *most = &state->caused[sensor], *silent = &state->silent[sensor];
   for (int j = 0; j < CONTROLLER_NM; ++j) {
     if (o->sensor[j] != sensor || o->noise[j] < 0 || (seen->verdict[j] != CG_USED && seen->verdict[j] != CG_REOPENED)) continue;
     if (!state->calls) state->usual[j] = seen->y[j];
@@ -97,12 +100,15 @@ static int supervisor_silent(supervisor_state *state, const supervisor_settings 
     caused += by_drives * by_drives;
     moved += by_all * by_all;
     common += by_drives * by_all;
+    lasting += state->before[j] * by_all;
+    state->before[j] = by_all;
     ++rows;
   }
   if (rows > 0) {
     *most -= *most / (real)o->window;
     if (*most < caused / rows) *most = caused / rows;
-    real more = ((real)SUPERVISOR_ANSWER * caused - common) / rows / (1 + (real)SUPERVISOR_UNSURE * *most);
+    const real alive = common + (real)SUPERVISOR_LASTING * lasting;
+    real more = ((real)SUPERVISOR_ANSWER * caused - alive) / rows / (1 + (real)SUPERVISOR_UNSURE * *most);
     cg_limit(&more, -1, moved > (real)SUPERVISOR_MOVED * rows ? -1 : 1);
     *silent += more;
     cg_limit(silent, 0, (real)(2 * o->window));

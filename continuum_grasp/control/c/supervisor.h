@@ -69,6 +69,7 @@ typedef struct {
   real mismatch[CONTROLLER_NS + 1], activity;
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
   real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
+  real before[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* last readings about them, in standard deviations */
   /* of devices that show the shape: greatest squared motion that drives cause lately, evidence of an old image in calls */
   real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], silent[SUPERVISOR_SIZE(CONTROLLER_NS)];
   int calls;                  /* since the start, up to `delay` */
