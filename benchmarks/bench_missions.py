@@ -18,7 +18,6 @@ import numpy as np
 from benchmarks.report import Report, Table
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import check_mission
 from continuum_grasp.mission.run import run_mission
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
@@ -87,8 +86,8 @@ def carried_out(changes: dict[str, Any]) -> tuple[list[Any], bool | None]:
         grasp = optimize_grasp(scene.grasp)
         if not grasp.solved:
             return [grasp.status.value, *[""] * 7, grasp.advice.partition("\n")[0]], None
-        before = "; ".join(one.text for one in check_mission(scene, grasp=grasp))
-        verdict = run_mission(scene, grasp=grasp).verdict
+        run = run_mission(scene, grasp=grasp)
+        verdict, before = run.verdict, "; ".join(one.text for one in run.exceeded)
     except ContinuumGraspError as error:
         return ["", type(error).__name__, *[""] * 6, str(error).partition("\n")[0]], None
     row = ["verified", verdict.word if verdict.drop is None else f"{verdict.word}: {verdict.drop.text}"]

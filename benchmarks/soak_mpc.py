@@ -384,7 +384,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--nominal", action="store_true", help="inject nothing: no trip is allowed")
-    parser.add_argument("--name", default="mpc_soak", help="name of the report")
+    parser.add_argument("--name", default="soak_mpc", help="name of the report")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()

@@ -212,7 +212,7 @@ class Controller(CompiledController):
         -------
         bool
             Whether it was left: only where the command rests, sensors and model agree again, and the trip is not the
-            second one within 30 s (which only ``reset`` ends). The weight of the command's rate starts 16-fold.
+            second one within 30 s (which only ``reset`` ends). The weight of the command's rate starts 64-fold.
         """
         return bool(self._c.library.cg_rearm(self._c.address))
 

@@ -135,7 +135,7 @@ def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tu
 
 
 _TRIPS = {
-    Trip.SWINGING: "contradicts the model and the command swings though `input_rate` is raised 16-fold",
+    Trip.SWINGING: "contradicts the model and the command swings though `input_rate` is raised 64-fold",
     Trip.CONTRADICTED: "contradicts the model by many standard deviations",
     Trip.AWAY: "contradicts the model and the tip stays far from its setpoint",
     Trip.UNSEEN: "is missing, beyond its limits or does not move, and nothing else shows the shape",

@@ -16,6 +16,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
 from continuum_grasp.mission.certified import plant_friction, plant_mass
 from continuum_grasp.mission.drop import FALLEN, lowered_by_pulls
+from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.resisted import held_resistance, plane_gravity
 from continuum_grasp.scene.load import scene_of
@@ -93,7 +94,7 @@ def check_mission(
     Raises
     ------
     SolverError
-        If there is no verified grasp.
+        If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
     InputError
         If the mission does not make sense.
 
@@ -107,7 +108,10 @@ def check_mission(
     >>> [(one.name, one.given, one.certified, one.certain) for one in check_mission(heavy)][0]
     ('mass', 0.8, 0.33, True)
     """
-    return exceeded(assign(scene_of(scene, MissionScene), grasp), variation or Variation())
+    assignments = assign(scene_of(scene, MissionScene), grasp)
+    found = exceeded(assignments, variation or Variation())
+    check_pads(assignments)
+    return found
 
 
 def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[Exceeded, ...]:
@@ -135,15 +139,16 @@ def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variat
     return (head, *(f"{ends.get(one.name, 'at the heavy and slippery end of trials')}: {one.text}" for one in found))
 
 
-def say(mission: MissionScene, found: Sequence[str]) -> None:
-    """Warn before the run; refuse it where the mission says so.
+def admit(assignments: Sequence[Assignment], found: Sequence[str]) -> None:
+    """Warn before the run of what goes beyond the certificate, then close the fingers on the mission's pads.
 
     Raises
     ------
     SolverError
-        The mission goes beyond its certificate, and ``beyond_certificate`` is ``refuse``.
+        The mission goes beyond its certificate, and ``beyond_certificate`` is ``refuse``; or its contacts bear too
+        little to lift.
     """
-    if found and mission.beyond_certificate == "refuse":
+    if found and assignments[0].mission.beyond_certificate == "refuse":
         raise SolverError(
             "the mission asks for more than its certificate promises",
             status="beyond_certificate",
@@ -152,6 +157,7 @@ def say(mission: MissionScene, found: Sequence[str]) -> None:
         )
     for text in found:
         warnings.warn(text, BeyondCertificate, stacklevel=2)
+    check_pads(assignments)
 
 
 class _OnPlant:

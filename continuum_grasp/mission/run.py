@@ -16,9 +16,8 @@ from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.lift import LiftCheck, NotLifted
-from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
-from continuum_grasp.mission.precheck import exceeded, say
+from continuum_grasp.mission.precheck import admit, exceeded
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.mission.verdict import judge, present
 from continuum_grasp.scene.load import scene_of
@@ -75,8 +74,7 @@ def run_mission(
     True
     """
     assignments = assign(scene_of(scene, MissionScene), grasp)
-    say(assignments[0].mission, [one.text for one in exceeded(assignments, variation or Variation())])
-    check_pads(assignments)
+    admit(assignments, [one.text for one in exceeded(assignments, variation or Variation())])
     return MissionRunner(assignments).run(variation, progress)
 
 

@@ -12,10 +12,9 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign
-from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.precheck import exceeded_by_trials, say
+from continuum_grasp.mission.precheck import admit, exceeded_by_trials
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
@@ -96,8 +95,7 @@ def run_trials(
         raise InputError(f"expected one process at least, got {jobs}", key="jobs")
     assignments = assign(mission, grasp)
     known = exceeded_by_trials(assignments, drawn)
-    say(mission, known)
-    check_pads(assignments)
+    admit(assignments, known)
     report = progress or (lambda share: None)
     done: dict[int, Outcome] = {}
     try:

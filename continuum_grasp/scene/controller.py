@@ -256,7 +256,7 @@ class Controller(Value):
     """Plants for which the controller plans at once, 2 to 8: each has a plan of its own, all have the first command in
     common, and the cost is the weighted mean. {} is the finger as it is. Empty: only that one."""
     supervisor: bool = True
-    """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 16-fold; where
+    """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 64-fold; where
     that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
     pretension of drives) until it is re-armed."""
     deadline: Duration | None = None

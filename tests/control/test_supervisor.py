@@ -134,7 +134,7 @@ def camera(factor):
 FAULTS = {
     "tip axes swapped": ({"sensors": swapped((0, 1))}, 0.1, 1.5),
     "tensions swapped": ({"sensors": swapped((2, 3))}, 0.1, 2.0),
-    "commands swapped": ({"commands": lambda u: u[::-1]}, 0.16, 2.0),
+    "commands swapped": ({"commands": lambda u: u[::-1]}, 0.16, 2.6),
     "tip stuck": ({"sensors": stuck(0, 1)}, 0.3, 0.7),
     "tip_x stuck": ({"sensors": stuck(0)}, 0.3, 0.7),
     "a tension stuck": ({"sensors": stuck(2)}, 0.3, math.inf),
@@ -178,9 +178,45 @@ def test_faults_are_reported_and_end_in_the_safe_state(fault):
     assert found.u[-1] == pytest.approx([1.0, 1.0]) or found.t[-1] < first(found, "tripped") + 0.5
 
 
-@pytest.mark.parametrize("scene", few(["configs/mpc/unknown_drive.yaml", SCENE], 1))
-def test_a_delay_three_periods_longer_detunes_and_ends_the_swing(scene):
-    asked = load(scene, ("plant.delay=0.04", "duration=3.0"))
+@pytest.mark.deep
+@pytest.mark.parametrize(("seed", "share"), [(1, 1.0), (2, 1.0), (1, 0.3)])
+def test_an_old_image_near_the_setpoint_trips(seed, share):
+    """The tip rests within 1 mm of its setpoint, and drifts off slowly: without a trip by 16 to 56 mm within 3 s."""
+    found = run(f"plant.seed={seed}", duration=4.5, sensors=held(share), start=2.0)
+    assert set(found.health[:200]) == {"ok"}
+    assert first(found, "tripped") < 4.3
+    assert _TRIPS[Trip.UNANSWERED] in found.health_texts[-1]
+
+
+UNLAGGED = ("fidelity.family=clothoid", "finger.tendons.time_constant=null", "estimator.measured.tension=null")
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("scene", "changes"), [("configs/mpc/wrap_post.yaml", ()), (SCENE, UNLAGGED)])
+def test_a_shape_that_nothing_shows_trips_on_contacts_and_with_drives_without_lag_too(scene, changes):
+    """Neither knows the motion that drives cause; whether there are readings within their limits it knows."""
+    asked = load(scene, changes)
+    control = Controller(asked, deadline=math.inf)
+    names = control.measurement_names
+    shape = np.array([name.startswith(("tip", "bending", "angle")) for name in names])
+    for factor in (math.nan, 1e3):
+        control.reset()
+        plant, trips = Plant(asked), []
+        for _ in range(101):
+            y = plant.measure()
+            command = control.step(np.where(shape, factor * y + (factor > 1.0), y))
+            plant.advance(command.u)
+            trips.append(command.trip)
+        assert trips[98:] == [Trip.NONE, Trip.UNSEEN, Trip.UNSEEN]
+
+
+@pytest.mark.parametrize(
+    ("scene", "delay"),
+    few([("configs/mpc/unknown_drive.yaml", 0.04), (SCENE, 0.04), (SCENE, 0.06)], 1),
+)
+def test_a_delay_that_is_longer_than_stated_detunes_and_ends_the_swing(scene, delay):
+    """Three and five periods; the supervisor raises the weight once a second."""
+    asked = load(scene, (f"plant.delay={delay}", "duration=4.0" if delay > 0.04 else "duration=3.0"))
     found = run_closed_loop(asked, controller=Controller(asked, deadline=math.inf))
     assert first(found, "detuned") < 0.7
     assert error(found) < 4e-3
@@ -295,7 +331,7 @@ def test_a_trip_stays_until_it_is_left_and_is_part_of_the_saved_state():
     assert command.mismatch < 1.5
     assert waited > 20
     command = control.step(plant.measure())
-    assert (command.health, command.rung) == (Health.DETUNED, 2)
+    assert (command.health, command.rung) == (Health.DETUNED, 3)
     for _ in range(200):
         plant.advance(command.u)
         command = control.step(plant.measure())

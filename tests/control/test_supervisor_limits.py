@@ -70,9 +70,9 @@ State = _structure(
     c=("path", TWO),
     d=("mismatch", THREE),
     e=("activity", REAL),
-    f=("echo usual caused moved common", TWO),
+    f=("echo usual before caused silent", TWO),
     g=("calls rung raises since calm doubted late", INT),
-    h=("swinging contradicted away unseen unanswered implausible tripped trips since_rearmed suspect", INT),
+    h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect", INT),
 )
 Evidence = _structure(
     "Evidence", a=("nis echo y expected verdict", ctypes.c_void_p), b=("implausible", INT), c=("elapsed distance", REAL)
@@ -156,11 +156,6 @@ def raised(report) -> bool:
 
 LONG = 2 * W + W // 2
 """2.5 windows [1]."""
-SILENT = {"caused": (100.0, 0.0), "moved": (1.0, 0.0), "common": (0.0, 0.0)}
-
-
-def silent(**changes):
-    return lambda name, value: Watch(**{**SILENT, **changes, name: (value, 0.0)}).when(tripped(Trip.UNANSWERED))
 
 
 def seen(happens, **state):
@@ -194,9 +189,6 @@ LIMITS = {
         LONG,
     ),
     "activity of a loop that swings": (seen(tripped(Trip.SWINGING), rung=2, **DOUBTED), "activity", 0.1, 401, LONG),
-    "motion that drives cause": (silent(), "caused", 36.0, 401, W + W // 2),
-    "its share in a reading": (silent(), "common", 25.0, W + W // 2, 401),
-    "motion of the reading": (silent(), "moved", 1.0 + 0.1 * 100.0, W + W // 2, 401),
 }
 
 
@@ -306,30 +298,72 @@ def test_the_path_of_a_command_counts_for_what_it_moves():
 def test_means_are_over_windows():
     """A window of innovations and motions, five of echoes, half a window of readings; none before the delay."""
     watch = Watch()
-    watch.judge(nis=(2.0, 4.0), echo=(0.5, 1.0), y=(3.0, 0.0), expected=(0.6, 0.0))
+    watch.judge(nis=(2.0, 4.0), echo=(0.5, 1.0), y=(3.0, 0.0))
     state = watch.state
     assert list(state.mismatch) == pytest.approx([2.0 / W, 4.0 / W, 0.0])
     assert list(state.echo) == pytest.approx([0.5 / (5 * W), 1.0 / (5 * W)])
     assert state.usual[0] == pytest.approx(2.0 * 3.0 / W)
-    motion, caused = (3.0 - state.usual[0]) / NOISE[0], 0.6 / NOISE[0]
-    assert (state.caused[0], state.moved[0], state.common[0]) == pytest.approx(
-        (caused**2 / W, motion**2 / W, caused * motion / W)
-    )
     watch = Watch(mismatch=(1.0, 1.0, 0.0))
     assert watch.judge(nis=(0.0, 0.0)).sensor == 0  # of two alike the first
     assert list(watch.state.mismatch[:2]) == pytest.approx([1.0 - 1.0 / W] * 2)
-    watch = Watch()
-    for noise, moved in ((-1.0, 0.0), (0.3, 1.0 / W)):  # below zero: not compared
-        watch.settings.noise = TWO(noise, 0.1)
-        watch.judge(y=(0.0, 0.0), expected=(0.3, 0.0))
-        assert watch.state.caused[0] == pytest.approx(moved)
     for calls, expected in ((DELAY - 1, 0.0), (DELAY, 2.0 / W)):
         watch = Watch(calls=calls)
         watch.judge(nis=(2.0, -1.0))
         assert watch.state.mismatch[0] == pytest.approx(expected)
     watch = Watch(calls=0)
     watch.judge(y=(3.0, 0.0))
-    assert (watch.state.usual[0], watch.state.moved[0]) == (3.0, 0.0)
+    assert watch.state.usual[0] == 3.0
+
+
+def moving(watch, caused, moved, calls=1):
+    """Calls with a motion that drives cause and that of the reading, both about slow means, in standard deviations."""
+    for _ in range(calls):
+        watch.put(usual=(-moved * NOISE[0] / (1.0 - 2.0 / W), 0.0))
+        report = watch.judge(y=(0.0, 0.0), expected=(caused * NOISE[0], 0.0))
+    return report
+
+
+@pytest.mark.parametrize(
+    ("caused", "moved", "most", "expected"),
+    [
+        (2.0, 0.0, 0.0, 0.15 * 4.0 / 1.4),
+        (2.0, 0.3, 0.0, 0.0),  # a share of 0.15
+        (2.0, 0.6, 0.0, -0.6 / 1.4),
+        (2.0, 0.0, 1000.0, 0.6 / (1.0 + 0.1 * 950.0)),  # after a great motion
+        (10.0, -2.99, 0.0, 1.0),
+        (10.0, -3.01, 0.0, -1.0),  # a push that the drives balance
+        (10.0, 2.99, 0.0, -1.0),
+        (0.0, 3.01, 0.0, -1.0),
+        (0.0, 2.99, 0.0, 0.0),
+    ],
+)
+def test_evidence_of_an_old_image_by_call(caused, moved, most, expected):
+    watch = Watch(silent=(10.0, 0.0), caused=(most, 0.0))
+    moving(watch, caused, moved)
+    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
+    assert watch.state.caused[0] == pytest.approx(max(caused**2, most * (1.0 - 1.0 / W)))
+    watch.settings.noise = TWO(-1.0, 0.1)  # below zero: not compared
+    moving(watch, caused, moved)
+    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("before", "expected"), [(0.0, 0.0), (1.0, -0.6 / 1.4), (-1.0, 0.6 / 1.4)])
+def test_what_lasts_from_one_reading_to_the_next_is_no_noise(before, expected):
+    """Twice their product counts against an old image; here beside a share of 0.15, which counts nothing."""
+    watch = Watch(silent=(10.0, 0.0), before=(before, 0.0))
+    moving(watch, 2.0, 0.3)
+    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
+    assert watch.state.before[0] == pytest.approx(0.3)
+
+
+def test_an_old_image_trips_after_two_windows_of_evidence():
+    watch = Watch()
+    assert moving(watch, 10.0, 0.0, 2 * W - 1).reason == Trip.NONE
+    assert (moving(watch, 10.0, 0.0).reason, watch.state.suspect) == (Trip.UNANSWERED, 0)
+    moving(watch, 10.0, 0.0, 5)
+    assert watch.state.silent[0] == 2 * W
+    moving(watch, 10.0, 10.0, 2 * W + 5)
+    assert watch.state.silent[0] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -409,13 +443,12 @@ TRIPPED = {"tripped": Trip.AWAY, "trips": 1}
     ],
 )
 def test_a_trip_is_left_where_all_is_well(state, left):
-    watch = Watch(
-        **{**TRIPPED, **dict.fromkeys(("swinging", "away", "unanswered", "implausible", "since"), 9), **state}
-    )
+    counts = dict.fromkeys(("swinging", "away", "implausible", "since"), 9)
+    watch = Watch(**{**TRIPPED, **counts, "silent": (9.0, 0.0), **state})
     assert watch.rearm() is left
     if left:
         after = watch.state
-        assert (after.tripped, after.rung, after.since_rearmed, after.away, after.unanswered) == (0, 2, 0, 0, 0)
+        assert (after.tripped, after.rung, after.since_rearmed, after.away, after.silent[0]) == (0, 2, 0, 0, 0.0)
         assert (after.swinging, after.implausible, after.since) == (0, 0, 0)
 
 

@@ -16,12 +16,11 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import check_mission
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.certified import certified_contact
 from continuum_grasp.mission.drop import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.precheck import exceeded_by_trials
+from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.mission.trials import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
@@ -36,7 +35,7 @@ def grasp():
 
 
 def found(grasp, *changes, variation=None):
-    return {one.name: one for one in check_mission(load(MUG, changes), grasp=grasp, variation=variation)}
+    return {one.name: one for one in exceeded(assign(load(MUG, changes), grasp), variation or Variation())}
 
 
 def carried(grasp, friction):
@@ -233,8 +232,8 @@ def test_where_tensions_would_be_chosen_anew_a_mission_pulls_with_what_locked_te
     assert handle.quality.resistance.tendons == "retensioned"
     assert assignment.resisted.tendons == "locked"
     assert np.all(assignment.resisted.factors > 0.1)
-    assert check_mission(mission, grasp=handle) == ()
-    slippery = {one.name: one for one in check_mission(load(MUG, [f"grasp={path}"]), grasp=handle)}
+    assert exceeded(assign(mission, handle), Variation()) == ()
+    slippery = {one.name: one for one in exceeded(assign(load(MUG, [f"grasp={path}"]), handle), Variation())}
     assert (slippery["friction"].given, slippery["friction"].certified) == (0.5, 0.6)
     assert slippery["pull 1"].resisted < slippery["pull 1"].given
 

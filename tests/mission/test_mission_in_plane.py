@@ -14,7 +14,7 @@ from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.certified import object_height
 from continuum_grasp.mission.drop import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
-from continuum_grasp.mission.precheck import check_mission
+from continuum_grasp.mission.precheck import exceeded
 from continuum_grasp.mission.resisted import keep_position, lowered
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.model import FingerModel, System
@@ -82,14 +82,15 @@ def test_height_is_measured_against_gravity(assignment):
 @pytest.mark.deep
 def test_weight_in_the_plane_is_compared_with_what_the_grasp_carries(grasp):
     """A weight that is added in the plane is a pull downwards: the same as the certificate resists along it."""
-    assert check_mission(load(CUP), grasp=grasp) == ()
+    assert exceeded(assign(load(CUP), grasp), Variation()) == ()
     down = grasp.quality.resistance
     (row,) = [k for k, wrench in enumerate(down.wrenches) if tuple(wrench) == (0.0, -1.0, 0.0)]
     carried = 0.11 + down.factors[row] / 9.81
-    found = {one.name: one for one in check_mission(load(CUP, ["object_mass=0.4"]), grasp=grasp)}
+    found = {one.name: one for one in exceeded(assign(load(CUP, ["object_mass=0.4"]), grasp), Variation())}
     assert (found["mass"].given, found["mass"].certified) == (0.4, pytest.approx(0.11))
     rough = {
-        one.name: one for one in check_mission(load(CUP, ["object_mass=0.4", "contact_law.friction=0.45"]), grasp=grasp)
+        one.name: one
+        for one in exceeded(assign(load(CUP, ["object_mass=0.4", "contact_law.friction=0.45"]), grasp), Variation())
     }
     assert rough["mass"].resisted == pytest.approx(carried, rel=1e-6)
 
@@ -177,13 +178,13 @@ def test_winches_hold_as_firmly_as_their_cables(stacked):
 
 @pytest.mark.deep
 def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_it(stacked):
-    (warned,) = check_mission(load(PINCH, [DOWN]), grasp=stacked)
+    (warned,) = exceeded(assign(load(PINCH, [DOWN]), stacked), Variation())
     assert (warned.name, warned.key, warned.resisted) == ("sinking", "pull_share", 0.005)
     assert warned.given > 0.005 > warned.certified
     assert f"pull 4 lowers it by {1e3 * warned.given:.3g} mm at least" in warned.text
     assert f"the certificate has {1e3 * warned.certified:.3g} mm" in warned.text
-    assert check_mission(load(PINCH, [DOWN, "pull_share=0.3"]), grasp=stacked) == ()
-    assert check_mission(load(PINCH, [DOWN, *WINCHES]), grasp=stacked) == ()
+    assert exceeded(assign(load(PINCH, [DOWN, "pull_share=0.3"]), stacked), Variation()) == ()
+    assert exceeded(assign(load(PINCH, [DOWN, *WINCHES]), stacked), Variation()) == ()
     fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
     table = Timetable(fingers[0])
     t, span = np.arange(0.0, table.duration, 0.01), table.span("pull 4")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,10 +11,12 @@ import pytest
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import on_pads
+from continuum_grasp.mission import check_mission, on_pads
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.lift import LiftCheck, shortfalls
 from continuum_grasp.mission.plant import Timetable
+from continuum_grasp.mission.run import run_mission
+from continuum_grasp.mission.trials import run_trials
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Phases
 
@@ -158,11 +159,12 @@ def test_more_is_needed_than_is_borne_at_any_tension(assignments, states, monkey
     borne = states[0].normal_force / [forces["finger.middle"], forces["finger.tip"]]
     contact, least = ("finger.1", "finger.tip")[int(np.argmin(borne))], float(borne.min())
 
-    def check(share):
-        phases = assignments[0].mission.phases.replaced(lift_share=share)
-        on_pads.check_pads([replace(assignments[0], mission=assignments[0].mission.replaced(phases=phases))])
+    def check(share, entry=check_mission):
+        mission = assignments[0].mission
+        entry(mission.replaced(phases=mission.phases.replaced(lift_share=share)), grasp=assignments[0].grasp)
 
     check(0.999 * least)
-    with pytest.raises(SolverError, match=r"not reached on pads of 2e\+03 N/m") as error:
-        check(1.001 * least)
-    assert (error.value.status, [text.split()[0] for text in error.value.violated]) == ("not_loaded", [contact])
+    for entry in (check_mission, run_mission, run_trials):
+        with pytest.raises(SolverError, match=r"not reached on pads of 2e\+03 N/m") as error:
+            check(1.001 * least, entry)
+        assert (error.value.status, [text.split()[0] for text in error.value.violated]) == ("not_loaded", [contact])

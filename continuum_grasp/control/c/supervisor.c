@@ -20,11 +20,14 @@
 
 #define SUPERVISOR_ECHO 0.15    /* mean product of successive normalized innovations of a drive: -0.2 where it is known, 0.2 to
                                    0.45 of a loop that swings by 9 to 15 mm with an unknown delay of three periods */
-#define SUPERVISOR_CAUSED 36.0  /* mean squared motion that drives cause, in variances of a reading: the command that noise
-                                   moves at rest has 16 at most, one that drifts from a frozen camera 150 */
-#define SUPERVISOR_ANSWER 0.25  /* share of that motion in a reading: half on a finger of twice the stiffness */
-#define SUPERVISOR_MOVED 0.1    /* mean squared motion of a reading beyond its noise, per that which drives cause: a push from
-                                   outside moves it, though the command then holds it */
+#define SUPERVISOR_ANSWER 0.15  /* share of the motion that drives cause in a reading: 0.5 in noise at rest and on a finger of
+                                   twice the stiffness, within 0.01 of zero in an old image */
+#define SUPERVISOR_LASTING 2.0  /* weight of the product of successive readings, which is none of noise: by it, drives three and
+                                   four times as slow as stated, whose answer comes too late to be in step, trip nothing */
+#define SUPERVISOR_UNSURE 0.1   /* variance of that motion, per the greatest lately: what is left of a great one is wrong, and the
+                                   evidence that a nominal loop gathers falls from 58 to 14 calls */
+#define SUPERVISOR_MOVED 9.0    /* mean squared motion of a reading, in variances, that is none of an old image, even with twice
+                                   the noise: a push from outside moves it so, though the command then holds it */
 
 /* Count the calls in a row for which a condition holds, up to `most`; whether it has held for that many. */
 static int supervisor_lasted(int *count, int condition, int most)
@@ -79,13 +82,15 @@ static int supervisor_blind(supervisor_state *state, const supervisor_settings *
   return lost || (frozen && state->unseen >= o->window + o->window / 2);
 }
 
-/* Compare the motion of a device's readings with that which drives cause, both about slow means; whether it is nothing
- * but noise although they cause some. */
+/* Gather the evidence that a device shows an old image, which is whether it has for two windows: by log-likelihood, call by
+ * call, that its readings are noise alone rather than noise and a share of the motion that drives cause, both about slow
+ * means, or any motion that lasts (CUSUM, E. S. Page, doi:10.2307/2333009). No call counts more than one, and nothing counts
+ * below none, so that neither a great motion nor a long past one decides. */
 static int supervisor_silent(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
                              int sensor)
 {
-  real caused = 0, moved = 0, common = 0;
-  int rows = 0;
+  real caused = 0, moved = 0, common = 0, lasting = 0, rows = 0;
+  real *most = &state->caused[sensor], *silent = &state->silent[sensor];
   for (int j = 0; j < CONTROLLER_NM; ++j) {
     if (o->sensor[j] != sensor || o->noise[j] < 0 || (seen->verdict[j] != CG_USED && seen->verdict[j] != CG_REOPENED)) continue;
     if (!state->calls) state->usual[j] = seen->y[j];
@@ -95,16 +100,20 @@ static int supervisor_silent(supervisor_state *state, const supervisor_settings 
     caused += by_drives * by_drives;
     moved += by_all * by_all;
     common += by_drives * by_all;
+    lasting += state->before[j] * by_all;
+    state->before[j] = by_all;
     ++rows;
   }
-  if (rows) {
-    supervisor_mean(o, &state->caused[sensor], caused / (real)rows);
-    supervisor_mean(o, &state->moved[sensor], moved / (real)rows);
-    supervisor_mean(o, &state->common[sensor], common / (real)rows);
+  if (rows > 0) {
+    *most -= *most / (real)o->window;
+    if (*most < caused / rows) *most = caused / rows;
+    const real alive = common + (real)SUPERVISOR_LASTING * lasting;
+    real more = ((real)SUPERVISOR_ANSWER * caused - alive) / rows / (1 + (real)SUPERVISOR_UNSURE * *most);
+    cg_limit(&more, -1, moved > (real)SUPERVISOR_MOVED * rows ? -1 : 1);
+    *silent += more;
+    cg_limit(silent, 0, (real)(2 * o->window));
   }
-  caused = state->caused[sensor];
-  return caused > (real)SUPERVISOR_CAUSED && state->common[sensor] < (real)SUPERVISOR_ANSWER * caused
-      && state->moved[sensor] < 1 + (real)SUPERVISOR_MOVED * caused;
+  return *silent >= (real)(2 * o->window);
 }
 
 /* Means over a window, and the device that contradicts most. */
@@ -183,7 +192,7 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
     reason = SUPERVISOR_CONTRADICTED;
   if (supervisor_lasted(&state->away, doubt && seen->distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
   if (supervisor_lasted(&state->implausible, seen->implausible, 2 * window + half)) reason = SUPERVISOR_IMPLAUSIBLE;
-  if (supervisor_lasted(&state->unanswered, silent >= 0, window + half)) reason = SUPERVISOR_UNANSWERED;
+  if (silent >= 0) reason = SUPERVISOR_UNANSWERED;
   if (supervisor_blind(state, o, seen)) reason = SUPERVISOR_UNSEEN;
   if (!state->tripped && state->since_rearmed < 150 * window) ++state->since_rearmed;
   if (reason && !state->tripped) {
@@ -221,7 +230,8 @@ int supervisor_rearm(supervisor_state *state, const supervisor_settings *o)
   for (int sensor = 0; sensor <= CONTROLLER_NS; ++sensor) good &= state->mismatch[sensor] < (real)SUPERVISOR_TRUST;
   if (!good || (state->trips > 1 && state->since_rearmed < 150 * o->window)) return 0;
   state->tripped = state->swinging = state->contradicted = state->away = state->since = state->calm = 0;
-  state->unanswered = state->implausible = 0;
+  state->implausible = 0;
+  memset(state->silent, 0, sizeof state->silent);
   state->since_rearmed = 0;
   state->rung = o->rungs;
   return 1;

@@ -69,14 +69,14 @@ typedef struct {
   real mismatch[CONTROLLER_NS + 1], activity;
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
   real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
-  /* of devices that show the shape: mean squared motion that drives cause, and that of readings; their mean product */
-  real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], moved[SUPERVISOR_SIZE(CONTROLLER_NS)];
-  real common[SUPERVISOR_SIZE(CONTROLLER_NS)];
+  real before[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* last readings about them, in standard deviations */
+  /* of devices that show the shape: greatest squared motion that drives cause lately, evidence of an old image in calls */
+  real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], silent[SUPERVISOR_SIZE(CONTROLLER_NS)];
   int calls;                  /* since the start, up to `delay` */
   int rung, raises;           /* fourfold raises of the weight now, and ever */
   int since;                  /* calls since the last change of the rung */
   int calm, doubted, late;    /* calls in a row that are calm, with a mismatch, with an echo */
-  int swinging, contradicted, away, unseen, unanswered, implausible;    /* calls in a row */
+  int swinging, contradicted, away, unseen, implausible;    /* calls in a row */
   int tripped, trips, since_rearmed;    /* reason of the latched trip, or 0 */
   int suspect;                /* device of the trip */
 } supervisor_state;

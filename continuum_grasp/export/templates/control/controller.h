@@ -34,7 +34,7 @@ enum {
 /* Why a controller is tripped. */
 enum {
   <<P>>_TRIP_NONE = 0,
-  <<P>>_TRIP_SWINGING = 1, /* mismatch and an active command, though the weight of its rate is raised 16-fold */
+  <<P>>_TRIP_SWINGING = 1, /* mismatch and an active command, though the weight of its rate is raised 64-fold */
   <<P>>_TRIP_CONTRADICTED = 2, /* a sensor contradicts the model by many standard deviations */
   <<P>>_TRIP_AWAY = 3, /* mismatch, and the tip stays far from its setpoint */
   <<P>>_TRIP_UNSEEN = 4, /* no sensor that shows the shape moves, or is there and within its limits */
