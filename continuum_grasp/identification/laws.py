@@ -43,7 +43,7 @@ def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Bu
         return []
     tried, slopes = zip(*further, strict=True)
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
-    step: Array = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
+    step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
     left: Array = np.asarray(residuals + jacobian @ step)
     unknowns = [*problem.unknowns, *tried]
     found = infer(unknowns, step, jacobian, left, solution.inflation, series=problem.series)
