@@ -46,7 +46,12 @@ INTEGRATORS = {
         double_only=True,
         failure="Newton's method did not converge within a step",
     ),
-    "extrapolated_euler": Integrator("as ros2, extrapolated, at linear cost with many elements", 2, 3, partial=True),
+    "extrapolated_euler": Integrator(
+        "linearly implicit in the finger's own elasticity and damping alone, at linear cost with many elements",
+        2,
+        3,
+        partial=True,
+    ),
     "ros2": Integrator(
         "implicit in the finger's own elasticity and damping alone", 2, 2, partial=True, simulates=False
     ),
