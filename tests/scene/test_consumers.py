@@ -110,11 +110,12 @@ def ignored(name: str, found: list[Place]) -> str:
     if heads[0] not in own or key in NOT_ALONE or any(fnmatchcase(head, one) for head in heads for one in declared):
         return ""
     taken = tried = False
+    given = [place for place in found if place.value not in (None, ())]
     for place in found:
         base, before = bases(root)[place.base], of_base(name, place.base)
         if before is None:
             continue
-        taken = True
+        taken |= place in given or not given  # what is given in scenes alone that the consumer refuses cannot be tried
         for value in others(place, found):
             try:
                 scene = base.changed({place.path: value})
@@ -131,7 +132,7 @@ def ignored(name: str, found: list[Place]) -> str:
             except InputError as error:
                 if error.key and error.key.split("[")[0] in key:
                     return ""
-    if not taken or is_part(found[0].field):  # the keys of a part are tried themselves
+    if not (taken or tried) or is_part(found[0].field):  # the keys of a part are tried themselves
         return ""
     why = "ignored in silence; declare it in the consumer" if tried else "no other value is known (tests/scene_keys.py)"
     return f"{key}: {why}"

@@ -70,6 +70,7 @@ _CHAIN = Consumer(
         "finger.damping.friction_cells": "each hinge is a cell",
         "finger.tendons.friction_cells": "there is no tendon friction",
         "finger.tendons.presliding": "there is no tendon friction",
+        "finger.tendons.conduit_bend": "there is no tendon friction",
         "loads.input": "for the chain every moment is an input",
         "supports.touch": "of grasps",
         "table.stays": "the table does not move",
