@@ -223,7 +223,7 @@ class Stepper:
         """What to say of a motion that is not finite after an output step."""
         time = index * self._time.step
         reason = (
-            str(self._failure)
+            f"{self._failure} (after t = {time:g} s)"
             if plan.method == "reference"
             else (
                 f"{INTEGRATORS[plan.method].failure} after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
@@ -331,6 +331,5 @@ def _integrate_reference(
             if pressed():  # CasADi's integrators would report it as a failure of the motion
                 raise Interrupted("interrupted", result=states[: k + 1])
             if not np.all(np.isfinite(states[k + 1])):
-                message = f"{reason} (after t = {k * step:g} s)"
-                raise NumericalError(message, time=k * step, state=states[k], result=states[: k + 1])
+                raise NumericalError(reason, time=k * step, state=states[k], result=states[: k + 1])
     return states
