@@ -132,7 +132,7 @@ def test_a_rod_that_its_tip_bends_is_near_a_posture_of_the_scan():
 
 @pytest.mark.parametrize("moved", ["object", "base"])
 def test_what_is_out_of_reach_is_moved_into_reach(moved):
-    """A tip 0.2 long and a disc half a metre away, one of which may move by a metre."""
+    """A tip 0.2 long and a disc half a meter away, one of which may move by a meter."""
     at, there = ((0.5, 0.15), (0.0, 0.0)) if moved == "object" else ((0.0, 0.15), (0.5, 0.0))
     body = {"shape": "circle", "diameter": 0.08, "position": at}
     free = {"free": {"x": (-0.5, 0.5)}} if moved == "object" else {}
