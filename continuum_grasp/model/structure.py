@@ -11,10 +11,10 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout, Source
-from continuum_grasp.model.bending_friction import BendingCell, bending_cells
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Family, Mesh, family_class
+from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
@@ -84,7 +84,7 @@ class Structure:
         self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
-        self.bending_cells = self._bending_cells()
+        self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
         self.residual = choices.residual()
@@ -307,15 +307,9 @@ class Structure:
         runtime = self.parameters.is_runtime("tendon_friction")
         return cell_sets(self.family, self.channels, self.finger.tendon_list, runtime)
 
-    def _bending_cells(self) -> tuple[BendingCell, ...]:
-        if not (self.finger.has_dry_friction or self.has_quadratic_damping):
-            return ()
-        return bending_cells(self.family, self.finger.damping.friction_cells)
-
-    @property
-    def has_quadratic_damping(self) -> bool:
-        """Whether damping by the square of the rates is modeled."""
-        return self.finger.damping.quadratic > 0.0 or self.parameters.is_runtime("quadratic_damping")
+    def has_law(self, kind: str) -> bool:
+        """Whether the sections have a law of a kind."""
+        return any(law.kind == kind for law in self.laws)
 
     @property
     def tendon_friction_states(self) -> int:
@@ -325,7 +319,12 @@ class Structure:
     @property
     def friction_states(self) -> int:
         """Number of states of friction: of the tendons, and dry friction in bending."""
-        return self.tendon_friction_states + len(self.bending_cells) * len(self.finger.damping.dry_friction)
+        return self.tendon_friction_states + sum(len(names) for names in self._law_states)
+
+    @property
+    def _law_states(self) -> list[list[str]]:
+        """Name and unit of the states of each port of each law."""
+        return [law.names(k) for law in self.laws for k in range(1, len(law.ports) + 1)]
 
     def check_reached_by(self, initial: Initial) -> None:
         """Raise InputError where a pose of a finger with friction, of tendons or in bending, lacks its history."""
@@ -390,9 +389,7 @@ class Structure:
         for k, winch in enumerate(self.winches):
             self.x_names += winch.names(k + 1)
         self.friction_names = [name for k, cells in enumerate(self.cell_sets) for name in cells.names(k + 1)]
-        branches = range(len(self.finger.damping.dry_friction))
-        cells = range(len(self.bending_cells))
-        self.friction_names += [f"dry_friction_{j + 1}_{k + 1} [1]" for k in cells for j in branches]
+        self.friction_names += [name for names in self._law_states for name in names]
         self.x_names += self.friction_names
         self.u_names = self.inputs.labels
         self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]

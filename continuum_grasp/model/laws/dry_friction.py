@@ -1,0 +1,71 @@
+"""Dry friction in bending, with a memory: branches of springs that slide at a moment.
+
+A branch of stiffness k resists the curvature by the moment k (kappa - slid), and slides where that would exceed its
+moment M: a stop operator (``memory``), and several of them the law of W. D. Iwan (1966, doi:10.1115/1.3625199):
+
+    z' = kappa' k / M - (z - clip(z)) / time,    moment M clip(z),
+
+The energy that it stores per length, M^2/k (z clip(z) - clip(z)^2 / 2), falls short of the work done by
+M^2/k (abs(z) - 1) / time where it slides, which is never negative: no time step aside, friction creates no energy.
+
+Branches go with the stiffness of the section, as the damping of the material does: the curvature at which they slide is
+the same everywhere.
+"""
+
+from __future__ import annotations
+
+from continuum_grasp.model.family import Family
+from continuum_grasp.model.laws.section import Bend, Numbers, SectionLaw, cells
+from continuum_grasp.model.memory import clipped
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.finger import Finger
+
+
+class DryFriction(SectionLaw):
+    """Of each branch M clip(z), with a state per port."""
+
+    kind = "friction"
+
+    def __init__(self, finger: Finger, family: Family, numbers: Numbers) -> None:
+        self.ports = cells(family, finger.damping.friction_cells)
+        self._branches: list[tuple[Scalar, Scalar]] = [
+            (numbers[f"dry_friction_{k + 1}_stiffness"], numbers[f"dry_friction_{k + 1}_moment"])
+            for k in range(len(finger.damping.dry_friction))
+        ]
+
+    @classmethod
+    def applies(cls, finger: Finger, numbers: Numbers) -> bool:
+        return finger.has_dry_friction
+
+    @classmethod
+    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
+        found = {}
+        for k, branch in enumerate(finger.damping.dry_friction, start=1):
+            found[f"dry_friction_{k}_stiffness"] = "N m2", branch.stiffness
+            found[f"dry_friction_{k}_moment"] = "N m", branch.moment
+        return found
+
+    def names(self, port: int) -> list[str]:
+        return [f"dry_friction_{j + 1}_{port} [1]" for j in range(len(self._branches))]
+
+    def moment(self, bend: Bend) -> Scalar:
+        ways = bend.memory.ways(bend.states, lambda: self.travel(bend))
+        return sum((limit * way for (_, limit), way in zip(self._branches, ways, strict=True)), 0.0)
+
+    def travel(self, bend: Bend) -> list[Scalar]:
+        return [stiffness / limit * bend.curvature for stiffness, limit in self._branches]
+
+    def rates(self, bend: Bend) -> list[Scalar]:
+        sliding = [stiffness / limit * bend.rate for stiffness, limit in self._branches]
+        return [bend.memory.rate(z, rate) for z, rate in zip(bend.states, sliding, strict=True)]
+
+    def energy(self, bend: Bend) -> Scalar:
+        total: Scalar = 0.0
+        for z, (stiffness, limit) in zip(bend.states, self._branches, strict=True):
+            y = clipped(z)
+            total += limit * limit / stiffness * (z * y - 0.5 * (y * y))
+        return total
+
+    @property
+    def held(self) -> Scalar:
+        return sum((stiffness for stiffness, _ in self._branches), 0.0)
