@@ -16,7 +16,7 @@ import casadi as ca
 from continuum_grasp.model.actuation import Drive
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Rod
-from continuum_grasp.model.laws.section import SectionForces
+from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.learned_residual import distance, residual_force
 from continuum_grasp.model.link import EndBody, Section
@@ -303,11 +303,11 @@ class Equations:
         bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
         return self._with(bent, self.sections, "elastic")
 
-    def _with(self, forces: list[Scalar], sections: SectionForces, kind: str) -> list[Scalar]:
-        """Forces on coordinates, and those of the laws of a kind."""
-        if not self._structure.has_law(kind):
+    def _with(self, forces: list[Scalar], sections: SectionForces, *kinds: Kind) -> list[Scalar]:
+        """Forces on coordinates, and those of the laws of these kinds."""
+        if not self._structure.has_law(*kinds):
             return forces
-        return [f + own for f, own in zip(forces, sections.force(kind), strict=False)]
+        return [f + own for f, own in zip(forces, sections.force(*kinds), strict=False)]
 
     @property
     def viscosity(self) -> Scalar:
@@ -372,14 +372,23 @@ class Equations:
     @property
     def _remembered(self) -> Memory:
         count = self.z.numel()
-        return Memory(self.history[count] if count else None)
+        return Memory(self.history[count] if count else 0.0)
+
+    @cached_property
+    def _relaxing(self) -> list[Scalar]:
+        """States of laws that fade to zero, which come last."""
+        count, last = len(self._structure.section_states("relaxation")), self.lag.numel()
+        return [self.lag[k] for k in range(last - count, last)]
 
     def _sections(self, z: ca.SX, memory: Memory = IN_MOTION, rates: Sequence[Scalar] | None = None) -> SectionForces:
         made = self._structure
-        own = [z[k] for k in range(made.tendon_friction_states, made.friction_states)]
+        states: dict[Kind, list[Scalar]] = {
+            "friction": [z[k] for k in range(made.tendon_friction_states, made.friction_states)],
+            "relaxation": self._relaxing if memory.moved is None else [0.0] * len(self._relaxing),
+        }
         rest = self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else None
         moving = self.full_rates if rates is None else rates
-        return SectionForces(made.laws, made.family, self.lengths, self.full, moving, own, rest, memory)
+        return SectionForces(made.laws, made.family, self.lengths, self.full, moving, states, rest, memory)
 
     @property
     def slid(self) -> list[Scalar]:
@@ -398,7 +407,7 @@ class Equations:
     def _winch_states(self) -> list[list[Scalar]]:
         """States of each winch."""
         found: list[list[Scalar]] = []
-        at = self.lag.numel() - sum(winch.states for winch in self._structure.winches)
+        at = self.lag.numel() - len(self._relaxing) - sum(winch.states for winch in self._structure.winches)
         for winch in self._structure.winches:
             found.append([self.lag[at + k] for k in range(winch.states)])
             at += winch.states
@@ -417,7 +426,7 @@ class Equations:
             drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
             position = winch.position_at_rest(self.u[k], drawn, tensions, winch.of_its(at_rest.compliances))
             found += winch.at(position, tensions, self.u[k])
-        return found
+        return [*found, *[0.0] * len(self._relaxing)]
 
     @property
     def drives_drawn(self) -> list[Scalar]:
@@ -429,7 +438,7 @@ class Equations:
             slacks = [y - at_rest.drawn(k, 0.0) for k, y in zip(winch.tendons, winch.wound(position), strict=True)]
             pulls = [soft(y) / c for y, c in zip(slacks, winch.of_its(at_rest.compliances), strict=True)]
             found += winch.at(position, pulls, None)
-        return found
+        return [*found, *[0.0] * len(self._relaxing)]
 
     @cached_property
     def _winch_rates(self) -> list[Scalar]:
@@ -480,12 +489,12 @@ class Equations:
         n, nodal = self._structure.n, self._family.nodal
         if nodal is None:
             bent = [e - a for e, a in zip(self.elastic, actuation, strict=True)][:n]
-            return self._with(bent, sections, "friction")
+            return self._with(bent, sections, *STATEFUL)
         # What the input bends is subtracted from the coordinates: the same, with fewer products and less cancellation.
         amplitudes = [drive.total for drive in self.drives]
         above = [self.full[k] - self.per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
         matrix = [row[:n] for row in self._family.stiffness(self.lengths)[:n]]
-        return self._with(_product(matrix, above, self._par["bending_stiffness"]), sections, "friction")
+        return self._with(_product(matrix, above, self._par["bending_stiffness"]), sections, *STATEFUL)
 
     # -- motion --------------------------------------------------------------------------------------------------
 
@@ -593,7 +602,7 @@ class Equations:
         slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
         held = self.held_stiffness
         if not isinstance(held, float) or held > 0.0:
-            # As if all friction stuck, whose states follow the velocity at the end of the step.
+            # As if nothing slid or relaxed: states follow the velocity at the end of the step.
             block = matrix([row[:n] for row in self._family.stiffness(self.lengths)[:n]])
             slowed += part**2 * held * block
         slow = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
@@ -610,25 +619,29 @@ class Equations:
         """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
         lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
-        return [*lag, *self._winch_rates, *self.tendons.state_rates, *self.sections.state_rates]
+        return [*lag, *self._winch_rates, *self._section_rates(self.sections)]
+
+    def _section_rates(self, sections: SectionForces) -> list[Scalar]:
+        """Rates of what relaxes, and of friction."""
+        return [*sections.rates("relaxation"), *self.tendons.state_rates, *sections.rates("friction")]
 
     def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
-        """The same as a step takes it that is implicit in ``part`` [s] where dry friction makes the finger stiff."""
+        """The same as a step takes it that is implicit in ``part`` [s] where laws with states make the finger stiff."""
         n = self._structure.n
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
-        own = self._sections(self.z, Memory(part=part), ahead).state_rates
-        return [*self.drive_rates[: self.lag.numel() + self.z.numel() - len(own)], *own]
+        own = self._section_rates(self._sections(self.z, Memory(part=part), ahead))
+        return [*self.drive_rates[: len(self.drive_rates) - len(own)], *own]
 
     @property
     def held_stiffness(self) -> Scalar:
-        """Stiffness that friction adds while it sticks, as a factor of the mesh's stiffness."""
+        """Stiffness that laws with states add while these are held, as a factor of the mesh's stiffness."""
         held = sum((law.held for law in self._structure.laws), 0.0)
         return 1.0 / float(self._structure.mesh.stiffness(0.0)) * held
 
     @property
     def drives_feel_motion(self) -> bool:
         """Whether the rates of drives depend on the motion of the finger."""
-        return bool(self.z.numel() or self._structure.winches)
+        return bool(self.z.numel() or self._structure.winches or self._relaxing)
 
     @cached_property
     def pattern(self) -> Pattern | None:

@@ -64,11 +64,17 @@ class Memory:
 
     def rate(self, z: Scalar, sliding: Scalar) -> Scalar:
         """Rate of a state [1/s] of a sliding [1/s]."""
-        rate = sliding - (z - clipped(z)) * (1.0 / RETURN_TIME)
+        # What is beyond its range returns to it within an implicit step.
+        return self._returning(sliding - (z - clipped(z)) * (1.0 / RETURN_TIME), 1.0 / RETURN_TIME, ca.fabs(z) > 1.0)
+
+    def fading(self, z: Scalar, driven: Scalar, pole: Scalar) -> Scalar:
+        """Rate of a state that follows what drives it, and fades with a pole [1/s]."""
+        return self._returning(driven - pole * z, pole, 1.0)
+
+    def _returning(self, rate: Scalar, pole: Scalar, where: Scalar) -> Scalar:
         if isinstance(self.part, float) and self.part == 0.0:
             return rate
-        # What is beyond its range returns to it within the step.
-        return rate / (1.0 + self.part / RETURN_TIME * (ca.fabs(z) > 1.0))
+        return rate / (1.0 + self.part * pole * where)
 
 
 IN_MOTION = Memory()

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.laws.section import Bend, Port, SectionLaw
+from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
 from continuum_grasp.model.link import EndBody
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
 
@@ -133,7 +133,7 @@ class Builder:
         self._pattern = equations.pattern
         self._loads = equations.loads
         # Laws without states: what they give is an expression of the link alone.
-        self._laws = [law for law in made.laws if law.kind != "friction"]
+        self._laws = [law for law in made.laws if law.kind not in STATEFUL]
         self._ports = [_rows(law.ports, len(made.lengths)) for law in self._laws]
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
@@ -204,8 +204,8 @@ class Builder:
         """
         made, eq = self._made, self.equations
         found = list(eq.tendons.on_elements) if made.own_tendons else []
-        if made.has_law("friction"):
-            friction = [[-1.0 * force for force in own] for own in eq.sections.on_elements("friction")]
+        if made.has_law(*STATEFUL):
+            friction = [[-1.0 * force for force in own] for own in eq.sections.on_elements(*STATEFUL)]
             found = (
                 friction
                 if not found
@@ -216,7 +216,7 @@ class Builder:
     @property
     def _loaded(self) -> tuple[int, ...]:
         made = self._made
-        every = range(len(made.lengths) if made.own_tendons or made.has_law("friction") else 0)
+        every = range(len(made.lengths) if made.own_tendons or made.has_law(*STATEFUL) else 0)
         return (*(load.place.link for load in self._loads), *every)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:

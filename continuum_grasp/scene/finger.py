@@ -318,6 +318,7 @@ class Finger(Value):
         return bool(
             self.has_tendon_friction
             or self.has_dry_friction
+            or self.damping.relaxation
             or self.winches
             or self.stops is not None
             or self.softening is not None
@@ -330,6 +331,7 @@ class Finger(Value):
         why = {
             "tendon friction": self.has_tendon_friction,
             "dry friction in bending": self.has_dry_friction,
+            "a material that relaxes": bool(self.damping.relaxation),
             f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
             "stops": self.stops is not None,
             "a material that softens": self.softening is not None,

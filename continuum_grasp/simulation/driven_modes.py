@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.family import nodes_of
+from continuum_grasp.model.laws.section import STATEFUL
 from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.winches import compliance
 from continuum_grasp.simulation.slack import SLACK
@@ -51,9 +52,7 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
         held = core.statics(q, u, w, p, *history)[1]
-        return SmallMotions(
-            mass, held, damping, held + _held(model, p) if model.structure.has_law("friction") else None
-        )
+        return SmallMotions(mass, held, damping, held + _held(model, p) if model.structure.has_law(*STATEFUL) else None)
     of_tendons = model.structure.tendon_friction_states
     states = state_of(friction[:of_tendons]), friction[of_tendons:]
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
@@ -63,7 +62,8 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         both = np.zeros_like(stiffness)
         both[:n, :n], both[n:, n:] = mass, np.diag(inertia.ravel())
         free = both, stiffness
-    stuck = passive + _glued(model, found, x) + _held(model, p) if model.friction_names else None
+    slides = model.friction_names or model.structure.has_law(*STATEFUL)
+    stuck = passive + _glued(model, found, x) + _held(model, p) if slides else None
     return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
 
@@ -90,7 +90,7 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
 
 
 def _held(model: FingerModel, p: Array) -> Array:
-    """Stiffness that friction of the sections adds while it sticks."""
+    """Stiffness that laws of the sections add while nothing slides or relaxes."""
     made, total = model.structure, np.zeros((model.n, model.n))
     for law in made.laws:
         held = float(ca.Function("held", [made.parameters.symbol], [ca.SX(law.held)])(p))

@@ -6,10 +6,11 @@ from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.drag import Drag
 from continuum_grasp.model.laws.dry_friction import DryFriction
 from continuum_grasp.model.laws.limits import Softening, Stops
+from continuum_grasp.model.laws.relaxation import Relaxation
 from continuum_grasp.model.laws.section import Numbers, SectionLaw
 from continuum_grasp.scene.finger import Finger
 
-LAWS: tuple[type[SectionLaw], ...] = (Stops, Softening, Drag, DryFriction)
+LAWS: tuple[type[SectionLaw], ...] = (Stops, Softening, Drag, DryFriction, Relaxation)
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> tuple[SectionLaw, ...]:

@@ -4,14 +4,14 @@ A port is the curvature at a point of an element, or its mean over a part of it,
 section per that at the base: moments of a law are those at the base, and go with the stiffness along the finger. By
 virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the coordinates.
 
-A law has states where it remembers. Those of friction are, at rest, found from how the finger came there (``Bend``);
-all others are zero at rest.
+A law has states where it remembers. At rest those of friction follow from how the finger came there (``Memory``); all
+others are zero.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -23,6 +23,10 @@ from continuum_grasp.model.family import Array, Family, nodes_of
 from continuum_grasp.model.memory import IN_MOTION, Memory
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
+
+Kind = Literal["elastic", "damping", "friction", "relaxation"]
+
+STATEFUL: tuple[Kind, ...] = ("friction", "relaxation")
 
 
 class Numbers(Protocol):
@@ -107,8 +111,8 @@ class SectionLaw(ABC):
     Numbers of the section are those at the base.
     """
 
-    kind: ClassVar[Literal["elastic", "damping", "friction"]]
-    """What its moment depends on: curvature alone; its rate too; or states, which are those of friction."""
+    kind: ClassVar[Kind]
+    """What its moment depends on: curvature alone; its rate too; states of friction; or states that fade to zero."""
     ports: tuple[Port, ...]
 
     @abstractmethod
@@ -165,8 +169,8 @@ class SectionForces:
         Of the elements [m].
     full, rates : sequence of Scalar
         Full coordinates and their rates.
-    states : sequence of Scalar
-        Of all laws.
+    states : mapping
+        By kind those of all laws of it.
     rest : Scalar, optional
         Curvature at rest [1/m] where it is a run-time argument.
     memory : Memory
@@ -179,19 +183,17 @@ class SectionForces:
         lengths: Sequence[Scalar],
         full: Sequence[Scalar],
         rates: Sequence[Scalar],
-        states: Sequence[Scalar],
+        states: Mapping[Kind, Sequence[Scalar]],
         rest: Scalar | None = None,
         memory: Memory = IN_MOTION,
     ) -> None:
         self._family, self._lengths, self._full, self._rates = family, lengths, full, rates
         self._rest, self._memory = rest, memory
         self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
-        at = 0
+        left = {kind: iter(own) for kind, own in states.items()}
         for law in laws:
-            for k, port in enumerate(law.ports):
-                count = len(law.names(k + 1))
-                self._ports.append((law, port, states[at : at + count]))
-                at += count
+            for k, port in enumerate(law.ports, start=1):
+                self._ports.append((law, port, [next(left[law.kind]) for _ in law.names(k)]))
 
     def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
         """Measure of a port, and that times its shapes; its element may have another length at run time."""
@@ -217,29 +219,28 @@ class SectionForces:
         local = self._family.local(port.element)
         return sum(((w / measure) * values[a] for a, w in zip(local, weights, strict=True) if not _is_zero(w)), 0.0)
 
-    def on_elements(self, kind: str) -> list[list[Scalar]]:
-        """Generalized forces of the laws of a kind on the local coordinates of every element, against the bending."""
+    def on_elements(self, *kinds: Kind) -> list[list[Scalar]]:
+        """Generalized forces of the laws of kinds on the local coordinates of every element, against the bending."""
         total: list[list[Scalar]] = [[0.0] * len(self._family.local(k)) for k in range(self._family.elements)]
         for law, port, bend in self._acting:
-            if law.kind == kind:
+            if law.kind in kinds:
                 moment = law.moment(bend)
                 for i, weight in enumerate(self._weights(port)[1]):
                     if not _is_zero(weight):
                         total[port.element][i] += weight * moment
         return total
 
-    def force(self, kind: str) -> list[Scalar]:
+    def force(self, *kinds: Kind) -> list[Scalar]:
         """The same on all coordinates."""
         total: list[Scalar] = [0.0] * self._family.size
-        for k, forces in enumerate(self.on_elements(kind)):
+        for k, forces in enumerate(self.on_elements(*kinds)):
             for a, force in zip(self._family.local(k), forces, strict=True):
                 total[a] += force
         return total
 
-    @property
-    def state_rates(self) -> list[Scalar]:
-        """Rates of all states [1/s]."""
-        return [rate for law, _, bend in self._acting for rate in law.rates(bend)]
+    def rates(self, kind: Kind) -> list[Scalar]:
+        """Rates of the states of a kind."""
+        return [rate for law, _, bend in self._acting if law.kind == kind for rate in law.rates(bend)]
 
     @property
     def travel(self) -> list[Scalar]:
