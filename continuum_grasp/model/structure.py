@@ -175,7 +175,7 @@ class Structure:
         return self.family.coordinates(flat[:, 0], flat)[: self.n]
 
     def lag_at(self, u: Sequence[float]) -> list[float]:
-        """States of drives of tension that have reached an input (nu), and of what relaxes; see `FingerModel.drives_at`."""
+        """States of lags that have reached an input (nu), and of what relaxes; see `FingerModel.drives_at`."""
         drives, found = max(self.inputs.drives, 1), []
         for source in self.sources:
             if source.time_constant is not None:
