@@ -56,7 +56,7 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
-        self._units = _UNITS | {name: unit for name, (unit, _) in numbers_of(finger).items()}
+        self._units = _UNITS | {name: number.unit for name, number in numbers_of(finger).items()}
         self._nominal = nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -135,7 +135,7 @@ def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequen
             values[f"mass_{k}"] = [mass.mass]
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
-    values |= {name: [value] for name, (_, value) in numbers_of(finger).items()}
+    values |= {name: [number.value] for name, number in numbers_of(finger).items()}
     for name in OF_TENDONS:
         own = {_of_tendon(tendon, name) for tendon in finger.tendon_list}
         if len(own) == 1 and own != {None}:

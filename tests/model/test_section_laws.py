@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 import continuum_grasp as cg
+from continuum_grasp.identification import TipPath
 from continuum_grasp.scene.finger import Softening, Stops
 from tests.marks import few
 
@@ -20,6 +21,25 @@ LAWS = {
     "dry friction": {"damping": {"dry_friction": [{"stiffness": 1e-3, "moment": 2e-3}]}},
     "relaxation": {"damping": {"relaxation": BRANCHES}},
 }
+
+
+def even_bends(times, moments, viscosity, branches):
+    """Bend [rad] of a light finger under a moment on its tip, linear between the times: one linear system all along.
+
+    eta kappa' = M - E I (kappa + sum g e), e' = kappa' - e / T.
+    """
+    count, poles = len(branches), np.array([1.0 / branch["time"] for branch in branches])
+    driven = -STIFFNESS / viscosity * np.array([1.0, *(branch["share"] for branch in branches)])
+    whole = np.zeros((count + 3, count + 3))  # with the moment and its slope
+    whole[: count + 1, : count + 1] = driven
+    whole[1 : count + 1, 1 : count + 1] -= np.diag(poles)
+    whole[: count + 1, -2], whole[-2, -1] = 1.0 / viscosity, 1.0
+    state, found = np.zeros(count + 3), [0.0]
+    for k, h in enumerate(np.diff(times)):
+        state[-2:] = moments[k], (moments[k + 1] - moments[k]) / h
+        state = expm(h * whole) @ state
+        found.append(state[0] * LENGTH)
+    return np.array(found)
 
 
 def finger(**laws):
@@ -60,21 +80,11 @@ def test_a_held_moment_creeps_and_comes_back_by_the_closed_form(family, elements
         }
     )
     run = cg.simulate(scene)
-    # eta kappa' = M - E I (kappa + sum g e), e' = kappa' - e / T
-    shares, poles = np.array([b["share"] for b in BRANCHES]), 1.0 / np.array([b["time"] for b in BRANCHES])
-    drives = -STIFFNESS / viscosity * np.array([1.0, *shares])
-    matrix = np.vstack([drives, np.tile(drives, (2, 1)) - np.diag([0.0, *poles])[1:]])
-    whole = np.zeros((5, 5))  # with the moment and its slope
-    whole[:3, :3], whole[:3, 3], whole[3, 4] = matrix, 1.0 / viscosity, 1.0
-    state, bends = np.array([0.0, 0.0, 0.0, moment, 0.0]), []
-    for t in run.t[:-1]:
-        state[4] = -moment / 0.02 if abs(t - held) < 1e-6 else 0.0
-        state = expm(0.02 * whole) @ state
-        bends.append(state[0] * LENGTH)
-    tip = np.array([run.model.orientation(q, [0.0], LENGTH, []).full().item() for q in run.q[1:]])
-    assert bends[29] > 1.2 * bends[2]
-    settled = np.abs(run.t[1:] - held - 0.03) > 0.05  # moments between samples are not quite straight
-    assert tip[settled] == pytest.approx(np.array(bends)[settled], abs=2e-3 * max(bends))
+    bends = even_bends(run.t, np.interp(run.t, times, [moment, moment, 0.0, 0.0]), viscosity, BRANCHES)
+    tip = np.array([run.model.orientation(q, [0.0], LENGTH, []).full().item() for q in run.q])
+    assert bends[30] > 1.2 * bends[3]
+    settled = np.abs(run.t - held - 0.03) > 0.05  # moments between samples are not quite straight
+    assert tip[settled] == pytest.approx(bends[settled], abs=2e-3 * max(bends))
 
 
 @pytest.mark.parametrize(("family", "elements"), [("arc", 3), ("clothoid", 2)])
@@ -112,3 +122,31 @@ def test_a_swing_is_that_of_the_sudden_stiffness_and_rest_that_of_the_slow_one()
 def test_a_matched_tip_cannot_carry_it():
     with pytest.raises(cg.InputError, match="matched_clothoid cannot carry a material that relaxes"):
         cg.FingerModel(finger(damping={"relaxation": BRANCHES}), family="matched_clothoid")
+
+
+def test_identify_finds_what_relaxes_from_a_path_of_the_closed_form():
+    """The tip of a circular arc whose bend creeps; the search starts with half the share and three times the time."""
+    viscosity, moment, true = 2e-4, 0.02, {"share": 0.5, "time": 0.4}
+    t = np.linspace(0.0, 1.5, 76)
+    bend = even_bends(t, np.full_like(t, moment), viscosity, [true])
+    with np.errstate(invalid="ignore"):
+        along, across = (
+            np.where(bend > 0.0, value / bend, rest) for value, rest in ((np.sin(bend), 1.0), (1.0 - np.cos(bend), 0.0))
+        )
+    noise = 1e-5 * np.random.default_rng(1).standard_normal((2, t.size))
+    start = {"share": 0.25, "time": 1.2}
+    rod = {"length": LENGTH, "diameter": 0.006, "bending_stiffness": STIFFNESS, "linear_density": 1e-3}
+    scene = cg.Scene.model_validate(
+        {
+            "finger": {"rod": rod, "damping": {"material": viscosity, "relaxation": [start]}},
+            "gravity": (0.0, 0.0),
+            "fidelity": {"family": "arc", "elements": 1},
+            "initial": {"pose": "rest"},
+            "actuation": {"tip_moment": moment},
+            "time": {"duration": 1.5, "step": 0.02},
+        }
+    )
+    data = [TipPath(t, x=noise[0] - LENGTH * across, y=noise[1] + LENGTH * along, sigma=1e-5)]
+    fit = cg.identify(scene, data, parameters=["relaxation_1_share", "relaxation_1_time"])
+    assert fit.values == pytest.approx([true["share"], true["time"]], rel=5e-3)
+    assert fit.apply().finger.damping.relaxation[0].time == fit["relaxation_1_time"]

@@ -7,7 +7,7 @@ from continuum_grasp.model.laws.drag import Drag
 from continuum_grasp.model.laws.dry_friction import DryFriction
 from continuum_grasp.model.laws.limits import Softening, Stops
 from continuum_grasp.model.laws.relaxation import Relaxation
-from continuum_grasp.model.laws.section import Numbers, SectionLaw
+from continuum_grasp.model.laws.section import Number, Numbers, SectionLaw
 from continuum_grasp.scene.finger import Finger
 
 LAWS: tuple[type[SectionLaw], ...] = (Stops, Softening, Drag, DryFriction, Relaxation)
@@ -18,6 +18,6 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> tuple[SectionLa
     return tuple(law(finger, family, numbers) for law in LAWS if law.applies(finger, numbers))
 
 
-def numbers_of(finger: Finger) -> dict[str, tuple[str, float]]:
-    """Unit and value of each number of theirs that may be a run-time argument, by name."""
+def numbers_of(finger: Finger) -> dict[str, Number]:
+    """Each number of theirs that may be a run-time argument, by name."""
     return {name: number for law in LAWS for name, number in law.numbers(finger).items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Numbers, SectionLaw, cells
+from continuum_grasp.model.laws.section import Bend, Number, Numbers, SectionLaw, cells
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 
@@ -24,8 +24,8 @@ class Drag(SectionLaw):
         return finger.damping.quadratic > 0.0 or numbers.is_runtime("quadratic_damping")
 
     @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
-        return {"quadratic_damping": ("N m2 s2", finger.damping.quadratic)}
+    def numbers(cls, finger: Finger) -> dict[str, Number]:
+        return {"quadratic_damping": Number("N m2 s2", finger.damping.quadratic, "damping.quadratic", positive=False)}
 
     def moment(self, bend: Bend) -> Scalar:
         return self._coefficient * (bend.rate * ca.fabs(bend.rate))

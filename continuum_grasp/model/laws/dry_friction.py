@@ -15,7 +15,7 @@ the same everywhere.
 from __future__ import annotations
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Numbers, SectionLaw, cells
+from continuum_grasp.model.laws.section import Bend, Number, Numbers, SectionLaw, cells
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
@@ -38,11 +38,12 @@ class DryFriction(SectionLaw):
         return finger.has_dry_friction
 
     @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
+    def numbers(cls, finger: Finger) -> dict[str, Number]:
         found = {}
         for k, branch in enumerate(finger.damping.dry_friction, start=1):
-            found[f"dry_friction_{k}_stiffness"] = "N m2", branch.stiffness
-            found[f"dry_friction_{k}_moment"] = "N m", branch.moment
+            key = f"damping.dry_friction[{k - 1}]"
+            found[f"dry_friction_{k}_stiffness"] = Number("N m2", branch.stiffness, f"{key}.stiffness")
+            found[f"dry_friction_{k}_moment"] = Number("N m", branch.moment, f"{key}.moment")
         return found
 
     def names(self, port: int) -> list[str]:

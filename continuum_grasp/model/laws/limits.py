@@ -13,7 +13,7 @@ from dataclasses import replace
 import casadi as ca
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Numbers, SectionLaw, places, points
+from continuum_grasp.model.laws.section import Bend, Number, Numbers, SectionLaw, places, points
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded_profile import line
@@ -76,7 +76,7 @@ class Stops(_Limit):
         return finger.stops is not None and finger.stop_curvature is not None
 
     @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
+    def numbers(cls, finger: Finger) -> dict[str, Number]:
         return {}
 
     def _of(self, bend: Bend) -> Scalar:
@@ -94,7 +94,7 @@ class Softening(_Limit):
         soft = finger.softening
         self._rounding, self._change = soft.rounding, numbers["softening_ratio"] - 1.0
         if numbers.is_runtime("softening_curvature"):
-            self._scale = numbers["softening_curvature"] / self.numbers(finger)["softening_curvature"][1]
+            self._scale = numbers["softening_curvature"] / self.numbers(finger)["softening_curvature"].value
         self._place(family, numbers, line(finger.rod.length, soft.curvature))
 
     @classmethod
@@ -102,10 +102,11 @@ class Softening(_Limit):
         return finger.softening is not None
 
     @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
+    def numbers(cls, finger: Finger) -> dict[str, Number]:
         if finger.softening is None:
             return {}
-        found = {"softening_ratio": ("1", finger.softening.stiffness_ratio)}
+        ratio = Number("1", finger.softening.stiffness_ratio, "softening.stiffness_ratio", positive=False)
+        found = {"softening_ratio": ratio}
         if not isinstance(finger.softening.curvature, tuple):
-            found["softening_curvature"] = "1/m", finger.softening.curvature
+            found["softening_curvature"] = Number("1/m", finger.softening.curvature, "softening.curvature")
         return found

@@ -12,7 +12,7 @@ of them. A sudden load meets (1 + sum g) E I. The energy g E I e^2 / 2 per lengt
 from __future__ import annotations
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Numbers, SectionLaw, points
+from continuum_grasp.model.laws.section import Bend, Number, Numbers, SectionLaw, points
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 
@@ -36,11 +36,12 @@ class Relaxation(SectionLaw):
         return bool(finger.damping.relaxation)
 
     @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
+    def numbers(cls, finger: Finger) -> dict[str, Number]:
         found = {}
         for k, branch in enumerate(finger.damping.relaxation, start=1):
-            found[f"relaxation_{k}_share"] = "1", branch.share
-            found[f"relaxation_{k}_time"] = "s", branch.time
+            key = f"damping.relaxation[{k - 1}]"
+            found[f"relaxation_{k}_share"] = Number("1", branch.share, f"{key}.share")
+            found[f"relaxation_{k}_time"] = Number("s", branch.time, f"{key}.time")
         return found
 
     def names(self, port: int) -> list[str]:

@@ -40,6 +40,16 @@ class Numbers(Protocol):
 
 
 @dataclass(frozen=True)
+class Number:
+    """A number of a law that may be a run-time argument."""
+
+    unit: str
+    value: float
+    key: str  # where the finger has it
+    positive: bool = True  # else it may be zero, too
+
+
+@dataclass(frozen=True)
 class Port:
     """Where a law sees the curvature."""
 
@@ -125,8 +135,8 @@ class SectionLaw(ABC):
 
     @classmethod
     @abstractmethod
-    def numbers(cls, finger: Finger) -> dict[str, tuple[str, float]]:
-        """Unit and value of each number that may be a run-time argument, by name."""
+    def numbers(cls, finger: Finger) -> dict[str, Number]:
+        """Each number that may be a run-time argument, by name."""
 
     @abstractmethod
     def moment(self, bend: Bend) -> Scalar:
