@@ -7,17 +7,15 @@ Beyond a curvature c the bending stiffness changes by a share r of it; with the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass
 
 import casadi as ca
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Number, Numbers, SectionLaw, places, points
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded_profile import line
-from continuum_grasp.scene.profile import Curve
 
 _POINTS = 3
 """Points per element at which the curvature is compared with a limit [1]: as good as dense ones."""
@@ -25,88 +23,59 @@ _STOP_ROUNDING = 0.005
 """Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
 
 
-class _Limit(SectionLaw):
-    """A curvature from which on the stiffness changes."""
+@dataclass(frozen=True)
+class Limit(SectionLaw):
+    """A curvature from which on the stiffness changes; that of each port is its own number [1/m]."""
 
-    kind = "elastic"
-    _signs: tuple[float, ...]  # the sides on which it does
-    _rounding: float  # width of the corner per curvature [1]
-    _change: Scalar  # of the stiffness, per that before [1]
-    _scale: Scalar = 1.0  # of the curvature
+    kind: Kind = "elastic"
+    signs: tuple[float, ...] = (1.0, -1.0)  # the sides on which it does
+    rounding: float = 0.0  # width of the corner per curvature [1]
+    change: Scalar = 0.0  # of the stiffness [N m2]
+    with_rest: bool = False  # whether the curvature at rest counts
+    scale: Scalar = 1.0  # of the curvature
 
-    def _place(self, family: Family, numbers: Numbers, curvature: Curve) -> None:
-        at = curvature(places(family, _POINTS)).tolist()
-        self.ports = tuple(replace(port, own=(c,)) for port, c in zip(points(family, _POINTS), at, strict=True))
-        self._stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
-
-    def _of(self, bend: Bend) -> Scalar:
-        """The curvature that counts."""
-        return bend.curvature
-
-    def _beyond(self, bend: Bend) -> Iterator[tuple[float, Scalar, Scalar]]:
+    def _beyond(self, bend: Bend) -> list[tuple[float, Scalar, Scalar]]:
         """Per side its sign, s and the root."""
-        touch = self._scale * bend.own[0]
-        rounding = self._rounding * touch
-        for sign in self._signs:
-            beyond = sign * self._of(bend) - touch
+        touch, found = self.scale * bend.own[0], []
+        rounding = self.rounding * touch
+        for sign in self.signs:
+            beyond = sign * (bend.curvature + bend.rest if self.with_rest else bend.curvature) - touch
             root = ca.sqrt(beyond * beyond + rounding * rounding)
-            yield sign, 0.5 * (beyond + root), root
+            found.append((sign, 0.5 * (beyond + root), root))
+        return found
 
     def moment(self, bend: Bend) -> Scalar:
-        parts = sum((sign * (s * s / root) for sign, s, root in self._beyond(bend)), 0.0)
-        return (self._change * self._stiffness) * parts
+        return self.change * sum((sign * (s * s / root) for sign, s, root in self._beyond(bend)), 0.0)
 
     def energy(self, bend: Bend) -> Scalar:
-        return (0.5 * self._change * self._stiffness) * sum((s * s for _, s, _ in self._beyond(bend)), 0.0)
+        return (0.5 * self.change) * sum((s * s for _, s, _ in self._beyond(bend)), 0.0)
 
 
-class Stops(_Limit):
-    """Links that touch: on one side or both, at a curvature of the finger itself, that at rest included."""
-
-    _rounding = _STOP_ROUNDING
-
-    def __init__(self, finger: Finger, family: Family, numbers: Numbers) -> None:
-        if finger.stops is None or finger.stop_curvature is None:
-            raise TypeError("a finger without stops")
-        self._signs, self._change = finger.stops.signs, finger.stops.stiffness_ratio - 1.0
-        self._place(family, numbers, finger.stop_curvature)
-
-    @classmethod
-    def applies(cls, finger: Finger, numbers: Numbers) -> bool:
-        return finger.stops is not None and finger.stop_curvature is not None
-
-    @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, Number]:
+def numbers_of(finger: Finger) -> dict[str, Number]:
+    """Those of a material that softens."""
+    soft = finger.softening
+    if soft is None:
         return {}
+    ratio = Number("1", soft.stiffness_ratio, "softening.stiffness_ratio", positive=False)
+    if isinstance(soft.curvature, tuple):
+        return {"softening_ratio": ratio}
+    return {"softening_ratio": ratio, "softening_curvature": Number("1/m", soft.curvature, "softening.curvature")}
 
-    def _of(self, bend: Bend) -> Scalar:
-        return bend.curvature + bend.rest
 
-
-class Softening(_Limit):
-    """A material that yields, to both sides alike, at a curvature above that at rest."""
-
-    _signs = (1.0, -1.0)
-
-    def __init__(self, finger: Finger, family: Family, numbers: Numbers) -> None:
-        if finger.softening is None:
-            raise TypeError("a finger that does not soften")
-        soft = finger.softening
-        self._rounding, self._change = soft.rounding, numbers["softening_ratio"] - 1.0
-        if numbers.is_runtime("softening_curvature"):
-            self._scale = numbers["softening_curvature"] / self.numbers(finger)["softening_curvature"].value
-        self._place(family, numbers, line(finger.rod.length, soft.curvature))
-
-    @classmethod
-    def applies(cls, finger: Finger, numbers: Numbers) -> bool:
-        return finger.softening is not None
-
-    @classmethod
-    def numbers(cls, finger: Finger) -> dict[str, Number]:
-        if finger.softening is None:
-            return {}
-        ratio = Number("1", finger.softening.stiffness_ratio, "softening.stiffness_ratio", positive=False)
-        found = {"softening_ratio": ratio}
-        if not isinstance(finger.softening.curvature, tuple):
-            found["softening_curvature"] = Number("1/m", finger.softening.curvature, "softening.curvature")
-        return found
+def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+    """Links that touch, at a curvature of the finger itself; a material that softens, at one above that at rest."""
+    found: list[SectionLaw] = []
+    stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
+    stops, soft = finger.stops, finger.softening
+    if stops is not None and finger.stop_curvature is not None:
+        ports, change = points(family, _POINTS, finger.stop_curvature), (stops.stiffness_ratio - 1.0) * stiffness
+        found.append(Limit(ports, signs=stops.signs, rounding=_STOP_ROUNDING, change=change, with_rest=True))
+    if soft is not None:
+        ports, change = (
+            points(family, _POINTS, line(finger.rod.length, soft.curvature)),
+            numbers["softening_ratio"] - 1.0,
+        )
+        at = "softening_curvature"
+        scale = numbers[at] / numbers_of(finger)[at].value if numbers.is_runtime(at) else 1.0
+        found.append(Limit(ports, rounding=soft.rounding, change=change * stiffness, scale=scale))
+    return found

@@ -15,14 +15,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from continuum_grasp.model.family import Array, Family, nodes_of
 from continuum_grasp.model.memory import IN_MOTION, Memory
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.profile import Curve
 
 Kind = Literal["elastic", "damping", "friction", "relaxation"]
 
@@ -80,22 +80,17 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
     return tuple(found)
 
 
-def points(family: Family, count: int) -> tuple[Port, ...]:
-    """The curvature at ``count`` points of each element, and at these places on the finger [m]: Gauss quadrature."""
+def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
+    """The curvature at ``count`` points of each element, by Gauss quadrature, with the values of curves there."""
     mesh, found = family.mesh, list[Port]()
     nodes, weights = np.polynomial.legendre.leggauss(count)
     for element, h in enumerate(mesh.lengths):
         s = mesh.ends[element] + 0.5 * h * (nodes + 1.0)
         measures = 0.5 * h * weights * mesh.stiffness(s) / float(mesh.stiffness(0.0))
-        for measure, (*shapes, rest) in zip(measures, family.shapes_at(element, s).T, strict=True):
-            found.append(Port(element, float(measure), _clean(np.array(shapes)), float(rest)))
+        own = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
+        for measure, (*shapes, rest), numbers in zip(measures, family.shapes_at(element, s).T, own.T, strict=True):
+            found.append(Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(numbers.tolist())))
     return tuple(found)
-
-
-def places(family: Family, count: int) -> Array:
-    """Where the ``points`` of all elements are [m]."""
-    ends, (nodes, _) = np.array(family.mesh.ends), np.polynomial.legendre.leggauss(count)
-    return np.concatenate([a + 0.5 * (b - a) * (nodes + 1.0) for a, b in pairwise(ends)])
 
 
 def _clean(shapes: Array) -> Array:
@@ -115,28 +110,16 @@ class Bend:
     memory: Memory = IN_MOTION
 
 
+@dataclass(frozen=True)
 class SectionLaw(ABC):
     """A moment by the curvature, its rate, and states, against the bending.
 
-    Numbers of the section are those at the base.
+    ``kind`` says what it depends on: the curvature alone; its rate too; states of friction; or states that fade to
+    zero.
     """
 
-    kind: ClassVar[Kind]
-    """What its moment depends on: curvature alone; its rate too; states of friction; or states that fade to zero."""
     ports: tuple[Port, ...]
-
-    @abstractmethod
-    def __init__(self, finger: Finger, family: Family, numbers: Numbers) -> None: ...
-
-    @classmethod
-    @abstractmethod
-    def applies(cls, finger: Finger, numbers: Numbers) -> bool:
-        """Whether a finger has it."""
-
-    @classmethod
-    @abstractmethod
-    def numbers(cls, finger: Finger) -> dict[str, Number]:
-        """Each number that may be a run-time argument, by name."""
+    kind: Kind
 
     @abstractmethod
     def moment(self, bend: Bend) -> Scalar:
