@@ -57,6 +57,7 @@ _OWN_ROD: dict[str, Any] = {
 _FORCE = {"kind": "force", "at": 0.06, "force": {"times": [0.0, 1.0], "values": [[0.0, 0.1], [0.2, 0.3]]}}
 _MOMENT = {"kind": "moment", "at": 0.05, "moment": 0.01}
 _DRY = {"dry_friction": [{"stiffness": 0.01, "moment": 0.01}], "friction_cells": 3}
+_RELAXING = {"finger.damping": {"relaxation": [{"share": 0.2, "time": 3.0}]}}
 _SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
     Scene: {
         name: {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
@@ -137,6 +138,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "bent above rest": ("close_on_mug", {"initial": {"q_above_rest": [0.1, 0.2, 0.3]}}),
     "stops": ("close_on_mug", {"finger.stops": {"curvature": 20.0, "stiffness_ratio": 30.0}}),
+    "relaxation": ("close_on_mug", _RELAXING),
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
     "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
     "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),

@@ -24,6 +24,7 @@ from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pai
 from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Initial, Scene
 
 Array = NDArray[np.float64]
@@ -355,10 +356,7 @@ def _columns(vectors: Sequence[Vec]) -> ca.SX:
 _GUIDES = Consumer(
     "plant.guides",
     refused={
-        "finger.stops": "a chain of guides (plant.guides) has no stops: leave them out",
-        "finger.softening": "a chain of guides (plant.guides) bends linearly: leave it out",
-        "finger.damping.quadratic": "a chain of guides (plant.guides) is damped in proportion to rates: leave it out",
-        "finger.damping.dry_friction": "a chain of guides (plant.guides) bends without dry friction: leave it out",
+        **unknown_to("a chain of guides (plant.guides)"),
         "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
     },
     unneeded={

@@ -13,8 +13,8 @@ from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.layout import element_lengths
+from continuum_grasp.model.memory import direction
 from continuum_grasp.model.remade import Remade
-from continuum_grasp.model.tendon_friction import direction
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family

@@ -15,7 +15,7 @@ from continuum_grasp.identification.observation import moving
 from continuum_grasp.identification.rows import runtime_names, symbols
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.tendon_friction import clipped
+from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import friction_history
 from continuum_grasp.simulation.signals import Signals

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
+from continuum_grasp.model.laws import numbers_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.yaml_text import yaml_text
@@ -301,11 +302,10 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
     changes: Mapping[str, Any]
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
         changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
-    elif target in ("material_damping", "per_arc_damping", "quadratic_damping"):
+    elif target in ("material_damping", "per_arc_damping"):
         changes = {f"damping.{target.removesuffix('_damping')}": value}
-    elif target.startswith("dry_friction_"):
-        number, key = target.removeprefix("dry_friction_").split("_")
-        changes = {f"damping.dry_friction[{int(number) - 1}].{key}": value}
+    elif target in (of_laws := numbers_of(finger)):
+        changes = {of_laws[target].key: value}
     elif target == "rest_curvature":
         changes = {target: value}
     elif target == "base_angle":
@@ -315,9 +315,6 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
         owner, _, key = target.partition("_")
         key = f"drive.{key}" if owner == "drive" and finger.winches else key
         changes = {f"tendons{one}.{key}": value for one in each}
-    elif target.startswith("softening_"):
-        key = {"softening_ratio": "stiffness_ratio", "softening_curvature": "curvature"}[target]
-        changes = {f"softening.{key}": value}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}

@@ -17,7 +17,7 @@ from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.tendon_friction import clipped
+from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under, friction_of

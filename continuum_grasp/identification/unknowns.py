@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import unit_of
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.laws import numbers_of
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.rod import Rod
@@ -41,7 +42,6 @@ _POSITIVE = (
     "tendon_axial_stiffness",
     "tendon_series_stiffness",
     "drive_inertia",
-    "softening_curvature",
     LAG,
 )
 """The model divides by these, or means nothing without them; the others may be zero, but not negative."""
@@ -123,7 +123,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        positive = name in _POSITIVE or name.startswith("dry_friction_")
+        of_law = numbers_of(scene.finger).get(name)
+        positive = name in _POSITIVE or (of_law is not None and of_law.positive)
         lower = -math.inf if name in _SIGNED else _LEAST * typical if positive else 0.0
     if upper is None:
         upper = math.inf

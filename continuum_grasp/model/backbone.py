@@ -140,8 +140,7 @@ class Backbone:
         m = ca.SX.sym("m", 2, masses)
         elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.actuation_at_rest))
         force = elastic - driven - ca.gradient(self._work(m), eq.q)
-        if eq.structure.bending_cells:
-            force += column(eq.dry_friction_at_rest.force[: eq.q.numel()])
+        force += column(eq.sections_at_rest.force("friction")[: eq.q.numel()])
         history = [eq.history] if eq.history.numel() else []
         return self._function("missing", [eq.w, m, *history], [force])
 

@@ -8,44 +8,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, reduce
 
 import casadi as ca
-import numpy as np
 
 from continuum_grasp.model.actuation import Drive
-from continuum_grasp.model.bending_friction import BendingFriction
 from continuum_grasp.model.chain import Chain, Load, Place
-from continuum_grasp.model.family import Array, Rod
+from continuum_grasp.model.family import Rod
+from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.learned_residual import distance, residual_force
 from continuum_grasp.model.link import EndBody, Section
+from continuum_grasp.model.memory import IN_MOTION, Memory
 from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_forces import Pulls, TendonForces
 from continuum_grasp.model.winches import soft
-from continuum_grasp.scene.graded_profile import line
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.profile import Curve
-
-_STOP_NODES = 3
-"""Points per element at which links may touch [1]: as good as dense ones."""
-_STOP_ROUNDING = 0.005
-"""Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
-
-
-@dataclass(frozen=True)
-class _Limit:
-    """A curvature from which on the finger is stiffer or softer."""
-
-    curvature: Curve  # [1/m]
-    signs: tuple[float, ...]  # to which sides
-    rounding: float  # of the corner, per curvature [1]
-    change: Scalar  # of the stiffness beyond it, per that before [1]
-    with_rest: bool  # whether the curvature at rest counts
-    scale: Scalar = 1.0  # of the curvature
 
 
 class Equations:
@@ -318,67 +299,15 @@ class Equations:
 
     @cached_property
     def elastic(self) -> list[Scalar]:
-        """Gradient of the elastic energy, that of stops and softening included; equation (32)."""
+        """Gradient of the elastic energy; equation (32), and what laws add to it."""
         bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
-        if not self._limits:
-            return bent
-        total = ca.vertcat(*bent) + ca.gradient(self._stop_energy, ca.vertcat(*self.full))
-        return list(ca.vertsplit(total))
+        return self._with(bent, self.sections, "elastic")
 
-    @cached_property
-    def _limits(self) -> list[_Limit]:
-        """Curvatures from which on the finger is stiffer or softer."""
-        finger, found, runtime = self._structure.finger, list[_Limit](), self._par.is_runtime
-        if finger.stops is not None and finger.stop_curvature is not None:
-            more = finger.stops.stiffness_ratio - 1.0
-            found.append(_Limit(finger.stop_curvature, finger.stops.signs, _STOP_ROUNDING, more, True))
-        if finger.softening is not None:
-            soft = finger.softening
-            less = (self._par["softening_ratio"] if runtime("softening_ratio") else soft.stiffness_ratio) - 1.0
-            at = line(finger.rod.length, soft.curvature)
-            own: Scalar = 1.0
-            if runtime("softening_curvature"):
-                own = self._par["softening_curvature"] / self._par.nominal_of("softening_curvature")
-            found.append(_Limit(at, (1.0, -1.0), soft.rounding, less, False, own))
-        return found
-
-    def touching(self) -> list[Array]:
-        """Per element where links may touch, or the material softens: rows of the shapes there, of the rest curvature,
-        of the curvature at which they do [1/m] and of the energy per square beyond it and change of the stiffness [m].
-
-        None without stops and softening.
-        """
-        found = list[Array]()
-        nodes, weights = np.polynomial.legendre.leggauss(_STOP_NODES)
-        for k, h in enumerate(self._structure.lengths if self._limits else ()):
-            s = self._structure.mesh.ends[k] + 0.5 * h * (nodes + 1.0)
-            energy = 0.25 * h * weights * self._structure.mesh.stiffness(s)
-            shapes = self._family.shapes_at(k, s)
-            found.append(np.hstack([np.vstack([shapes, limit.curvature(s), energy]) for limit in self._limits]))
-        return found
-
-    def stop_energy(self, local: Sequence[Scalar], numbers: ca.SX) -> Scalar:
-        """Energy of links that touch on one element [J], and that which softening takes, of ``touching``."""
-        total, runtime = ca.SX(0.0), self._par.is_runtime("rest_curvature")
-        for j in range(numbers.shape[1]):
-            limit = self._limits[j // _STOP_NODES]
-            *shapes, rest, touch, energy = ca.vertsplit(numbers[:, j])
-            kappa, touch = _dot(shapes, local), limit.scale * touch
-            if limit.with_rest:
-                kappa += self._par["rest_curvature"] if runtime else rest
-            rounding = limit.rounding * touch
-            for sign in limit.signs:
-                beyond = sign * kappa - touch
-                share = 0.5 * (beyond + ca.sqrt(beyond * beyond + rounding * rounding))
-                total += limit.change * energy * share * share
-        return self._par["bending_stiffness"] * total
-
-    @cached_property
-    def _stop_energy(self) -> Scalar:
-        """Energy of all links that touch [J]."""
-        local = [[self.full[a] for a in self._family.local(k)] for k in range(len(self.lengths))]
-        parts = zip(local, self.touching(), strict=False)
-        return sum((self.stop_energy(own, ca.SX(ca.DM(numbers))) for own, numbers in parts), 0.0)
+    def _with(self, forces: list[Scalar], sections: SectionForces, *kinds: Kind) -> list[Scalar]:
+        """Forces on coordinates, and those of the laws of these kinds."""
+        if not self._structure.has_law(*kinds):
+            return forces
+        return [f + own for f, own in zip(forces, sections.force(*kinds), strict=False)]
 
     @property
     def viscosity(self) -> Scalar:
@@ -392,9 +321,7 @@ class Equations:
         """Damping forces, positive against the motion."""
         rates, per_arc = self.full_rates, self._par["per_arc_damping"]
         force = _product(self._family.stiffness(self.lengths), rates, self.viscosity)
-        if self._structure.has_quadratic_damping:
-            quadratic = self.dry_friction.quadratic(self._par["quadratic_damping"], rates)
-            force = [f + g for f, g in zip(force, quadratic, strict=True)]
+        force = self._with(force, self.sections, "damping")
         if isinstance(per_arc, float) and per_arc == 0.0:
             return force
         # Equation (39): a moment per arc against the rate of its bending angle.
@@ -414,7 +341,7 @@ class Equations:
     @cached_property
     def tendons_at_rest(self) -> TendonForces:
         """The same of a finger at rest under what is commanded."""
-        winches, count = self._structure.winches, self.z.numel()
+        winches = self._structure.winches
         commands = list(zip(winches, ca.vertsplit(self.u)[: len(winches)], strict=True))
         pulls = Pulls(self._own_tensions(self.commanded))
         if any(winch.follows for winch in winches):
@@ -427,45 +354,60 @@ class Equations:
                     for tension in winch.tensions_at_rest(command, winch.of_its(c), winch.of_its(paths))
                 ]
             )
-        return self._tendons(pulls, self._of_tendons(self.history), self.history[count] if count else None)
+        return self._tendons(pulls, self._of_tendons(self.history), self._remembered)
 
     def _of_tendons(self, states: ca.SX) -> list[Scalar]:
         return [states[k] for k in range(self._structure.tendon_friction_states)]
 
     @cached_property
-    def dry_friction(self) -> BendingFriction:
-        """Dry friction in bending of a finger that moves."""
-        return self._dry_friction(self.z)
+    def sections(self) -> SectionForces:
+        """Laws of the sections, of a finger that moves."""
+        return self._sections(self.z)
 
     @cached_property
-    def dry_friction_at_rest(self) -> BendingFriction:
+    def sections_at_rest(self) -> SectionForces:
         """The same of a finger at rest, by ``history``."""
-        count = self.z.numel()
-        return self._dry_friction(self.history, self.history[count] if count else None)
+        return self._sections(self.history, self._remembered)
 
-    def _dry_friction(self, states: ca.SX, moved: Scalar | None = None) -> BendingFriction:
+    @property
+    def _remembered(self) -> Memory:
+        count = self.z.numel()
+        return Memory(self.history[count] if count else 0.0)
+
+    @cached_property
+    def _relaxing(self) -> list[Scalar]:
+        """States of laws that fade to zero, which come last."""
+        count, last = len(self._structure.section_states("relaxation")), self.lag.numel()
+        return [self.lag[k] for k in range(last - count, last)]
+
+    def _sections(self, z: ca.SX, memory: Memory = IN_MOTION, rates: Sequence[Scalar] | None = None) -> SectionForces:
         made = self._structure
-        own = [states[k] for k in range(made.tendon_friction_states, made.friction_states)]
-        return BendingFriction(made.family, made.bending_cells, made.parameters, self.lengths, self.full, own, moved)
+        states: dict[Kind, list[Scalar]] = {
+            "friction": [z[k] for k in range(made.tendon_friction_states, made.friction_states)],
+            "relaxation": self._relaxing if memory.moved is None else [0.0] * len(self._relaxing),
+        }
+        rest = self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else None
+        moving = self.full_rates if rates is None else rates
+        return SectionForces(made.laws, made.family, self.lengths, self.full, moving, states, rest, memory)
 
     @property
     def slid(self) -> list[Scalar]:
         """Per friction state what ``history`` counts: sliding of tendons, bending with dry friction."""
         tendons = self.tendons_at_rest.slid if self._structure.cell_sets else []
-        return [*tendons, *self.dry_friction_at_rest.bent]
+        return [*tendons, *self.sections_at_rest.travel]
 
     def _own_tensions(self, drives: Sequence[Drive]) -> list[Scalar]:
         sources = zip(self._structure.sources, drives, strict=True)
         return [drive.moment for source, drive in sources if source.tendon is not None]
 
-    def _tendons(self, pulls: Pulls, states: Sequence[Scalar], moved: Scalar | None = None) -> TendonForces:
-        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, states, moved)
+    def _tendons(self, pulls: Pulls, states: Sequence[Scalar], memory: Memory = IN_MOTION) -> TendonForces:
+        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, states, memory)
 
     @cached_property
     def _winch_states(self) -> list[list[Scalar]]:
         """States of each winch."""
         found: list[list[Scalar]] = []
-        at = self.lag.numel() - sum(winch.states for winch in self._structure.winches)
+        at = self.lag.numel() - len(self._relaxing) - sum(winch.states for winch in self._structure.winches)
         for winch in self._structure.winches:
             found.append([self.lag[at + k] for k in range(winch.states)])
             at += winch.states
@@ -484,7 +426,7 @@ class Equations:
             drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
             position = winch.position_at_rest(self.u[k], drawn, tensions, winch.of_its(at_rest.compliances))
             found += winch.at(position, tensions, self.u[k])
-        return found
+        return [*found, *[0.0] * len(self._relaxing)]
 
     @property
     def drives_drawn(self) -> list[Scalar]:
@@ -496,7 +438,7 @@ class Equations:
             slacks = [y - at_rest.drawn(k, 0.0) for k, y in zip(winch.tendons, winch.wound(position), strict=True)]
             pulls = [soft(y) / c for y, c in zip(slacks, winch.of_its(at_rest.compliances), strict=True)]
             found += winch.at(position, pulls, None)
-        return found
+        return [*found, *[0.0] * len(self._relaxing)]
 
     @cached_property
     def _winch_rates(self) -> list[Scalar]:
@@ -542,16 +484,17 @@ class Equations:
         """The same with friction of tendons by ``history``."""
         return self._actuation(self.tendons_at_rest) if self._structure.own_tendons else self.actuation
 
-    def _bending_force(self, actuation: Sequence[Scalar]) -> list[Scalar]:
-        """Elastic force less actuation."""
+    def _bending_force(self, actuation: Sequence[Scalar], sections: SectionForces) -> list[Scalar]:
+        """Elastic force and friction less actuation."""
         n, nodal = self._structure.n, self._family.nodal
         if nodal is None:
-            return [e - a for e, a in zip(self.elastic, actuation, strict=True)][:n]
+            bent = [e - a for e, a in zip(self.elastic, actuation, strict=True)][:n]
+            return self._with(bent, sections, *STATEFUL)
         # What the input bends is subtracted from the coordinates: the same, with fewer products and less cancellation.
         amplitudes = [drive.total for drive in self.drives]
         above = [self.full[k] - self.per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
         matrix = [row[:n] for row in self._family.stiffness(self.lengths)[:n]]
-        return _product(matrix, above, self._par["bending_stiffness"])
+        return self._with(_product(matrix, above, self._par["bending_stiffness"]), sections, *STATEFUL)
 
     # -- motion --------------------------------------------------------------------------------------------------
 
@@ -591,20 +534,20 @@ class Equations:
     @cached_property
     def net_force(self) -> list[Scalar]:
         """M qdd."""
-        return self._net_force(self.actuation, self.dry_friction)
+        return self._net_force(self.actuation, self.sections)
 
     @property
     def force_but_tendons(self) -> list[Scalar]:
         """M qdd without what tendons and couples exert."""
-        return self._net_force([0.0] * self._family.size, self.dry_friction)
+        return self._net_force([0.0] * self._family.size, self.sections)
 
     @property
     def net_force_by_history(self) -> list[Scalar]:
         """The same with friction by ``history``."""
-        return self._net_force(self.actuation_at_rest, self.dry_friction_at_rest)
+        return self._net_force(self.actuation_at_rest, self.sections_at_rest)
 
-    def _net_force(self, actuation: Sequence[Scalar], friction: BendingFriction) -> list[Scalar]:
-        bending = [b + f for b, f in zip(self._bending_force(actuation), friction.force, strict=False)]
+    def _net_force(self, actuation: Sequence[Scalar], sections: SectionForces) -> list[Scalar]:
+        bending = self._bending_force(actuation, sections)
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
@@ -639,8 +582,7 @@ class Equations:
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        friction = self.dry_friction_at_rest.force
-        bending = [b + f for b, f in zip(self._bending_force(self.actuation_at_rest), friction, strict=False)]
+        bending = self._bending_force(self.actuation_at_rest, self.sections_at_rest)
         net = [acting[k] - bending[k] for k in range(self._structure.n)]
         if self._structure.residual is not None:
             still = ca.substitute([ca.SX(r) for r in self.residual_force], [self.qd], [ca.SX.zeros(self.qd.numel())])
@@ -658,10 +600,11 @@ class Equations:
         n = self._structure.n
         stiffness = ca.jacobian(column(self.elastic[:n]), self.q)
         slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
-        if self._structure.bending_cells:
-            # As if all branches stuck, whose states follow the velocity at the end of the step.
+        held = self.held_stiffness
+        if not isinstance(held, float) or held > 0.0:
+            # As if nothing slid or relaxed: states follow the velocity at the end of the step.
             block = matrix([row[:n] for row in self._family.stiffness(self.lengths)[:n]])
-            slowed += part**2 * self.stuck_stiffness * block
+            slowed += part**2 * held * block
         slow = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
         pull = part * ca.mtimes(stiffness, self.qd)
         found = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force)])
@@ -676,26 +619,29 @@ class Equations:
         """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
         lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
-        return [*lag, *self._winch_rates, *self.tendons.state_rates, *self.dry_friction.state_rates(self.full_rates)]
+        return [*lag, *self._winch_rates, *self._section_rates(self.sections)]
+
+    def _section_rates(self, sections: SectionForces) -> list[Scalar]:
+        """Rates of what relaxes, and of friction."""
+        return [*sections.rates("relaxation"), *self.tendons.state_rates, *sections.rates("friction")]
 
     def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
-        """The same as a step takes it that is implicit in ``part`` [s] where dry friction makes the finger stiff."""
+        """The same as a step takes it that is implicit in ``part`` [s] where laws with states make the finger stiff."""
         n = self._structure.n
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
-        own = self.dry_friction.state_rates(ahead, part)
-        return [*self.drive_rates[: self.lag.numel() + self.z.numel() - len(own)], *own]
+        own = self._section_rates(self._sections(self.z, Memory(part=part), ahead))
+        return [*self.drive_rates[: len(self.drive_rates) - len(own)], *own]
 
     @property
-    def stuck_stiffness(self) -> Scalar:
-        """Of the branches of dry friction while they stick, as a factor of the mesh's stiffness."""
-        if not self._structure.bending_cells:
-            return 0.0
-        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * self.dry_friction.stiffness
+    def held_stiffness(self) -> Scalar:
+        """Stiffness that laws with states add while these are held, as a factor of the mesh's stiffness."""
+        held = sum((law.held for law in self._structure.laws), 0.0)
+        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * held
 
     @property
     def drives_feel_motion(self) -> bool:
         """Whether the rates of drives depend on the motion of the finger."""
-        return bool(self.z.numel() or self._structure.winches)
+        return bool(self.z.numel() or self._structure.winches or self._relaxing)
 
     @cached_property
     def pattern(self) -> Pattern | None:
@@ -720,10 +666,10 @@ class Equations:
         world's origin [J].
         """
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
-        elastic = self._par["bending_stiffness"] * _dot(product, self.full) + self._stop_energy
+        elastic = self._par["bending_stiffness"] * _dot(product, self.full)
         if self._structure.winches:
             elastic += self.tendons.stored_energy
-        elastic += self.dry_friction.stored_energy
+        elastic += self.sections.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._par.vector("base_position")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.laws import numbers_of
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.tendons import Tendon, Tendons
@@ -22,15 +23,12 @@ _UNITS = {
     "rotary_inertia": "kg m",
     "material_damping": "N m2 s",
     "per_arc_damping": "N m s",
-    "quadratic_damping": "N m2 s2",
     "rest_curvature": "1/m",
     "tendon_offset": "m",
     "tendon_friction": "1",
     "tendon_presliding": "m",
     "tendon_axial_stiffness": "N",
     "tendon_series_stiffness": "N/m",
-    "softening_curvature": "1/m",
-    "softening_ratio": "1",
     "drive_time_constant": "s",
     "drive_pretension": "N",
     "drive_slack": "m",
@@ -58,7 +56,7 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
-        self.branches = len(finger.damping.dry_friction)
+        self._units = _UNITS | {name: number.unit for name, number in numbers_of(finger).items()}
         self._nominal = nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -88,7 +86,7 @@ class Parameters:
         labels = []
         for name in self.names:
             count = len(self._nominal[name])
-            unit = "1" if self._graded and name in FACTORS else _unit(name)
+            unit = "1" if self._graded and name in FACTORS else self._units.get(name, "kg")
             ends = "xy" if name in _VECTORS else range(1, count + 1)
             tags = [name] if count == 1 else [f"{name}_{end}" for end in ends]
             labels += [f"{tag} [{unit}]" for tag in tags]
@@ -113,12 +111,6 @@ class Parameters:
         return self.vector(name)[0]
 
 
-def _unit(name: str) -> str:
-    if name.startswith("dry_friction_"):
-        return "N m2" if name.endswith("_stiffness") else "N m"
-    return _UNITS.get(name, "kg")
-
-
 def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
     """Values of all parameters that a finger has, by name."""
     rod, length, graded = finger.rod, finger.rod.length, finger.profile.graded
@@ -132,7 +124,6 @@ def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequen
         "rotary_inertia": [1.0 if graded else rod.inertia_per_length],
         "material_damping": [finger.damping.material],
         "per_arc_damping": [finger.damping.per_arc],
-        "quadratic_damping": [finger.damping.quadratic],
         "tip_mass": [sum(m.mass for m in finger.masses if at_tip(m.at, length))],
     }
     if finger.tip_body is not None:
@@ -144,13 +135,7 @@ def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequen
             values[f"mass_{k}"] = [mass.mass]
     if isinstance(finger.tendons, Tendons):
         values["tendon_offset"] = [finger.tendons.offset]
-    if finger.softening is not None:
-        values["softening_ratio"] = [finger.softening.stiffness_ratio]
-        if not isinstance(finger.softening.curvature, tuple):
-            values["softening_curvature"] = [finger.softening.curvature]
-    for k, branch in enumerate(finger.damping.dry_friction):
-        values[f"dry_friction_{k + 1}_stiffness"] = [branch.stiffness]
-        values[f"dry_friction_{k + 1}_moment"] = [branch.moment]
+    values |= {name: [number.value] for name, number in numbers_of(finger).items()}
     for name in OF_TENDONS:
         own = {_of_tendon(tendon, name) for tendon in finger.tendon_list}
         if len(own) == 1 and own != {None}:

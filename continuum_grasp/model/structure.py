@@ -11,10 +11,11 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout, Source
-from continuum_grasp.model.bending_friction import BendingCell, bending_cells
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Family, Mesh, family_class
+from continuum_grasp.model.laws import laws_of
+from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
@@ -84,7 +85,7 @@ class Structure:
         self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
-        self.bending_cells = self._bending_cells()
+        self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
         self.residual = choices.residual()
@@ -174,19 +175,19 @@ class Structure:
         return self.family.coordinates(flat[:, 0], flat)[: self.n]
 
     def lag_at(self, u: Sequence[float]) -> list[float]:
-        """States of the lag of the tendons that has reached an input (nu); see `FingerModel.drives_at`."""
+        """States of lags that have reached an input (nu), and of what relaxes; see `FingerModel.drives_at`."""
         drives, found = max(self.inputs.drives, 1), []
         for source in self.sources:
             if source.time_constant is not None:
                 driven, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], drives)
                 found += [float(driven), 0.0]
-        return found
+        return found + [0.0] * len(self.section_states("relaxation"))
 
     @property
     def drive_states(self) -> int:
-        """Number of states of lags, winches and motors."""
+        """Number of states of lags, winches and motors, and of what relaxes."""
         lagged = sum(source.time_constant is not None for source in self.sources)
-        return 2 * lagged + sum(winch.states for winch in self.winches)
+        return 2 * lagged + sum(winch.states for winch in self.winches) + len(self.section_states("relaxation"))
 
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
         limits = [math.inf] * self.family.size
@@ -307,15 +308,9 @@ class Structure:
         runtime = self.parameters.is_runtime("tendon_friction")
         return cell_sets(self.family, self.channels, self.finger.tendon_list, runtime)
 
-    def _bending_cells(self) -> tuple[BendingCell, ...]:
-        if not (self.finger.has_dry_friction or self.has_quadratic_damping):
-            return ()
-        return bending_cells(self.family, self.finger.damping.friction_cells)
-
-    @property
-    def has_quadratic_damping(self) -> bool:
-        """Whether damping by the square of the rates is modeled."""
-        return self.finger.damping.quadratic > 0.0 or self.parameters.is_runtime("quadratic_damping")
+    def has_law(self, *kinds: Kind) -> bool:
+        """Whether the sections have a law of one of these kinds."""
+        return any(law.kind in kinds for law in self.laws)
 
     @property
     def tendon_friction_states(self) -> int:
@@ -325,7 +320,12 @@ class Structure:
     @property
     def friction_states(self) -> int:
         """Number of states of friction: of the tendons, and dry friction in bending."""
-        return self.tendon_friction_states + len(self.bending_cells) * len(self.finger.damping.dry_friction)
+        return self.tendon_friction_states + len(self.section_states("friction"))
+
+    def section_states(self, kind: Kind) -> list[str]:
+        """Name and unit of each state of the laws of a kind."""
+        laws = [law for law in self.laws if law.kind == kind]
+        return [name for law in laws for k in range(1, len(law.ports) + 1) for name in law.names(k)]
 
     def check_reached_by(self, initial: Initial) -> None:
         """Raise InputError where a pose of a finger with friction, of tendons or in bending, lacks its history."""
@@ -389,10 +389,9 @@ class Structure:
             self.x_names += [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"]
         for k, winch in enumerate(self.winches):
             self.x_names += winch.names(k + 1)
+        self.x_names += self.section_states("relaxation")
         self.friction_names = [name for k, cells in enumerate(self.cell_sets) for name in cells.names(k + 1)]
-        branches = range(len(self.finger.damping.dry_friction))
-        cells = range(len(self.bending_cells))
-        self.friction_names += [f"dry_friction_{j + 1}_{k + 1} [1]" for k in cells for j in branches]
+        self.friction_names += self.section_states("friction")
         self.x_names += self.friction_names
         self.u_names = self.inputs.labels
         self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]

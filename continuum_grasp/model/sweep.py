@@ -17,7 +17,7 @@ condition of the mass matrix.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
 from continuum_grasp.model.link import EndBody
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
 
@@ -131,10 +132,9 @@ class Builder:
             raise InputError("these equations of motion are solved densely")
         self._pattern = equations.pattern
         self._loads = equations.loads
-        self._touching = np.array(equations.touching())
-        quadratic = made.bending_cells if made.has_quadratic_damping else ()
-        cells = [[cell.length, *cell.weights.tolist()] for cell in quadratic]
-        self._cells = np.reshape(cells, (len(made.lengths), -1, 1 + self._local))
+        # Laws without states: what they give is an expression of the link alone.
+        self._laws = [law for law in made.laws if law.kind not in STATEFUL]
+        self._ports = [_rows(law.ports, len(made.lengths)) for law in self._laws]
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
         self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], self._splits), strict=True))
@@ -145,8 +145,7 @@ class Builder:
     def _splits(self) -> list[int]:
         size, sources = self._local, len(self._made.sources)
         links = len(self._made.lengths)
-        per_link = self._touching.size // links, self._cells.size // links
-        sizes = (size * (size + 1) // 2, size * sources, size, 1, *per_link)
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, sum(ports.size for ports in self._ports) // links)
         return [0, *np.cumsum(sizes).tolist()]
 
     def _described(self) -> tuple[ca.SX, Array]:
@@ -163,10 +162,8 @@ class Builder:
                 driven = [*np.vstack([family.nodal, family.known[:1]])[list(local)].ravel()]
             bends = [family.work(k, made.lengths)[a] for a in local]
             mass = float(self._par[masses[k]]) if k in masses else 0.0
-            rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass])
-            if self._touching.size:
-                rows[-1] += self._touching[k].T.ravel().tolist()
-            rows[-1] += self._cells[k].ravel().tolist()
+            ports = [value for own in self._ports for value in own[k].ravel()]
+            rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, *ports])
         numbers = np.array(rows, dtype=float)
         varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
         symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
@@ -202,13 +199,13 @@ class Builder:
 
     @property
     def _on_elements(self) -> list[list[Scalar]]:
-        """Forces on the coordinates of every link that act like loads: of tendons with a tension of their own, and dry
+        """Forces on the coordinates of every link that act like loads: of tendons with a tension of their own, and
         friction.
         """
         made, eq = self._made, self.equations
         found = list(eq.tendons.on_elements) if made.own_tendons else []
-        if made.finger.has_dry_friction:
-            friction = [[-1.0 * force for force in own] for own in eq.dry_friction.on_elements]
+        if made.has_law(*STATEFUL):
+            friction = [[-1.0 * force for force in own] for own in eq.sections.on_elements(*STATEFUL)]
             found = (
                 friction
                 if not found
@@ -219,13 +216,23 @@ class Builder:
     @property
     def _loaded(self) -> tuple[int, ...]:
         made = self._made
-        every = range(len(made.lengths) if made.own_tendons or made.finger.has_dry_friction else 0)
+        every = range(len(made.lengths) if made.own_tendons or made.has_law(*STATEFUL) else 0)
         return (*(load.place.link for load in self._loads), *every)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """What is carried to a link, its coordinates and their rates."""
         spin = ca.SX.sym("spin")
         return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local)
+
+    @property
+    def _at_ports(self) -> Iterator[tuple[SectionLaw, ca.SX]]:
+        """Each port of a link with its law, and its numbers."""
+        at = 0
+        for law, ports in zip(self._laws, self._ports, strict=True):
+            _, count, size = ports.shape
+            for _ in range(count):
+                yield law, self._own["ports"][at : at + size]
+                at += size
 
     def _tip(self) -> ca.Function:
         """Inertia and force at the end of the last link: what is carried there."""
@@ -295,22 +302,19 @@ class Builder:
         above = q - ca.mtimes(driven, drive) if self._made.matched else q
         own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
         own -= bends * (per_arc * ca.dot(bends, qd))
-        if self._touching.size:
-            numbers = ca.reshape(self._own["stops"], self._touching.shape[1], -1)
-            own -= ca.gradient(self.equations.stop_energy(ca.vertsplit(q), numbers), q)
         if not self._made.matched:
             own += ca.mtimes(driven, drive)
-        # Quadratic damping: a moment per cell, and its slope by the rates, which a step is implicit in.
-        quadratic, steep = par["quadratic_damping"], ca.SX(size, size)
-        for cell in ca.horzsplit(ca.reshape(self._own["cells"], 1 + size, -1)) if self._cells.size else ():
-            length, weights = cell[0], cell[1:]
-            rate = ca.dot(weights, qd) / length
-            own -= weights * (quadratic * rate * ca.fabs(rate))
-            steep += (2.0 * quadratic * ca.fabs(rate) / length) * ca.mtimes(weights, weights.T)
+        # Of laws a moment per port, and its slope by the rates, which a step is implicit in.
+        steep, rest = ca.SX(size, size), par["rest_curvature"] if par.is_runtime("rest_curvature") else None
+        for law, numbers in self._at_ports:
+            measure, shapes, (at_rest, *others) = numbers[0], numbers[1 : 1 + size], ca.vertsplit(numbers[1 + size :])
+            bend = Bend(ca.dot(shapes, q), at_rest if rest is None else rest, ca.dot(shapes, qd), others)
+            own -= shapes * (measure * law.moment(bend))
+            steep += measure * law.damping(bend) * ca.mtimes(shapes, shapes.T)
         matrix = _lower(inertia.matrix)
         if self.implicit:
             slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T))
-            slowed += part * steep + part**2 * ((stiffness + self.equations.stuck_stiffness) * block)
+            slowed += part * steep + part**2 * ((stiffness + self.equations.held_stiffness) * block)
             own -= part * stiffness * ca.mtimes(block, r)
             matrix = [m + k for m, k in zip(matrix, _lower(slowed), strict=True)]
         spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
@@ -450,10 +454,16 @@ class Builder:
         )
 
 
-_OWN = ("stiffness", "driven", "bends", "mass", "stops", "cells")
+_OWN = ("stiffness", "driven", "bends", "mass", "ports")
 """What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
-where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; where links may
-touch; length and weights of the cells of quadratic damping."""
+where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; per port of the
+laws its measure, shapes, curvature at rest and the numbers of the law there."""
+
+
+def _rows(ports: Sequence[Port], links: int) -> Array:
+    """Numbers of the ports of a law, of all links alike (N, P, M)."""
+    rows = [[port.measure, *port.shapes, port.rest, *port.own] for port in ports]
+    return np.reshape(rows, (links, len(ports) // links, -1))
 
 
 def _digest(content: bytes) -> str:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from continuum_grasp.model.family import nodes_of
+from continuum_grasp.model.memory import IN_MOTION, Memory, direction
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import (
@@ -16,11 +17,8 @@ from continuum_grasp.model.tendon_friction import (
     Cell,
     CellSet,
     Shares,
-    clipped,
-    direction,
     rounded,
     shares,
-    state_rate,
 )
 from continuum_grasp.model.winches import Winch, compliance, soft, soft_integral, stiffnesses
 
@@ -53,10 +51,7 @@ class TendonForces:
         Of each tendon, at its drive.
     states : sequence of Scalar
         Friction states.
-    moved : Scalar, optional
-        At rest a number h, by which friction acts as ``clip(state + h u / presliding)`` of the sliding u from the
-        straight finger on. States alone are frictions that stay; h = 1 alone is that of a finger that was bent from
-        straight to where it is.
+    memory : Memory
     """
 
     def __init__(
@@ -67,10 +62,10 @@ class TendonForces:
         rates: Sequence[Scalar],
         pulls: Pulls,
         states: Sequence[Scalar],
-        moved: Scalar | None = None,
+        memory: Memory = IN_MOTION,
     ) -> None:
         self._made, self._par, self._lengths = structure, structure.parameters, lengths
-        self._full, self._rates, self._pulls, self._states, self._moved = full, rates, pulls, states, moved
+        self._full, self._rates, self._pulls, self._states, self._memory = full, rates, pulls, states, memory
 
     # -- geometry -------------------------------------------------------------------------------------------------
 
@@ -164,9 +159,7 @@ class TendonForces:
     @cached_property
     def directions(self) -> list[list[Scalar]]:
         """Which way friction acts, per set and state; of tendons on the other side the other way."""
-        ways = [direction(z) for z in self._states]
-        if self._moved is not None:
-            ways = [clipped(z + self._moved * slid) for z, slid in zip(self._states, self.slid, strict=True)]
+        ways = self._memory.ways(self._states, lambda: self.slid, direction)
         found, entry = [], 0
         for cells in self._made.cell_sets:
             found.append(ways[entry : entry + cells.states])
@@ -336,7 +329,7 @@ class TendonForces:
         for cells, pulled in zip(self._made.cell_sets, self._pulled, strict=True):
             grown = self._elongating(cells, pulled) if self._pulls.winches else ()
             sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
-        return [state_rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
+        return [self._memory.rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
 
     # -- forces ---------------------------------------------------------------------------------------------------
 

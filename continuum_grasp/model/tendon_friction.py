@@ -2,13 +2,8 @@
 
 By the capstan law (W. Euler and J. A. Eytelwein) the tension changes by the factor exp(-friction bend) along a tendon
 that slides towards the base, and by its inverse where it slides the other way; where it sticks, by something between.
-Cell k has a state z whose clipped value says which of these it is. It follows the sliding u of the tendon at the middle
-of the cell as a stop operator does (M. A. Krasnosel'skii, A. V. Pokrovskii, 1989, doi:10.1007/978-3-642-61302-9), so
-that loops close, nothing creeps at rest, and small cycles of the load do not add up:
-
-    z' = u' / presliding - (z - clip(z)) / time,    S = y (3 - y^2) / 2,  y = clip(z, -1, 1).
-
-The cubic has a continuous slope, for equations of motion. At rest S is y itself: Newton's method meets no flat spots.
+Cell k has a state z that says which of these it is (``memory``): it follows the sliding of the tendon at the middle of
+the cell, per presliding.
 """
 
 from __future__ import annotations
@@ -27,8 +22,6 @@ from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[np.float64]
 
-RETURN_TIME = 1e-3
-"""Time in which a friction state comes back to its range [s]: a tenth of the shortest drive lags."""
 _BEND_ROUNDING = 1e-3
 """Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
 the tension is off by a share of 5e-4 at most."""
@@ -137,27 +130,6 @@ def _integrals(family: Family, channel: Channel, element: int, a: float, b: floa
         total[1] += shapes @ (weights * drawn)
         total[2] += shapes @ (weights * drawn * s)
     return total[0], total[1], total[2]
-
-
-def direction(z: Scalar) -> Scalar:
-    """Which way friction acts, from -1 to 1, of a state of a motion."""
-    y = clipped(z)
-    return y * (1.5 - 0.5 * (y * y))
-
-
-def state_of(way: Array) -> Array:
-    """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
-    return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
-
-
-def clipped(z: Scalar) -> Scalar:
-    """A state within its range."""
-    return ca.fmin(ca.fmax(z, -1.0), 1.0)
-
-
-def state_rate(z: Scalar, sliding: Scalar) -> Scalar:
-    """Rate of a friction state [1/s] of a sliding per presliding [1/s]."""
-    return sliding - (z - clipped(z)) * (1.0 / RETURN_TIME)
 
 
 def rounded(bend: Scalar, share: float) -> Scalar:

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from continuum_grasp.model.memory import IN_MOTION, clipped, direction
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.tendon_friction import clipped, direction, state_rate
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
 from continuum_grasp.scene.tendons import Tendon
 
@@ -273,7 +273,7 @@ class Winch:
             torque -= dry * direction(rest[0])
         found = [speed, (1.0 / self.inertia) * torque]
         if drive.presliding_angle is not None:
-            found.append(state_rate(rest[0], (1.0 / drive.presliding_angle) * speed))
+            found.append(IN_MOTION.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
         return found
 
     def tensions_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> list[Scalar]:

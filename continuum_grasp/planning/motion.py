@@ -16,7 +16,7 @@ from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
-from continuum_grasp.model.tendon_friction import RETURN_TIME, clipped
+from continuum_grasp.model.memory import RETURN_TIME, clipped
 from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import NonNegative, Positive, Value
+from continuum_grasp.scene.value import Duration, NonNegative, Positive, Value
 
 
 class DryFriction(Value):
@@ -21,6 +21,18 @@ class DryFriction(Value):
     """Bending stiffness that it adds while it sticks [N m2]."""
     moment: Annotated[Positive, Unit("N m"), Field(examples=[0.4])]
     """Bending moment at which it slides [N m]."""
+
+
+class Relaxation(Value):
+    """One branch of a material that creeps and relaxes: a spring in series with a dashpot, beside the elastic rod.
+
+    ``bending_stiffness`` is that of slow loads. Several branches are a Prony series.
+    """
+
+    share: Annotated[float, Field(gt=0.0, le=100.0, examples=[0.2]), Unit("1")]
+    """Stiffness that it adds under sudden loads, per that of slow ones [1]."""
+    time: Annotated[Duration, Field(ge=1e-3, examples=[3.0, "3 s"])]
+    """Time in which its moment relaxes to 37 % while the bend is held [s]."""
 
 
 class Damping(Value):
@@ -46,6 +58,8 @@ class Damping(Value):
     dry_friction: Annotated[tuple[DryFriction, ...], Field(strict=False, max_length=8)] = ()
     """Branches of dry friction, in which the finger remembers how it was bent: it rests anywhere between two shapes,
     is stiffer where it moves little, and small swings die out."""
+    relaxation: Annotated[tuple[Relaxation, ...], Field(strict=False, max_length=3)] = ()
+    """Branches in which the material relaxes: it creeps under a load that is held, and comes back slowly."""
     friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
     """Cells per element on which dry friction (a state of each branch) and quadratic damping see the mean curvature;
     elements of constant curvature need only one."""

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
@@ -15,6 +16,7 @@ from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
 from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -315,26 +317,23 @@ class Finger(Value):
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        return bool(
-            self.has_tendon_friction
-            or self.has_dry_friction
-            or self.winches
-            or self.stops is not None
-            or self.softening is not None
-            or self._tip_bears_moments
-        )
+        return bool(self.has_tendon_friction or self.winches or self._laws_of_free_tips or self._tip_bears_moments)
 
     @property
     def why_free_tip(self) -> str:
         """What a matched tip cannot carry, where the finger has it."""
         why = {
             "tendon friction": self.has_tendon_friction,
-            "dry friction in bending": self.has_dry_friction,
             f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
-            "stops": self.stops is not None,
-            "a material that softens": self.softening is not None,
+            **dict.fromkeys(self._laws_of_free_tips, True),
         }
         return next((word for word, there in why.items() if there), "a body at the tip that turns with it")
+
+    @property
+    def _laws_of_free_tips(self) -> list[str]:
+        """Laws of the sections by which the moment at the tip is not that of the input alone, in words."""
+        keys = (key for key in SECTION_LAWS if key not in FIT_MATCHED_TIP)
+        return [SECTION_LAWS[key] for key in keys if attrgetter(key.removeprefix("finger."))(self)]
 
     @property
     def _tip_bears_moments(self) -> bool:

@@ -14,6 +14,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
 from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import Actuation, Load, Samples
+from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -34,9 +35,8 @@ else:
 
 
 _BEYOND_THE_ROD = {
-    "finger.softening": "the exact rod knows a linear material, and stops: leave it out",
-    "finger.damping.dry_friction": "errors are measured against the elastic rod, which has no dry friction in bending: "
-    "leave it out",
+    # Of what is at rest, quadratic damping and relaxation are no part.
+    **unknown_to("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
 }
 EXACT_ROD = Consumer(

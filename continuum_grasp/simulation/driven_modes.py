@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
-from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.family import nodes_of
-from continuum_grasp.model.tendon_friction import state_of
+from continuum_grasp.model.laws.section import STATEFUL
+from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.winches import compliance
 from continuum_grasp.simulation.slack import SLACK
 from continuum_grasp.simulation.spectrum import damping_matrix
@@ -51,7 +52,7 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
         held = core.statics(q, u, w, p, *history)[1]
-        return SmallMotions(mass, held, damping, held + _branches(model, p) if model.structure.bending_cells else None)
+        return SmallMotions(mass, held, damping, held + _held(model, p) if model.structure.has_law(*STATEFUL) else None)
     of_tendons = model.structure.tendon_friction_states
     states = state_of(friction[:of_tendons]), friction[of_tendons:]
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
@@ -61,7 +62,8 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         both = np.zeros_like(stiffness)
         both[:n, :n], both[n:, n:] = mass, np.diag(inertia.ravel())
         free = both, stiffness
-    stuck = passive + _glued(model, found, x) + _branches(model, p) if model.friction_names else None
+    slides = model.friction_names or model.structure.has_law(*STATEFUL)
+    stuck = passive + _glued(model, found, x) + _held(model, p) if slides else None
     return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
 
@@ -87,13 +89,12 @@ def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
     return total
 
 
-def _branches(model: FingerModel, p: Array) -> Array:
-    """Stiffness of the branches of dry friction in bending."""
+def _held(model: FingerModel, p: Array) -> Array:
+    """Stiffness that laws of the sections add while nothing slides or relaxes."""
     made, total = model.structure, np.zeros((model.n, model.n))
-    values = {name_of(label): value for label, value in zip(model.p_names, p, strict=True)}
-    branches = enumerate(made.finger.damping.dry_friction, start=1)
-    stiffness = sum(values.get(f"dry_friction_{k}_stiffness", one.stiffness) for k, one in branches)
-    for cell in made.bending_cells:
-        local = list(made.family.local(cell.element))
-        total[np.ix_(local, local)] += stiffness / cell.length * np.outer(cell.weights, cell.weights)
+    for law in made.laws:
+        held = float(ca.Function("held", [made.parameters.symbol], [ca.SX(law.held)])(p))
+        for port in law.ports if held else ():
+            local = list(made.family.local(port.element))
+            total[np.ix_(local, local)] += held * port.measure * np.outer(port.shapes, port.shapes)
     return total

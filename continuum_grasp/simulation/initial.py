@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.structure import tip_moment_jumps
-from continuum_grasp.model.tendon_friction import state_of
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals

@@ -28,8 +28,9 @@ class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
     With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` are those of motions in which
-    nothing slides: branches of dry friction in bending add their stiffness, and a taut tendon that has friction and
-    a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones slide.
+    nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a taut tendon that has
+    friction and a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones
+    slide.
     Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among
     the modes, without their dry friction.
 

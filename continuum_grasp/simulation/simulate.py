@@ -176,7 +176,7 @@ class _Run:
         """The method for stiff motions."""
         # A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages
         # square what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
-        linear = not self._model.structure.has_quadratic_damping
+        linear = not self._model.structure.has_law("damping")
         return _STIFF if linear and not self._core.model.sweeps else _STIFF_SWEPT
 
     def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:

@@ -140,7 +140,7 @@ def _radius_of_states(core: Core, q: Array, qd: Array, u: Array, w: Array, p: Ar
     With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them slack.
     """
     largest = 0.0
-    for shape, rates in zip(q, qd * core.model.structure.has_quadratic_damping, strict=True):
+    for shape, rates in zip(q, qd * core.model.structure.has_law("damping"), strict=True):
         for x in _states(core.model, shape, rates, u):
             slope = core.linearization(x, u, w, p)[0]
             if not np.all(np.isfinite(slope)):
@@ -194,7 +194,7 @@ def in_mass_metric(mass: Array, stiffness: Array) -> tuple[Array, Array, bool]:
 
 def damping_matrix(core: Core, q: Array, u: Array, p: Array, qd: Array | None = None) -> Array:
     """Damping forces per rate of the coordinates (n, n) at rates qd (n,), zero where not given."""
-    if core.model.structure.has_quadratic_damping:
+    if core.model.structure.has_law("damping"):
         x = np.zeros(core.model.nx)
         x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
         return np.asarray(core.internal(x, u, p)[2])

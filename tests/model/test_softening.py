@@ -61,6 +61,6 @@ def test_a_linear_law_is_refuted_and_the_softening_found():
     assert fit.apply().finger.softening.stiffness_ratio == fit["softening_ratio"]
 
 
-def test_what_knows_linear_materials_alone_refuses_it():
-    with pytest.raises(InputError, match="linear material"):
+def test_the_exact_rod_refuses_it():
+    with pytest.raises(InputError, match="does not know a material that softens"):
         read_problem(scene())

@@ -115,7 +115,7 @@ def test_energy_falls_by_what_damping_and_sliding_take(family, elements):
         energy = sum(model.energy(x, [0.0], []))
         slope = ca.Function("slope", [x], [ca.jacobian(energy, x)])
         rng, n = np.random.default_rng(3), model.n
-        cells = np.array([cell.length for cell in model.structure.bending_cells])
+        cells = np.array([port.measure for law in model.structure.laws if law.kind == "friction" for port in law.ports])
         stored = (cells[:, None] * [m * m / k for k, m in BRANCHES]).ravel()
         for _ in range(20):
             z = rng.uniform(-2.0, 2.0, stored.size)
@@ -292,5 +292,5 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match="expected 2 entries"):
         cg.equilibrium(few)
     moving = scene(initial={"pose": "rest", "reached_by": "pulling"}, time={"duration": 0.1, "step": 0.01})
-    with pytest.raises(InputError, match="elastic rod, which has no dry friction"):
+    with pytest.raises(InputError, match="does not know dry friction in bending"):
         accuracy_report(moving)

@@ -14,7 +14,7 @@ from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.core.integrators.derivatives import solve
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.tendon_friction import RETURN_TIME
+from continuum_grasp.model.memory import RETURN_TIME
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.finger import Finger

@@ -107,8 +107,9 @@ class Sliders:
 def states_at(model: FingerModel, x: Array, places: Array) -> Array:
     """Friction states (B, N) of dry friction in bending of a state at places along the finger [m]."""
     made, branches = model.structure, len(model.finger.damping.dry_friction)
-    counts = np.bincount([cell.element for cell in made.bending_cells])
+    cells = [port.element for law in made.laws if law.kind == "friction" for port in law.ports]
+    counts = np.bincount(cells)
     ends = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(made.mesh.ends, made.mesh.ends[1:], counts, strict=False)]
-    cell = np.clip(np.searchsorted(np.concatenate(ends), places), 0, len(made.bending_cells) - 1)
-    states = x[model.nx - branches * len(made.bending_cells) :].reshape(-1, branches)
+    cell = np.clip(np.searchsorted(np.concatenate(ends), places), 0, len(cells) - 1)
+    states = x[model.nx - branches * len(cells) :].reshape(-1, branches)
     return np.asarray(np.clip(states[cell].T, -1.0, 1.0))

@@ -24,6 +24,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -45,9 +46,7 @@ _CHAIN = Consumer(
     refused={
         "finger.tendons.drive.kind=motor": "motors are not exported, which would be hinges of their own: command "
         "lengths (kind: length) or tensions",
-        "finger.softening": "the chain's hinges are linear up to their stops: leave it out",
-        "finger.damping.quadratic": "the chain's hinges are damped in proportion to their rates: leave it out, or take "
-        "material",
+        **unknown_to("the chain", "finger.stops", "finger.damping.dry_friction"),
         "finger.tendons.friction": "MuJoCo's tendons have the same tension all along: their frictionloss resists the "
         "motion of a whole tendon, not by its tension at every guide, as the capstan law does; set friction to 0, or "
         "close loops on a plant with guides, which has that law",

@@ -19,9 +19,9 @@ from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column
 from continuum_grasp.model.sweep import Builder
-from continuum_grasp.model.tendon_friction import direction
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:

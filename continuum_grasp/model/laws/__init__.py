@@ -1,0 +1,20 @@
+"""Laws of the moment that a section exerts beyond linear elasticity and damping: a file each, and a word here."""
+
+from __future__ import annotations
+
+from continuum_grasp.model.family import Family
+from continuum_grasp.model.laws import drag, dry_friction, limits, relaxation
+from continuum_grasp.model.laws.section import Number, Numbers, SectionLaw
+from continuum_grasp.scene.finger import Finger
+
+_LAWS = limits, drag, dry_friction, relaxation
+
+
+def laws_of(finger: Finger, family: Family, numbers: Numbers) -> tuple[SectionLaw, ...]:
+    """Those that a finger has, in the order in which their states follow one another."""
+    return tuple(law for each in _LAWS for law in each.laws_of(finger, family, numbers))
+
+
+def numbers_of(finger: Finger) -> dict[str, Number]:
+    """Each number of theirs that may be a run-time argument, by name."""
+    return {name: number for each in _LAWS for name, number in each.numbers_of(finger).items()}

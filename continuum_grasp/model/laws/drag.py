@@ -1,0 +1,38 @@
+"""Damping by the square of the rate of the curvature, m = c kappa' abs(kappa'), as air drag has it in a vibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from continuum_grasp.model.family import Family
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.finger import Finger
+
+
+@dataclass(frozen=True)
+class Drag(SectionLaw):
+    """Quadratic damping of a coefficient [N m2 s2]."""
+
+    kind: Kind = "damping"
+    coefficient: Scalar = 0.0
+
+    def moment(self, bend: Bend) -> Scalar:
+        return self.coefficient * (bend.rate * ca.fabs(bend.rate))
+
+    def damping(self, bend: Bend) -> Scalar:
+        return 2.0 * self.coefficient * ca.fabs(bend.rate)
+
+
+def numbers_of(finger: Finger) -> dict[str, Number]:
+    """The coefficient."""
+    return {"quadratic_damping": Number("N m2 s2", finger.damping.quadratic, "damping.quadratic", positive=False)}
+
+
+def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+    """None without quadratic damping."""
+    if not (finger.damping.quadratic > 0.0 or numbers.is_runtime("quadratic_damping")):
+        return []
+    return [Drag(cells(family, finger.damping.friction_cells), coefficient=numbers["quadratic_damping"])]

@@ -1,0 +1,81 @@
+"""Curvatures from which on a finger is stiffer, where its links touch, or softer, where its material yields.
+
+Beyond a curvature c the bending stiffness changes by a share r of it; with the width e of the corner and y = kappa - c
+
+    energy per length r E I s^2 / 2,    s = (y + sqrt(y^2 + e^2)) / 2,    moment r E I s^2 / sqrt(y^2 + e^2)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from continuum_grasp.model.family import Family
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.graded_profile import line
+
+_POINTS = 3
+"""Points per element at which the curvature is compared with a limit [1]: as good as dense ones."""
+_STOP_ROUNDING = 0.005
+"""Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
+
+
+@dataclass(frozen=True)
+class Limit(SectionLaw):
+    """A curvature from which on the stiffness changes; that of each port is its own number [1/m]."""
+
+    kind: Kind = "elastic"
+    signs: tuple[float, ...] = (1.0, -1.0)  # the sides on which it does
+    rounding: float = 0.0  # width of the corner per curvature [1]
+    change: Scalar = 0.0  # of the stiffness [N m2]
+    with_rest: bool = False  # whether the curvature at rest counts
+    scale: Scalar = 1.0  # of the curvature
+
+    def _beyond(self, bend: Bend) -> list[tuple[float, Scalar, Scalar]]:
+        """Per side its sign, s and the root."""
+        touch, found = self.scale * bend.own[0], []
+        rounding = self.rounding * touch
+        for sign in self.signs:
+            beyond = sign * (bend.curvature + bend.rest if self.with_rest else bend.curvature) - touch
+            root = ca.sqrt(beyond * beyond + rounding * rounding)
+            found.append((sign, 0.5 * (beyond + root), root))
+        return found
+
+    def moment(self, bend: Bend) -> Scalar:
+        return self.change * sum((sign * (s * s / root) for sign, s, root in self._beyond(bend)), 0.0)
+
+    def energy(self, bend: Bend) -> Scalar:
+        return (0.5 * self.change) * sum((s * s for _, s, _ in self._beyond(bend)), 0.0)
+
+
+def numbers_of(finger: Finger) -> dict[str, Number]:
+    """Those of a material that softens."""
+    soft = finger.softening
+    if soft is None:
+        return {}
+    ratio = Number("1", soft.stiffness_ratio, "softening.stiffness_ratio", positive=False)
+    if isinstance(soft.curvature, tuple):
+        return {"softening_ratio": ratio}
+    return {"softening_ratio": ratio, "softening_curvature": Number("1/m", soft.curvature, "softening.curvature")}
+
+
+def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
+    """Links that touch, at a curvature of the finger itself; a material that softens, at one above that at rest."""
+    found: list[SectionLaw] = []
+    stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
+    stops, soft = finger.stops, finger.softening
+    if stops is not None and finger.stop_curvature is not None:
+        ports, change = points(family, _POINTS, finger.stop_curvature), (stops.stiffness_ratio - 1.0) * stiffness
+        found.append(Limit(ports, signs=stops.signs, rounding=_STOP_ROUNDING, change=change, with_rest=True))
+    if soft is not None:
+        ports, change = (
+            points(family, _POINTS, line(finger.rod.length, soft.curvature)),
+            numbers["softening_ratio"] - 1.0,
+        )
+        at = "softening_curvature"
+        scale = numbers[at] / numbers_of(finger)[at].value if numbers.is_runtime(at) else 1.0
+        found.append(Limit(ports, rounding=soft.rounding, change=change * stiffness, scale=scale))
+    return found

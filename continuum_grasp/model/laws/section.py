@@ -1,0 +1,250 @@
+"""Ports at which a law sees how the finger bends, what a law gives there, and the generalized forces of all laws.
+
+A port is the curvature at a point of an element, or its mean over a part of it, weighted by the stiffness of the
+section per that at the base: moments of a law are those at the base, and go with the stiffness along the finger. By
+virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the coordinates.
+
+A law has states where it remembers. At rest those of friction follow from how the finger came there (``Memory``); all
+others are zero.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal, Protocol
+
+import numpy as np
+
+from continuum_grasp.model.family import Array, Family, nodes_of
+from continuum_grasp.model.memory import IN_MOTION, Memory
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.profile import Curve
+
+Kind = Literal["elastic", "damping", "friction", "relaxation"]
+
+STATEFUL: tuple[Kind, ...] = ("friction", "relaxation")
+
+
+class Numbers(Protocol):
+    """Numbers of a finger, of which some are run-time arguments."""
+
+    def __getitem__(self, name: str) -> Scalar:
+        """A number, or its symbol."""
+
+    def is_runtime(self, name: str) -> bool:
+        """Whether it is a run-time argument."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a law that may be a run-time argument."""
+
+    unit: str
+    value: float
+    key: str  # where the finger has it
+    positive: bool = True  # else it may be zero, too
+
+
+@dataclass(frozen=True)
+class Port:
+    """Where a law sees the curvature."""
+
+    element: int
+    measure: float  # [m]
+    shapes: Array  # mean of those of the element's coordinates
+    rest: float  # curvature at rest [1/m]
+    own: tuple[float, ...] = ()  # numbers of the law there
+
+
+def cells(family: Family, count: int) -> tuple[Port, ...]:
+    """The mean curvature of equal parts, ``count`` on each element; of one where the curvature is constant."""
+    mesh, found = family.mesh, list[Port]()
+    count = count if family.degree else 1
+    base = float(mesh.stiffness(0.0))
+    for element in range(family.elements):
+        bounds = np.linspace(mesh.ends[element], mesh.ends[element + 1], count + 1)
+        panels = mesh.panels(element, mesh.stiffness, mesh.rest)
+        for a, b in pairwise(bounds.tolist()):
+            inside = [(max(low, a), min(high, b)) for low, high in panels if low < b and high > a]
+            measure, total = 0.0, np.zeros(len(family.local(element)) + 1)
+            for s, w in nodes_of(inside):
+                share = w * mesh.stiffness(s) / base
+                measure += float(share.sum())
+                total += family.shapes_at(element, s) @ share
+            *shapes, rest = total / measure
+            found.append(Port(element, measure, _clean(np.array(shapes)), float(rest)))
+    return tuple(found)
+
+
+def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
+    """The curvature at ``count`` points of each element, by Gauss quadrature, with the values of curves there."""
+    mesh, found = family.mesh, list[Port]()
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    for element, h in enumerate(mesh.lengths):
+        s = mesh.ends[element] + 0.5 * h * (nodes + 1.0)
+        measures = 0.5 * h * weights * mesh.stiffness(s) / float(mesh.stiffness(0.0))
+        own = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
+        for measure, (*shapes, rest), numbers in zip(measures, family.shapes_at(element, s).T, own.T, strict=True):
+            found.append(Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(numbers.tolist())))
+    return tuple(found)
+
+
+def _clean(shapes: Array) -> Array:
+    """Without what is rounding, which would cost an instruction."""
+    return np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes)
+
+
+@dataclass(frozen=True)
+class Bend:
+    """What a law knows at a port."""
+
+    curvature: Scalar  # above that at rest [1/m]
+    rest: Scalar  # that at rest [1/m]
+    rate: Scalar  # of the curvature [1/(m s)]
+    own: Sequence[Scalar] = ()  # numbers of the law there
+    states: Sequence[Scalar] = ()
+    memory: Memory = IN_MOTION
+
+
+@dataclass(frozen=True)
+class SectionLaw(ABC):
+    """A moment by the curvature, its rate, and states, against the bending.
+
+    ``kind`` says what it depends on: the curvature alone; its rate too; states of friction; or states that fade to
+    zero.
+    """
+
+    ports: tuple[Port, ...]
+    kind: Kind
+
+    @abstractmethod
+    def moment(self, bend: Bend) -> Scalar:
+        """Against the bending [N m]."""
+
+    def names(self, port: int) -> list[str]:
+        """Name and unit of each state at a port, which counts from one."""
+        return []
+
+    def rates(self, bend: Bend) -> list[Scalar]:
+        """Rates of the states [1/s]."""
+        return []
+
+    def travel(self, bend: Bend) -> list[Scalar]:
+        """How far friction has moved since the finger was straight, per that from which on it slides."""
+        return []
+
+    def energy(self, bend: Bend) -> Scalar:
+        """Stored, per length [J/m]."""
+        return 0.0
+
+    def damping(self, bend: Bend) -> Scalar:
+        """Derivative of the moment by the rate of the curvature [N m2 s]."""
+        return 0.0
+
+    @property
+    def held(self) -> Scalar:
+        """Stiffness that it adds where its states do not slide [N m2]."""
+        return 0.0
+
+
+class SectionForces:
+    """Generalized forces of laws, and the rates of their states: law by law, port by port.
+
+    Parameters
+    ----------
+    laws : sequence of SectionLaw
+    family : Family
+    lengths : sequence of Scalar
+        Of the elements [m].
+    full, rates : sequence of Scalar
+        Full coordinates and their rates.
+    states : mapping
+        By kind those of all laws of it.
+    rest : Scalar, optional
+        Curvature at rest [1/m] where it is a run-time argument.
+    memory : Memory
+    """
+
+    def __init__(
+        self,
+        laws: Sequence[SectionLaw],
+        family: Family,
+        lengths: Sequence[Scalar],
+        full: Sequence[Scalar],
+        rates: Sequence[Scalar],
+        states: Mapping[Kind, Sequence[Scalar]],
+        rest: Scalar | None = None,
+        memory: Memory = IN_MOTION,
+    ) -> None:
+        self._family, self._lengths, self._full, self._rates = family, lengths, full, rates
+        self._rest, self._memory = rest, memory
+        self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
+        left = {kind: iter(own) for kind, own in states.items()}
+        for law in laws:
+            for k, port in enumerate(law.ports, start=1):
+                self._ports.append((law, port, [next(left[law.kind]) for _ in law.names(k)]))
+
+    def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
+        """Measure of a port, and that times its shapes; its element may have another length at run time."""
+        h, nominal, weights = self._lengths[port.element], self._family.mesh.lengths, port.measure * port.shapes
+        if isinstance(h, float):
+            return port.measure, weights.tolist()
+        own, usual = (self._family.work(port.element, lengths) for lengths in (self._lengths, nominal))
+        local = self._family.local(port.element)
+        ratios = [own[a] * (w / float(usual[a])) for a, w in zip(local, weights.tolist(), strict=True)]
+        return port.measure * (h / nominal[port.element]), ratios
+
+    @cached_property
+    def _acting(self) -> list[tuple[SectionLaw, Port, Bend]]:
+        found = []
+        for law, port, states in self._ports:
+            curvature, rate = (self._mean(port, values) for values in (self._full, self._rates))
+            rest = port.rest if self._rest is None else self._rest
+            found.append((law, port, Bend(curvature, rest, rate, port.own, states, self._memory)))
+        return found
+
+    def _mean(self, port: Port, values: Sequence[Scalar]) -> Scalar:
+        measure, weights = self._weights(port)
+        local = self._family.local(port.element)
+        return sum(((w / measure) * values[a] for a, w in zip(local, weights, strict=True) if not _is_zero(w)), 0.0)
+
+    def on_elements(self, *kinds: Kind) -> list[list[Scalar]]:
+        """Generalized forces of the laws of kinds on the local coordinates of every element, against the bending."""
+        total: list[list[Scalar]] = [[0.0] * len(self._family.local(k)) for k in range(self._family.elements)]
+        for law, port, bend in self._acting:
+            if law.kind in kinds:
+                moment = law.moment(bend)
+                for i, weight in enumerate(self._weights(port)[1]):
+                    if not _is_zero(weight):
+                        total[port.element][i] += weight * moment
+        return total
+
+    def force(self, *kinds: Kind) -> list[Scalar]:
+        """The same on all coordinates."""
+        total: list[Scalar] = [0.0] * self._family.size
+        for k, forces in enumerate(self.on_elements(*kinds)):
+            for a, force in zip(self._family.local(k), forces, strict=True):
+                total[a] += force
+        return total
+
+    def rates(self, kind: Kind) -> list[Scalar]:
+        """Rates of the states of a kind."""
+        return [rate for law, _, bend in self._acting if law.kind == kind for rate in law.rates(bend)]
+
+    @property
+    def travel(self) -> list[Scalar]:
+        """How far each state of friction has moved since the finger was straight."""
+        return [way for law, _, bend in self._acting for way in law.travel(bend)]
+
+    @property
+    def stored_energy(self) -> Scalar:
+        """Energy that the laws store [J]."""
+        return sum((self._weights(port)[0] * law.energy(bend) for law, port, bend in self._acting), 0.0)
+
+
+def _is_zero(value: Scalar) -> bool:
+    return isinstance(value, float) and value == 0.0

@@ -1,0 +1,81 @@
+"""Friction with a memory: states that slide at the end of their range, in motion, at rest and in implicit steps.
+
+A state z follows how far something slides, per that from which on friction is full, as a stop operator does (M. A.
+Krasnosel'skii, A. V. Pokrovskii, 1989, doi:10.1007/978-3-642-61302-9): loops close, nothing creeps at rest, and small
+cycles of the load do not add up.
+
+    z' = u' - (z - clip(z)) / time
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.model.planar import Scalar
+
+RETURN_TIME = 1e-3
+"""Time in which a friction state comes back to its range [s]: a tenth of the shortest drive lags."""
+
+
+def clipped(z: Scalar) -> Scalar:
+    """A state within its range."""
+    return ca.fmin(ca.fmax(z, -1.0), 1.0)
+
+
+def direction(z: Scalar) -> Scalar:
+    """Which way friction acts, from -1 to 1, of a state of a motion, with a continuous slope."""
+    y = clipped(z)
+    return y * (1.5 - 0.5 * (y * y))
+
+
+def state_of(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
+    return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
+
+
+@dataclass(frozen=True)
+class Memory:
+    """How states of friction are known: the one place that tells motion, rest and implicit steps apart.
+
+    ``moved`` is a number h of a finger at rest, where friction acts as ``clip(z + h u)`` of the sliding u since the
+    finger was straight: states alone are frictions that stay; h = 1 alone is that of a finger that was bent from
+    straight to where it is. ``part`` [s]: of a step that is implicit in it.
+    """
+
+    moved: Scalar | None = None
+    part: Scalar = 0.0
+
+    def ways(
+        self,
+        states: Sequence[Scalar],
+        travel: Callable[[], Sequence[Scalar]],
+        moving: Callable[[Scalar], Scalar] = clipped,
+    ) -> list[Scalar]:
+        """Which way friction acts, from -1 to 1; ``moving`` says so of a state in motion."""
+        if self.moved is None:
+            return [moving(z) for z in states]
+        # At rest without the cubic's flat ends, on which Newton's method would stop.
+        return [clipped(z + self.moved * slid) for z, slid in zip(states, travel(), strict=True)]
+
+    def rate(self, z: Scalar, sliding: Scalar) -> Scalar:
+        """Rate of a state [1/s] of a sliding [1/s]."""
+        # What is beyond its range returns to it within an implicit step.
+        return self._returning(sliding - (z - clipped(z)) * (1.0 / RETURN_TIME), 1.0 / RETURN_TIME, ca.fabs(z) > 1.0)
+
+    def fading(self, z: Scalar, driven: Scalar, pole: Scalar) -> Scalar:
+        """Rate of a state that follows what drives it, and fades with a pole [1/s]."""
+        return self._returning(driven - pole * z, pole, 1.0)
+
+    def _returning(self, rate: Scalar, pole: Scalar, where: Scalar) -> Scalar:
+        if isinstance(self.part, float) and self.part == 0.0:
+            return rate
+        return rate / (1.0 + self.part * pole * where)
+
+
+IN_MOTION = Memory()
+"""That of a finger that moves."""
