@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells, numbers_of_branches
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
@@ -58,12 +58,7 @@ class DryFriction(SectionLaw):
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """Stiffness and moment of each branch."""
-    found = {}
-    for k, branch in enumerate(finger.damping.dry_friction):
-        for name, unit in (("stiffness", "N m2"), ("moment", "N m")):
-            key = f"damping.dry_friction[{k}].{name}"
-            found[f"dry_friction_{k + 1}_{name}"] = Number(unit, getattr(branch, name), key)
-    return found
+    return numbers_of_branches("dry_friction", finger.damping.dry_friction, {"stiffness": "N m2", "moment": "N m"})
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:

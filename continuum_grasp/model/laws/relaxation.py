@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, numbers_of_branches, points
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 
@@ -47,12 +47,7 @@ class Relaxation(SectionLaw):
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """Share and time of each branch."""
-    found = {}
-    for k, branch in enumerate(finger.damping.relaxation):
-        for name, unit in (("share", "1"), ("time", "s")):
-            key = f"damping.relaxation[{k}].{name}"
-            found[f"relaxation_{k + 1}_{name}"] = Number(unit, getattr(branch, name), key)
-    return found
+    return numbers_of_branches("relaxation", finger.damping.relaxation, {"share": "1", "time": "s"})
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:

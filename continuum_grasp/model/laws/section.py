@@ -23,6 +23,7 @@ from continuum_grasp.model.family import Array, Family, nodes_of
 from continuum_grasp.model.memory import IN_MOTION, Memory
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene.value import Value
 
 Kind = Literal["elastic", "damping", "friction", "relaxation"]
 
@@ -47,6 +48,15 @@ class Number:
     value: float
     key: str  # where the finger has it
     positive: bool = True  # else it may be zero, too
+
+
+def numbers_of_branches(name: str, branches: Sequence[Value], units: Mapping[str, str]) -> dict[str, Number]:
+    """Numbers with these units of branches in a list of ``damping``."""
+    return {
+        f"{name}_{k}_{field}": Number(unit, getattr(branch, field), f"damping.{name}[{k - 1}].{field}")
+        for k, branch in enumerate(branches, start=1)
+        for field, unit in units.items()
+    }
 
 
 @dataclass(frozen=True)
