@@ -57,15 +57,13 @@ class DriveLaw:
         gear = 0.0 if self.drive.gear_stiffness is None else 1.0 / self.drive.gear_stiffness
         return self.radius**2 * (1.0 / self.drive.position_gain + gear)
 
-    def stiffness(self, compliances: Sequence[float]) -> float:
-        """Difference of two tendons' tensions per path drawn in while the drives hold [N/m].
+    def springs(self, compliances: Sequence[float]) -> list[float]:
+        """Tension of each of two tendons per path drawn in while the drives hold [N/m].
 
-        ``compliances`` are elongations per tension of the tendons that are taut [m/N].
+        ``compliances`` are their elongations per tension [m/N]; infinite of one that is slack.
         """
         own, servo = [1.0 / give for give in compliances], self.servo if self.locks else 0.0
-        if self.pulley:
-            return sum(own) / (1.0 + servo * sum(own))
-        return sum(each / (1.0 + servo * each) for each in own)
+        return [each / (1.0 + servo * (sum(own) if self.pulley else each)) for each in own]
 
     @property
     def friction(self) -> float:
