@@ -21,7 +21,7 @@ from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.model.winches import winches_of
 from continuum_grasp.scene.drives import COMMANDS
-from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
+from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
@@ -362,14 +362,6 @@ class Structure:
         )
 
     def _make_family(self) -> Family:
-        # Quadrature nodes are tabulated up to one turn; the series of arcs reach further.
-        for reach in self.ranges:
-            if FAMILIES[self.family_name].one_turn and reach > ONE_TURN:
-                raise InputError(
-                    f"an element of {self.family_name} that bends by up to {reach:.3g} rad is beyond one turn: take "
-                    "more elements",
-                    key="bending_range",
-                )
         return family_class(self.family_name)(self.mesh, self.accuracy)
 
     def _name_entries(self) -> None:
