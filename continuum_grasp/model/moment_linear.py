@@ -177,12 +177,10 @@ class MomentLinearFamily(Family):
                 elif element == k:
                     carried.append((fraction, mass))
             made, local = self._elements[k], [q[a] for a in self.local(k)]
-            tabulated = made is None and reach <= ONE_TURN
-            rule = (
-                collocation(node_count(reach, accuracy))
-                if tabulated
-                else measured_rule(made or self._hats(k), reach, accuracy)
-            )
+            if made is None and reach <= ONE_TURN:
+                rule = collocation(node_count(reach, accuracy))
+            else:
+                rule = measured_rule(made or self._hats(k), reach, accuracy)
             link: CollocatedLink
             if made is None:
                 rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
