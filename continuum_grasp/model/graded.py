@@ -19,8 +19,6 @@ from continuum_grasp.scene.profile import Curve
 
 _MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
-_LOOKED = 17
-"""Places of each smooth part at which curvatures are looked up that may be greatest inside, as of a cone [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
 _ROUNDING = 3e-14
@@ -144,9 +142,10 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
     # Bent all one way, to both sides, and by one end or one moment alone; scaled so that the range is used.
     turns = np.vstack([np.eye(len(peaks)), np.ones(len(peaks)), [(-1.0) ** k for k in range(len(peaks))]])
     cases = []
-    inside = np.hstack([shapes.on(np.linspace(a, b, _LOOKED)[1:-1])[:-1] for a, b in shapes.parts])
+    # Of cones the curvature may be greatest inside.
+    looked = np.hstack([shapes.sides[:-1], *(shapes.on(s)[:-1] for s, _ in nodes_of(shapes.parts))])
     for turn in np.vstack([turns, -turns]) / peaks:
-        bend = np.abs(turn @ np.hstack([shapes.sides[:-1], inside])).max() * length
+        bend = np.abs(turn @ looked).max() * length
         cases.append(turn * (reach / bend))
     fewest = 3 if len(shapes.parts) == 1 else 2
 

@@ -14,7 +14,7 @@ from continuum_grasp.model.actuation import InputLayout, Source
 from continuum_grasp.model.bending_friction import BendingCell, bending_cells
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
-from continuum_grasp.model.family import Array, Family, Mesh, family_class
+from continuum_grasp.model.family import Array, Mesh, family_class
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
@@ -80,7 +80,7 @@ class Structure:
         self.inputs = self._input_layout(input_rates, self._input_varies(scene))
         self.sources = self._sources()
         self.mesh = self._mesh()
-        self.family = self._make_family()
+        self.family = family_class(self.family_name)(self.mesh, self.accuracy)
         self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
@@ -360,9 +360,6 @@ class Structure:
             tuple(source.shape for source in self.sources),
             self.matched,
         )
-
-    def _make_family(self) -> Family:
-        return family_class(self.family_name)(self.mesh, self.accuracy)
 
     def _name_entries(self) -> None:
         rest = self.finger.profile.rest_curvature

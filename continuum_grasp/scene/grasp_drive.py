@@ -57,12 +57,9 @@ class DriveLaw:
         gear = 0.0 if self.drive.gear_stiffness is None else 1.0 / self.drive.gear_stiffness
         return self.radius**2 * (1.0 / self.drive.position_gain + gear)
 
-    def springs(self, compliances: Sequence[float]) -> list[float]:
-        """Tension of each of two tendons per path drawn in while the drives hold [N/m].
-
-        ``compliances`` are their elongations per tension [m/N]; infinite of one that is slack.
-        """
-        own, servo = [1.0 / give for give in compliances], self.servo if self.locks else 0.0
+    def springs(self, own: Sequence[float]) -> list[float]:
+        """Tension of each tendon per path drawn in while the drives hold [N/m]: ``own`` if nothing but these yields."""
+        servo = self.servo if self.locks else 0.0
         return [each / (1.0 + servo * (sum(own) if self.pulley else each)) for each in own]
 
     @property

@@ -163,9 +163,8 @@ class WoundTendons:
     @property
     def springs(self) -> Array:
         """Tension at the drive per path drawn in while the drives hold (2,) [N/m]; none of a slack tendon."""
-        beyond = _unsoftened(self.compliances * self.tensions, self.taut)
-        stiffness = np.where(self.taut, _softness(beyond), 0.0) / self.compliances
-        return np.array(self.law.springs([1.0 / k if k > 0.0 else np.inf for k in stiffness.tolist()]))
+        own = np.where(self.taut, _softness(self.wound - self.paths), 0.0) / self.compliances
+        return np.array(self.law.springs(own.tolist()))
 
     @property
     def drives(self) -> tuple[DriveState, ...]:

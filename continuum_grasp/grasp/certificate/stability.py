@@ -118,10 +118,6 @@ class _Chain:
         """Length that turns with each node of the finger up to a place [m]."""
         return np.diff(np.minimum(self.bounds, end))
 
-    def node(self, joint: int) -> int:
-        """Node at a joint of elements."""
-        return int(np.argmin(np.abs(self.nodes - self.finger.rod.joints[joint])))
-
     def hessian(self) -> Array:
         """Of bending, weight and the contact forces that act on the nodes."""
         finger, ds = self.finger, self.ds(self.length)
@@ -166,7 +162,7 @@ def _add_contact(
         hessian += pressure * both * np.outer(turn, turn)
         return block
     chain, start = place
-    node = chain.node(contact.joint)
+    node = int(np.argmin(np.abs(chain.nodes - chain.finger.rod.joints[contact.joint])))
     lengths = chain.ds(chain.nodes[node])[: node + 1]
     block[:, start : start + node + 1] = (chain.normal[: node + 1] * lengths[:, None]).T
     section = np.eye(size)[start + node]
