@@ -1,6 +1,6 @@
 """Second-order test of a grasp: does every small motion that the contacts allow raise the energy?
 
-The Lagrangian is energy minus contact force times contact constraint, in the angles of the fingers' cells and
+The Lagrangian is energy minus contact force times contact constraint, in the turns of the fingers' nodes and
 the object's pose. Where bodies of radii h (tip or peg) and rho (object) roll on each other, the vector y from
 the object's center of mass to the center of the other body has, for turns phi of that body and psi of the
 object, with n the object's normal and a the arm from the center of mass to the point of contact,
@@ -24,7 +24,7 @@ from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, Reco
 Array = NDArray[Any]
 
 CELLS = 120
-"""Rigid pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""
+"""Pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""
 
 TENSIONS, LOCKED = "constant tensions", "locked drives, whose tendons are springs"
 ASSUMPTIONS = (
