@@ -272,7 +272,7 @@ def test_the_eigenvalue_with_locked_winches_is_that_of_the_continuous_rod(preten
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_locked_winches_hold_as_much_as_friction_passes_on(way):
-    """A turn of the tip stretches the tendon, whose tension falls along it as of a free rod; turns are polynomials."""
+    """A turn of the tip elongates the tendon, whose tension falls along it as of a free rod; turns are polynomials."""
     count = 8
     tension = 20.0 if way > 0.0 else 5.0
     scene, arrays, pull, _ = free_rod(tension, 0.3, way, supports=PALMS)
