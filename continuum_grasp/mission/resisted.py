@@ -92,7 +92,7 @@ def lowered(
     down = np.array(plane_gravity(grasp))
     wrenches = pulls + (mass - grasp.scene.object.mass) * np.array([*down, 0.0])
     laws = [DriveLaw.of(finger) for finger in fingers]
-    springs = [np.inf if law is None else law.stiffness(2 * [law.series + law.axial]) for law in laws]
+    springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
     there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / stiffness)
     changes = (
         there.to_wrenches("locked" if keep_position(fingers) else "retensioned"),

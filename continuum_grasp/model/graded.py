@@ -17,7 +17,7 @@ from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import STRICT, Collocation, graded_collocation
 from continuum_grasp.scene.profile import Curve
 
-_MOST_NODES = 16
+_MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
 _TRIED = 8
 """By how many nodes per piece a rule is finer that another one is measured with [1]."""
@@ -142,8 +142,10 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
     # Bent all one way, to both sides, and by one end or one moment alone; scaled so that the range is used.
     turns = np.vstack([np.eye(len(peaks)), np.ones(len(peaks)), [(-1.0) ** k for k in range(len(peaks))]])
     cases = []
+    # Of cones the curvature may be greatest inside.
+    looked = np.hstack([shapes.sides[:-1], *(shapes.on(s)[:-1] for s, _ in nodes_of(shapes.parts))])
     for turn in np.vstack([turns, -turns]) / peaks:
-        bend = np.abs(turn @ shapes.sides[:-1]).max() * length
+        bend = np.abs(turn @ looked).max() * length
         cases.append(turn * (reach / bend))
     fewest = 3 if len(shapes.parts) == 1 else 2
 

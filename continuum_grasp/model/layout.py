@@ -42,7 +42,7 @@ _BEYOND_STOPS = 1.5
 _MOST_OPEN = 16
 """Elements that are chosen for stops at the most [1]: a finger whose links touch so late that these do not suffice is
 hardly bent so far."""
-_WIDEST = 20.0
+WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
 
@@ -182,11 +182,11 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     """Bending range of each element [rad]: as declared, or the default, or less where the strain limit allows less.
 
     By default a finger of many elements bends by 240 degrees as a whole, and twice as sharply anywhere; thin parts bend
-    more than thick ones, and each by its share where there are stops, or as far as these let it, up to one turn.
+    more than thick ones, and each by its share where there are stops, or as far as these let it, up to 20 rad.
     """
     if bending_range is not None:
-        if not 0.0 < bending_range <= _WIDEST:
-            message = f"expected a positive number of radians, up to {_WIDEST:g}, got {bending_range}"
+        if not 0.0 < bending_range <= WIDEST:
+            message = f"expected a positive number of radians, up to {WIDEST:g}, got {bending_range}"
             raise InputError(message, key="bending_range")
         return tuple(bending_range for _ in lengths)
     ends = np.cumsum([0.0, *lengths])
@@ -204,7 +204,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     # A long element among short ones has more than its share of the number.
     shares = np.maximum(1.0 / len(lengths), parts / parts.sum())
     allowed = np.minimum(WHOLE_RANGE * shares, DEFAULT_RANGE)
-    allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), ONE_TURN))
+    allowed = np.maximum(allowed, np.minimum(_beyond_stops(finger, lengths), WIDEST))
     return tuple(np.minimum(allowed, limits * lengths).tolist())
 
 

@@ -21,6 +21,7 @@ from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.profile import Curve
 
 _RESIDUAL = 1e-12
@@ -176,6 +177,10 @@ class MomentLinearFamily(Family):
                 elif element == k:
                     carried.append((fraction, mass))
             made, local = self._elements[k], [q[a] for a in self.local(k)]
+            if made is None and reach <= ONE_TURN:
+                rule = collocation(node_count(reach, accuracy))
+            else:
+                rule = measured_rule(made or self._hats(k), reach, accuracy)
             link: CollocatedLink
             if made is None:
                 rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
@@ -185,11 +190,11 @@ class MomentLinearFamily(Family):
                     mean(self.mesh, k, self.mesh.linear_density) * rod.linear_density,
                     mean(self.mesh, k, self.mesh.rotary_inertia) * rod.rotary_inertia,
                     reach,
-                    collocation(node_count(reach, accuracy)),
+                    rule,
                     folded,
                 )
             else:
-                link = GradedLink(local, made, rod, reach, measured_rule(made, reach, accuracy), folded)
+                link = GradedLink(local, made, rod, reach, rule, folded)
             links.append(LoadedLink(link, tuple(carried)))
         return links
 

@@ -103,7 +103,7 @@ def collocation(count: int) -> Collocation:
 Density = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """A function of the fraction u, smooth on each piece."""
 _FINE = 24
-"""Nodes per piece of the integrals with a density [1]: exact to rounding for polynomials of degree 47."""
+"""Least nodes per piece of the integrals with a density [1]: exact to rounding for polynomials of degree 47."""
 
 
 def graded_collocation(
@@ -113,7 +113,7 @@ def graded_collocation(
     # A jump inside one rule costs 5e-3 to 2e-5 in the frequencies, however many nodes there are; a rule on each side of
     # it is exact again.
     x, w, coefficients = _integrals(count)
-    fine, fine_weights = np.polynomial.legendre.leggauss(_FINE)
+    fine, fine_weights = np.polynomial.legendre.leggauss(max(_FINE, count + 8))
     size, m = len(pieces), len(pieces) * count
 
     def at(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout, Source
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
-from continuum_grasp.model.family import Array, Family, Mesh, family_class
+from continuum_grasp.model.family import Array, Mesh, family_class
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
@@ -22,7 +22,7 @@ from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.model.winches import winches_of
 from continuum_grasp.scene.drives import COMMANDS
-from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
+from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
@@ -81,7 +81,7 @@ class Structure:
         self.inputs = self._input_layout(input_rates, self._input_varies(scene))
         self.sources = self._sources()
         self.mesh = self._mesh()
-        self.family = self._make_family()
+        self.family = family_class(self.family_name)(self.mesh, self.accuracy)
         self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.cell_sets = self._cell_sets()
@@ -360,17 +360,6 @@ class Structure:
             tuple(source.shape for source in self.sources),
             self.matched,
         )
-
-    def _make_family(self) -> Family:
-        # Quadrature nodes are tabulated up to one turn; the series of arcs reach further.
-        for reach in self.ranges:
-            if FAMILIES[self.family_name].one_turn and reach > ONE_TURN:
-                raise InputError(
-                    f"an element of {self.family_name} that bends by up to {reach:.3g} rad is beyond one turn: take "
-                    "more elements",
-                    key="bending_range",
-                )
-        return family_class(self.family_name)(self.mesh, self.accuracy)
 
     def _name_entries(self) -> None:
         rest = self.finger.profile.rest_curvature

@@ -57,15 +57,10 @@ class DriveLaw:
         gear = 0.0 if self.drive.gear_stiffness is None else 1.0 / self.drive.gear_stiffness
         return self.radius**2 * (1.0 / self.drive.position_gain + gear)
 
-    def stiffness(self, compliances: Sequence[float]) -> float:
-        """Difference of two tendons' tensions per path drawn in while the drives hold [N/m].
-
-        ``compliances`` are elongations per tension of the tendons that are taut [m/N].
-        """
-        own, servo = [1.0 / give for give in compliances], self.servo if self.locks else 0.0
-        if self.pulley:
-            return sum(own) / (1.0 + servo * sum(own))
-        return sum(each / (1.0 + servo * each) for each in own)
+    def springs(self, own: Sequence[float]) -> list[float]:
+        """Tension of each tendon per path drawn in while the drives hold [N/m]: ``own`` if nothing but these yields."""
+        servo = self.servo if self.locks else 0.0
+        return [each / (1.0 + servo * (sum(own) if self.pulley else each)) for each in own]
 
     @property
     def friction(self) -> float:

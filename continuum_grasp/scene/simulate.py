@@ -71,7 +71,7 @@ class Fidelity(Value):
     bending_range: Annotated[float, Field(ge=1e-3, le=20.0, examples=[2.5]), Unit("rad")] | None = None
     """Greatest bend of one element [rad] (for clothoids: its length times its greatest curvature); None: 2 pi / 3, or
     less where there are more than four elements, which share 8 pi / 3, or the strain limit allows less;
-    with stops 1.5 times the bend at which links touch where that is more, up to 6.3 rad."""
+    with stops 1.5 times the bend at which links touch where that is more, up to 20 rad."""
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""

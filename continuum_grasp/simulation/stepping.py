@@ -222,13 +222,14 @@ class Stepper:
     def _stopped(self, plan: Plan, index: int, state: Array) -> NumericalError:
         """What to say of a motion that is not finite after an output step."""
         time = index * self._time.step
+        other = "reference" if self._time.method == "auto" else "auto"
         reason = (
             f"{self._failure} (after t = {time:g} s)"
             if plan.method == "reference"
             else (
                 f"{INTEGRATORS[plan.method].failure} after t = {time:g} s (last state {state.tolist()}; {plan.method}, "
                 f"{plan.substeps} sub-steps of {self._time.step / plan.substeps:g} s): take a smaller time.step or "
-                f"time.method: {'reference' if plan.stable is None else 'auto'}; if the finger bends beyond its range, "
+                f"time.method: {other}; if the finger bends beyond its range, "
                 "raise fidelity.bending_range or lower the loads"
             )
         )

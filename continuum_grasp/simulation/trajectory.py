@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
@@ -366,7 +366,7 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
             found.append(
                 f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
                 f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
-                f"{'take more elements' if reach >= ONE_TURN else 'raise fidelity.bending_range'}"
+                f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
             )
     return tuple(found)
 

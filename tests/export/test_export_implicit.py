@@ -79,5 +79,5 @@ def test_what_compilers_take_minutes_for_is_refused_first(family, elements, part
 
 def test_the_greatest_function_that_is_written():
     check_size("slope", round(0.999 * MOST_INSTRUCTIONS))
-    with pytest.raises(InputError, match="slope is code without loops of about 60060 instructions"):
+    with pytest.raises(InputError, match="slope is code without loops of about 45045 instructions"):
         check_size("slope", round(1.001 * MOST_INSTRUCTIONS))

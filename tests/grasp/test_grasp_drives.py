@@ -7,12 +7,15 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
+from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.model.winches import soft
@@ -33,6 +36,17 @@ MOTOR = MotorDrive(
 )
 PULLEY = {"arrangement": "one_pulley", "pretension": 2.0}
 L, EI, OFFSET = 0.18, 6.11e-3, 0.005
+PALMS = {
+    "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
+    "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
+}
+BOX = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
+BETWEEN = [
+    (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
+    for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
+    for k, x in ((1, 0.38), (2, 0.42))
+]
+"""A box that two palms hold, beside fingers that touch nothing."""
 
 
 def mug(drive, friction=0.0, **changes):
@@ -46,25 +60,25 @@ def mug(drive, friction=0.0, **changes):
 # -- closed forms of a free rod, shared/drives.md section 6: 1 / T falls or rises evenly along it ---------------------
 
 
-def free_rod(tension, friction, way, elements=60):
-    """Stored arrays of a free rod whose tendon 1 was pulled (way = 1) or let out (-1) all along; T(s) and bend."""
+def free_rod(tension, friction, way, elements=60, **more):
+    """Scene and arrays of a free rod whose tendon 1 was pulled (way = 1) or let out (-1) all along; T(s) and bend."""
     tendons = Tendons(offset=OFFSET, max_tension=60.0, friction=friction, drive=LENGTH_DRIVE, **CABLE)
     rod = Rod(length=L, linear_density=0.034, bending_stiffness=EI)
-    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
     finger = cases.make_finger(rod=rod, tendons=tendons)
-    scene = cases.make_scene(finger, disc, {"tip": "auto"}, family="clothoid", elements=elements)
+    scene = cases.make_scene(finger, BOX, {"tip": "auto"}, family="clothoid", elements=elements, **more)
     nodes = np.linspace(0.0, L, elements + 1)
     pull = 1.0 / (1.0 / tension + way * friction * OFFSET / EI * nodes)
     arrays = cases.finger_arrays(scene, "finger", OFFSET * pull / EI, tensions=(tension, 0.0))
     bend = way * math.log(1.0 + way * friction * OFFSET / EI * tension * L) / friction
-    return scene.setups[0], arrays, pull, bend
+    return scene, arrays, pull, bend
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_pulled_and_released_tendons_are_those_of_the_free_rod(friction, way):
     tension = 20.0 if way > 0.0 else 5.0
-    setup, arrays, pull, bend = free_rod(tension, friction, way)
+    scene, arrays, pull, bend = free_rod(tension, friction, way)
+    setup = scene.setups[0]
     shape = FingerShape(setup, arrays)
     cells = TendonFriction(setup, shape, way * np.ones(setup.friction_states))
     np.testing.assert_allclose(cells.shares(OFFSET, shape.joints), pull / tension, rtol=2e-4)
@@ -88,7 +102,8 @@ def test_pulled_and_released_tendons_are_those_of_the_free_rod(friction, way):
 
 @pytest.mark.parametrize("arm", [OFFSET, -OFFSET])
 def test_the_mean_tension_is_that_along_the_finger(arm):
-    setup, arrays, _, _ = free_rod(20.0, 0.3, 1.0, elements=2)
+    scene, arrays, _, _ = free_rod(20.0, 0.3, 1.0, elements=2)
+    setup = scene.setups[0]
     cells, s = TendonFriction(setup, FingerShape(setup, arrays)), np.linspace(0.0, L, 20_001)
     shares = cells.shares(arm, 0.5 * (s[1:] + s[:-1]))
     assert shares.min() < 0.8 or shares.max() > 1.25
@@ -98,7 +113,8 @@ def test_the_mean_tension_is_that_along_the_finger(arm):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
     """The turn beyond the middle of cells of a finger whose curvature falls from the base on: 1.5 mrad in all."""
-    setup, arrays, _, _ = free_rod(1.0, 0.1, 1.0, elements=3)
+    scene, arrays, _, _ = free_rod(1.0, 0.1, 1.0, elements=3)
+    setup = scene.setups[0]
     arrays["finger.q"] = side * 3e-3 / L * np.array([1.0, 2 / 3, 1 / 3, 0.0])
     cells = TendonFriction(setup, FingerShape(setup, arrays))
     left = 1.0 - 0.5 * (cells.edges[1:] + cells.edges[:-1]) / L
@@ -175,7 +191,7 @@ def test_the_path_of_a_tendon_follows_stiffness_that_changes():
 
 @pytest.mark.parametrize(("part", "count"), [(0.999, 1), (1.001, 2)])
 def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, count):
-    assert wound(LENGTH_DRIVE, (20.0, part * TAUT)).stiffness == pytest.approx(count / COMPLIANCE, rel=1e-9)
+    assert wound(LENGTH_DRIVE, (20.0, part * TAUT)).taut.sum() == count
 
 
 def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
@@ -226,25 +242,53 @@ def test_an_upright_finger_with_locked_winches_stands_as_with_a_spring_at_its_ti
     compliance = 1.0 / SERIES + L / AXIAL
     weight = critical_weight(OFFSET**2 * spring(compliance))
     assert spring(compliance) > 0.0 or weight == pytest.approx(7.8373 * EI / L**3, rel=1e-4)
-    supports = {
-        "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
-        "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
-    }
-    body = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
-    contacts = [
-        (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
-        for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
-        for k, x in ((1, 0.38), (2, 0.42))
-    ]
-    for share, stable in ((0.99, True), (1.01, False)):
+    for share, stable in ((0.9998, True), (1.0002, False)):
         rod = Rod(length=L, linear_density=share * weight / 9.81, bending_stiffness=EI)
         tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
         finger = cases.make_finger(rod=rod, tendons=tendons)
-        scene = cases.make_scene(finger, body, {"tip": "auto"}, cases.PLANAR, "clothoid", supports=supports)
-        arrays = cases.stored(scene, {"finger": {"tensions": tensions}}, contacts)
+        scene = cases.make_scene(finger, BOX, {"tip": "auto"}, cases.PLANAR, "clothoid", supports=PALMS)
+        arrays = cases.stored(scene, {"finger": {"tensions": tensions}}, BETWEEN)
         found = certify(scene, arrays).stability
         assert found.stable is stable
         assert found.assumptions.startswith("locked" if spring(compliance) else "constant tensions")
+
+
+@pytest.mark.parametrize("pretension", [5.0, 0.3])  # of 0.3 N, tendons are among those that softly go slack
+def test_the_eigenvalue_with_locked_winches_is_that_of_the_continuous_rod(pretension):
+    """Straight: E I theta'' = -w^2 E I theta / L^2, and the tip is bent back by e^2 per compliance times its turn."""
+    drive = LENGTH_DRIVE.replaced(pretension=pretension)
+    tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
+    finger = cases.make_finger(rod=Rod(length=L, linear_density=1e-12, bending_stiffness=EI), tendons=tendons)
+    scene = cases.make_scene(finger, BOX, {"tip": "auto"}, family="clothoid", supports=PALMS)
+    arrays = cases.stored(scene, {"finger": {"tensions": (pretension, pretension)}}, BETWEEN)
+    compliance = 1.0 / SERIES + L / AXIAL
+    length, step = brentq(lambda x: float(soft(x)) - compliance * pretension, -1e-4, 1e-2, xtol=1e-15), 1e-8
+    stiffness = 2.0 / compliance * (float(soft(length + step)) - float(soft(length - step))) / (2.0 * step)
+    kink = OFFSET**2 * stiffness * L / EI
+    w = brentq(lambda w: w * math.cos(w) + kink * math.sin(w), 0.5, math.pi)
+    found = contact_stability(certify(scene, arrays).grasp)
+    assert found.eigenvalue == pytest.approx(w**2, rel=2e-4)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_locked_winches_hold_as_much_as_friction_passes_on(way):
+    """A turn of the tip elongates the tendon, whose tension falls along it as of a free rod; turns are polynomials."""
+    count = 8
+    tension = 20.0 if way > 0.0 else 5.0
+    scene, arrays, pull, _ = free_rod(tension, 0.3, way, supports=PALMS)
+    share = pull / tension
+    nodes = np.linspace(0.0, 1.0, share.size)
+    compliance = 1.0 / SERIES + L / AXIAL * np.trapezoid(share, nodes)
+    x, weights = np.polynomial.legendre.leggauss(count + 6)
+    u, weights, power = 0.5 * (x + 1.0), 0.5 * weights, np.arange(1, count + 1)
+    turns, bends = u[:, None] ** power, power * u[:, None] ** (power - 1)
+    work = OFFSET**2 / compliance * np.outer(bends.T @ (weights * np.interp(u, nodes, share)), np.ones(count))
+    energy = EI / L * (bends.T * weights) @ bends + 0.5 * (work + work.T)
+    least = eigh(energy, (turns.T * weights) @ turns, eigvals_only=True)[0] / (EI / L)
+    arrays |= cases.contact_arrays(BETWEEN) | {"object.pose": np.array([0.4, 0.0, 0.0])}
+    arrays["finger.friction_states"] = way * np.ones(scene.setups[0].friction_states)
+    found = contact_stability(RecomputedGrasp(scene, arrays))
+    assert found.eigenvalue == pytest.approx(least, rel=5e-4)
 
 
 # -- grasps -----------------------------------------------------------------------------------------------------------

@@ -275,7 +275,7 @@ def test_a_contact_that_does_not_press_holds_nothing():
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_wrap_has_the_eigenvalue_of_its_lagrangian_by_differences(mirrored):
-    """A chain of rigid cells with springs, a disc and a palm: energy less force times constraint, whose second
+    """Turns at nodes, linear between them, a disc and a palm: energy less force times constraint, whose second
     differences are taken on the motions that the constraints leave. A middle contact is a point of the skin that
     sticks, the tip and the palm roll: the tip's center is seen from the disc's at an angle that grows by
     (R psi + h phi) / (R + h), and the disc's center moves along the palm by R psi.
@@ -284,12 +284,11 @@ def test_a_wrap_has_the_eigenvalue_of_its_lagrangian_by_differences(mirrored):
     lengths, radius, half, stiffness = arrays["finger.lengths"], 0.04, cases.HALF, 6.11e-3
     counts = np.round(40 * lengths / lengths.sum()).astype(int)
     ds = np.repeat(lengths / counts, counts)
-    middles, bends = np.cumsum(ds) - 0.5 * ds, np.repeat(arrays["finger.q"] / lengths, counts)
-    rest = arrays["finger.base"][2] + np.cumsum(ds * bends) - 0.5 * ds * bends
-    springs = stiffness / np.diff(np.append(0.0, middles))
+    rest = arrays["finger.base"][2] + np.cumsum(ds * np.repeat(arrays["finger.q"] / lengths, counts))
+    springs, base = stiffness / ds, arrays["finger.base"][2]
     normals, (n, f, _) = arrays["contact_normals"], arrays["contact_forces"].T
     forces = n[:, None] * normals + f[:, None] * np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    size, at = ds.size, counts[0]
+    size, at = ds.size, counts[0] - 1
     start = math.atan2(normals[1, 1], normals[1, 0])
 
     def turned(angle, vector):
@@ -298,8 +297,10 @@ def test_a_wrap_has_the_eigenvalue_of_its_lagrangian_by_differences(mirrored):
     def apart(x):
         """Finger or palm less object at the three contacts (6,)."""
         turns, shift, psi = x[:size], x[size : size + 2], x[-1]
-        line = np.cumsum(ds * np.array([-np.sin(rest + turns), np.cos(rest + turns)]), axis=1)
-        skin = line[:, at - 1] - half * turned(0.5 * (turns[at - 1] + turns[at]), normals[0])
+        angles = np.append(base, rest + turns)
+        along = np.array([-np.sin(angles), np.cos(angles)])
+        line = np.cumsum(0.5 * ds * (along[:, :-1] + along[:, 1:]), axis=1)
+        skin = line[:, at] - half * turned(turns[at], normals[0])
         seen = start + (radius * psi + half * turns[-1]) / (radius + half)
         tip = line[:, -1] - (radius + half) * np.array([math.cos(seen), math.sin(seen)])
         return np.concatenate([skin - shift - turned(psi, radius * normals[0]), tip - shift,
@@ -317,7 +318,7 @@ def test_a_wrap_has_the_eigenvalue_of_its_lagrangian_by_differences(mirrored):
             hessian[i, j] = hessian[j, i] = sum(way) / (2 * step) ** 2
     jacobian = np.array([(apart(1e-3 * way) - apart(-1e-3 * way)) / (2e-3 * step) for way in e]).T
     motions = null_space(jacobian, rcond=1e-6)
-    metric = np.concatenate([ds / lengths.sum(), [radius**-2] * 2, [1.0]])
+    metric = np.concatenate([0.5 * (ds + np.append(ds[1:], 0.0)) / lengths.sum(), [radius**-2] * 2, [1.0]])
     least = eigh(motions.T @ hessian @ motions, (motions.T * metric) @ motions, eigvals_only=True)[0]
     found = contact_stability(certify(scene, arrays).grasp, 40)
     assert found.freedom == motions.shape[1]

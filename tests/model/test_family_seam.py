@@ -150,4 +150,4 @@ def test_a_grasp_is_certified_and_near_to_that_of_many_clothoids(grasp):
 
 def test_what_it_cannot_do_is_said():
     with pytest.raises(InputError, match="one turn"):
-        cg.FingerModel(FINGER, family=NAME, bending_range=7.0)
+        cg.FingerModel(FINGER, family=NAME, bending_range=7.0).mass_matrix  # noqa: B018

@@ -733,7 +733,6 @@ WRONG = {
     "accuracy as a text": (FULL, {"accuracy": "high"}, "accuracy: expected a finite number, got 'high'"),
     "range as a text": (FULL, {"bending_range": "2"}, "bending_range: expected a finite number"),
     "range in degrees": (FULL, {"family": "arc", "bending_range": 120}, "bending_range: expected .* up to 20, got 120"),
-    "clothoids beyond a turn": (FULL, {"bending_range": 7.0}, "bending_range: .* beyond one turn"),
     "tip force as a text": (FULL, {"tip_force": "no"}, "tip_force: expected True or False, got 'no'"),
     "rates as a number": (FULL, {"input_rates": 1}, "input_rates: expected True or False, got 1"),
     "range zero": (FULL, {"bending_range": 0.0}, "bending_range"),
@@ -774,7 +773,6 @@ IN_SCENE = {
         "at least 2 elements",
     ),
     "boundaries": ({"fidelity": Fidelity(elements=(0.2, 0.4)), "contacts": (0.3,)}, {}, "contacts[0]", "boundary"),
-    "range": ({"fidelity": Fidelity(bending_range=7.0)}, {}, "fidelity.bending_range", "beyond one turn"),
     "a keyword": ({"fidelity": Fidelity(elements=3)}, {"elements": 0}, "elements", "from 1 to 128, got 0"),
 }
 

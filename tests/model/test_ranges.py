@@ -59,6 +59,26 @@ def test_motions_stay_within_them(count, tapered):
     assert 0.2 < use.max() <= 1.0
 
 
+@pytest.mark.parametrize("reach", [7.0, 20.0])
+def test_clothoids_are_evaluated_beyond_one_turn(reach):
+    """The kinetic energy of curvatures that change by half, of the ends of one rod: its own integral by 400 nodes."""
+    model = FingerModel(Finger(rod=ROD), family="clothoid", elements=1, bending_range=reach, accuracy=1e-9)
+    x, w = np.polynomial.legendre.leggauss(400)
+    u, w = 0.5 * (x + 1.0), 0.5 * w
+    q = np.array([0.5, 1.0]) * reach / 0.6
+    angle, shapes = 0.6 * (q[0] * u + (q[1] - q[0]) * u**2 / 2), 0.6 * np.array([u - u**2 / 2, u**2 / 2])
+    tangent = np.array([-np.sin(angle), np.cos(angle)])
+    assert np.array(model.tip(q, [0.0] * model.nu, [])).ravel() == pytest.approx(0.6 * tangent @ w, abs=1e-9)
+    normal = -np.array([np.cos(angle), np.sin(angle)])
+    running = np.polynomial.legendre.legvander(x, 399)
+    series = (2 * np.arange(400) + 1)[:, None] * running.T * w  # values to Legendre coefficients
+    upto = np.array([[0.3 * np.polynomial.legendre.legval(x, np.polynomial.legendre.legint(series @ (n * s), lbnd=-1))
+                      for n in normal] for s in shapes])  # fmt: skip
+    mass = 0.02 * 0.6 * np.einsum("akm,bkm,m->ab", upto, upto, w)
+    found = np.array(model.mass_matrix(q, [0.0] * model.nu, []))
+    assert found == pytest.approx(mass, rel=1e-8)
+
+
 @pytest.mark.parametrize("accuracy", [1e-6, 1e-10])
 @pytest.mark.parametrize("column", range(len(RANGES)))
 def test_nodes_are_those_of_the_least_range_that_covers_a_bend(column, accuracy):

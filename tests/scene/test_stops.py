@@ -88,3 +88,23 @@ def test_a_couple_that_holds_is_no_input():
     assert cg.Scene(**keys, loads=[couple]).loads[0].input
     with pytest.raises(InputError, match=r"held_by\[0\].input has no effect"):
         cg.Scene(**keys, initial={"pose": "equilibrium", "held_by": [couple]})
+
+
+def test_a_spirob_that_curls_up_at_once_meets_its_stops_before_its_bending_range():
+    """Few elements bend by several turns each, more than what cannot be evaluated: their stops hold them."""
+    tendon = {"offset": [0.016, 0.002], "max_tension": 20.0}
+    finger = cg.Finger(rod=SPIROB, stops={"stiffness_ratio": 500.0}, tendons=[tendon], damping={"material": 5e-4})
+    pull = {"times": [0.0, 0.1, 0.15, 0.17], "values": [0.0, 8.0, 8.0, 0.0]}  # and lets go
+    motion = cg.simulate(
+        cg.Scene(
+            finger=finger,
+            gravity=(0.0, 0.0),
+            actuation={"tensions": [pull]},
+            fidelity={"elements": 2},
+            initial={"pose": "straight"},
+            time={"duration": 0.3, "step": 0.002, "method": "rk4"},
+        )
+    )
+    assert motion.status == "finished"
+    turn = motion.core.batch("bending", motion.q, motion.acting, None)
+    assert np.asarray(turn).sum(axis=1).max() > 2.0 * math.pi

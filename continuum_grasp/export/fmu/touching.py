@@ -46,7 +46,8 @@ def touching_unit(
     method, least = used["method"], used["substeps"]
     if substeps is not None and substeps < least and INTEGRATORS[method].stable is not None:
         raise InputError(f"steps of {time.step:g} s need {least} sub-steps of {method}", key="substeps")
-    count = least if substeps is None else substeps
+    # Inputs of a unit may jump at any step: each takes as many as the first one of the simulation.
+    count = used["start_substeps"] if substeps is None else substeps
     x, u, w, p = (ca.MX.sym(name, getattr(system, f"n{name}")) for name in "xuwp")
     r, angle = system.sections((scene.finger.rod.length,))(x, u, p)
     names = system.touch.name_out()

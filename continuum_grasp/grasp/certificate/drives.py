@@ -161,9 +161,10 @@ class WoundTendons:
         return reached - drive.torque_max, drive.torque_max
 
     @property
-    def stiffness(self) -> float:
-        """Difference of the tensions per path drawn in while the drives hold [N/m]."""
-        return float(self.law.stiffness(self.compliances[self.taut].tolist()))
+    def springs(self) -> Array:
+        """Tension at the drive per path drawn in while the drives hold (2,) [N/m]; none of a slack tendon."""
+        own = np.where(self.taut, _softness(self.wound - self.paths), 0.0) / self.compliances
+        return np.array(self.law.springs(own.tolist()))
 
     @property
     def drives(self) -> tuple[DriveState, ...]:
@@ -194,10 +195,17 @@ def _softened(length: Array) -> Array:
     return np.asarray(SOFT / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v))) + np.maximum(length - SOFT, 0.0))
 
 
+def _softness(length: Array) -> Array:
+    """Derivative of `_softened`."""
+    v = np.clip(length / SOFT, -1.0, 1.0)
+    return np.asarray((8.0 + 12.0 * v - 4.0 * v**3) / 16.0)
+
+
 def _unsoftened(elongation: Array, taut: NDArray[np.bool_]) -> Array:
     """What is wound up beyond taut for an elongation [m]; none of a slack tendon. By Newton's method."""
     x = np.asarray(elongation, dtype=float).copy()
     for _ in range(50):
-        v = np.clip(x / SOFT, -1.0 + 1e-9, 1.0)
-        x -= np.clip((_softened(x) - elongation) / ((8.0 + 12.0 * v - 4.0 * v**3) / 16.0), -SOFT, SOFT)
+        # Not at the end of the slack range, where the law is flat.
+        slope = _softness(np.maximum(x, SOFT * (1e-9 - 1.0)))
+        x -= np.clip((_softened(x) - elongation) / slope, -SOFT, SOFT)
     return np.asarray(np.where(taut, x, 0.0))

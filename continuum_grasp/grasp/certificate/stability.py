@@ -1,6 +1,6 @@
 """Second-order test of a grasp: does every small motion that the contacts allow raise the energy?
 
-The Lagrangian is energy minus contact force times contact constraint, in the angles of the fingers' cells and
+The Lagrangian is energy minus contact force times contact constraint, in the turns of the fingers' nodes and
 the object's pose. Where bodies of radii h (tip or peg) and rho (object) roll on each other, the vector y from
 the object's center of mass to the center of the other body has, for turns phi of that body and psi of the
 object, with n the object's normal and a the arm from the center of mass to the point of contact,
@@ -24,7 +24,7 @@ from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, Reco
 Array = NDArray[Any]
 
 CELLS = 120
-"""Rigid pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""
+"""Pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""
 
 TENSIONS, LOCKED = "constant tensions", "locked drives, whose tendons are springs"
 ASSUMPTIONS = (
@@ -48,20 +48,20 @@ class Stability:
 def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     """Least eigenvalue of the energy's Hessian on the motions that the contacts leave.
 
-    The rods are cut into about ``cells`` rigid pieces each with bending springs between them, so that shapes
-    which the optimizer's few elements cannot take, buckling between two contacts for instance, are tested too.
+    The turn of the rods is linear in about ``cells`` pieces each, with bending springs between their ends, so that
+    shapes which the optimizer's few elements cannot take, buckling between two contacts for instance, are tested too.
     """
     chains = [_Chain(finger, cells) for finger in grasp.fingers]
-    starts = np.cumsum([0, *(chain.ds.size for chain in chains)])
+    starts = np.cumsum([0, *(chain.nodes.size for chain in chains)])
     size = int(starts[-1]) + 3
     hessian = np.zeros((size, size))
     locked = [f.name for f in grasp.fingers if f.wound is not None and f.wound.law.locks]
     how = LOCKED if len(locked) == len(chains) else f"{LOCKED} ({', '.join(locked)}), {TENSIONS} elsewhere"
     assumptions = f"{how if locked else TENSIONS}; {ASSUMPTIONS}"
-    # Makes angles of cells, shifts and turn of the object comparable, however many cells there are.
-    metric = np.concatenate([chain.ds / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
+    # Makes angles of nodes, shifts and turn of the object comparable, however many nodes there are.
+    metric = np.concatenate([chain.ds(chain.length) / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
     for chain, start in zip(chains, starts, strict=False):
-        own = slice(start, start + chain.ds.size)
+        own = slice(start, start + chain.nodes.size)
         hessian[own, own] = chain.hessian()
     rows: list[Array] = []
     for contact in grasp.contacts:
@@ -87,57 +87,56 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
 
 
 class _Chain:
-    """A finger cut into rigid cells, with joints of the elements at cell ends."""
+    """A finger by its turns at nodes, linear between them: where contacts bear is a node, and so is the tip, up to
+    which locked tendons and rolling contacts bend it.
+    """
 
     def __init__(self, finger: RecomputedFinger, cells: int) -> None:
         self.finger, self.length = finger, finger.length
         marks = finger.rod.joints[sorted({0, *(load.joint for load in finger.loads), finger.lengths.size})]
         counts = np.maximum(2, np.round(cells * (np.diff(marks) / marks[-1]))).astype(int)  # between contacts
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
-        self.edges = np.concatenate([*pieces, marks[-1:]])
-        self.ds = np.diff(self.edges)
-        middles = 0.5 * (self.edges[1:] + self.edges[:-1])
-        angle = finger.rod.at(finger.curvature, middles)[1]
+        edges = np.concatenate([*pieces, marks[-1:]])
+        self.nodes, self.bounds = edges[1:], np.append(0.5 * (edges[1:] + edges[:-1]), marks[-1])
+        angle = finger.rod.at(finger.curvature, self.nodes)[1]
         mesh, profile = finger.rod.mesh, finger.profile
-        # Turn per moment between middles of neighbors, the first being clamped, and mass beyond each middle.
-        give = mesh.integrate(1.0 / profile.bending_stiffness(mesh.nodes), np.append(0.0, middles))
-        self.springs = 1.0 / np.diff(give)
+        # Turn per moment between nodes, the first being clamped, and mass beyond each node.
+        give = 1.0 / profile.bending_stiffness(mesh.nodes)
+        self.springs = 1.0 / np.diff(mesh.integrate(give, edges))
+        self.bends = np.eye(self.nodes.size) - np.eye(self.nodes.size, k=-1)
         density = profile.linear_density(mesh.nodes)
-        self.beyond = mesh.to_edges(density)[-1] - mesh.integrate(density, middles)
-        # A turn of a cell moves all beyond it by the cell's length along its normal.
+        self.beyond = mesh.to_edges(density)[-1] - mesh.integrate(density, self.nodes)
+        # What each bend draws in of tendons: the mean of their arm, weighted by how a moment bends the finger there.
+        self.paths = [
+            (self.springs * np.diff(mesh.integrate(give * channel.shape(mesh.nodes), edges)))
+            for channel in finger.finger.channels
+        ]
         self.tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
-        self.arm = -np.stack([np.cos(angle), np.sin(angle)], axis=-1) * self.ds[:, None]
+        self.normal = -np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
-    def reach(self, joint: int) -> int:
-        """Number of cells before a joint of elements."""
-        return int(np.argmin(np.abs(self.edges - self.finger.rod.joints[joint])))
+    def ds(self, end: float) -> Array:
+        """Length that turns with each node of the finger up to a place [m]."""
+        return np.diff(np.minimum(self.bounds, end))
 
     def hessian(self) -> Array:
-        """Of bending, weight and the contact forces that act on the cells."""
-        finger, ds = self.finger, self.ds
-        matrix = np.zeros((ds.size, ds.size))
-        springs = self.springs[1:]
-        index = np.arange(ds.size - 1)
-        matrix[0, 0] += self.springs[0]
-        matrix[index, index] += springs
-        matrix[index + 1, index + 1] += springs
-        matrix[index, index + 1] -= springs
-        matrix[index + 1, index] -= springs
-        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-        # Weight beyond a cell, and forces beyond it, pull along it or push: the second derivative of their work.
-        beyond = self.beyond
+        """Of bending, weight and the contact forces that act on the nodes."""
+        finger, ds = self.finger, self.ds(self.length)
+        matrix = self.bends.T @ (self.springs[:, None] * self.bends)
+        # Weight beyond a node, and forces beyond it, pull along it or push: the second derivative of their work.
+        pulls = (self.beyond * ds)[:, None] * finger.gravity
         for mass in finger.finger.masses:
-            beyond = beyond + np.where(middle < mass.at, mass.mass, 0.0)
-        matrix[np.diag_indices(ds.size)] += beyond * (self.tangent @ finger.gravity) * ds
-        if finger.wound is not None and finger.wound.law.locks:
-            # What a motion draws in elongates the tendons that pull: a spring on the path.
-            (channel,) = finger.finger.channels
-            arms = abs(channel.arms[0]) * channel.shape(self.edges[:-1])
-            path = arms - np.append(arms[1:], 0.0)
-            matrix += finger.wound.stiffness * np.outer(path, path)
+            pulls = pulls + mass.mass * self.ds(mass.at)[:, None] * finger.gravity
         for load in finger.loads:
-            reach = self.reach(load.joint)
-            matrix[range(reach), range(reach)] += (self.tangent[:reach] @ load.force) * ds[:reach]
+            pulls = pulls + self.ds(finger.rod.joints[load.joint])[:, None] * load.force
+        matrix[np.diag_indices(ds.size)] += np.sum(self.tangent * pulls, axis=1)
+        if finger.wound is not None and finger.wound.law.locks:
+            # What a motion draws in elongates the tendons that pull: springs on the path, of which friction passes on
+            # a share. A motion's work counts, so the symmetric part.
+            (channel,), (path,) = finger.finger.channels, self.paths
+            for arm, spring in zip(channel.arms, finger.wound.springs, strict=True):
+                passed = path if finger.friction is None else path * finger.friction.shares(arm, self.bounds[:-1])
+                work = arm**2 * spring * np.outer(self.bends.T @ passed, self.bends.T @ path)
+                matrix += 0.5 * (work + work.T)
         return matrix
 
 
@@ -163,17 +162,13 @@ def _add_contact(
         hessian += pressure * both * np.outer(turn, turn)
         return block
     chain, start = place
-    reach = chain.reach(contact.joint)
-    block[:, start : start + reach] = chain.arm[:reach].T
-    section = np.zeros(size)
-    if contact.kind == "middle":  # between two cells, whose mean is the section's angle
-        section[[start + reach - 1, start + reach]] = 0.5
+    node = int(np.argmin(np.abs(chain.nodes - chain.finger.rod.joints[contact.joint])))
+    lengths = chain.ds(chain.nodes[node])[: node + 1]
+    block[:, start : start + node + 1] = (chain.normal[: node + 1] * lengths[:, None]).T
+    section = np.eye(size)[start + node]
+    if contact.kind == "middle":
         hessian -= pressure * h * np.outer(section, section)
-    else:
-        if contact.kind == "station":  # a disc on the finger: tangent only to within the tolerance
-            section[[start + reach - 1, start + reach]] = 0.5
-        else:
-            section[start + reach - 1] = 1.0  # the last cell: phi of the law above
+    else:  # the law above; a disc on the finger is tangent only to within the tolerance
         roll = section - turn
         mixed = np.outer(turn, roll)
         hessian -= pressure * h * (np.outer(turn, turn) + mixed + mixed.T)
