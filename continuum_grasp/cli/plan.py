@@ -43,6 +43,7 @@ def plan(
     scene = scene_of(config, PlanScene, changes or ())
     folder = run_folder(out, config, "plan")
 
+    from continuum_grasp.planning import PlanStatus
     from continuum_grasp.planning import plan as run
 
     with output.computing("planning", folder):
@@ -64,7 +65,7 @@ def plan(
         violated=found.violated,
         advice=found.advice,
     )
-    if not found.solved:
+    if found.status not in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE):
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.readings import Bound
-from continuum_grasp.control.ocp.cost_terms import Tracked
+from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
+from continuum_grasp.scene.cost import Reference
 
 Array = NDArray[np.float64]
 
 FINAL = 0.1
 """Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
+_STOOD = 0.5
+"""Time for which a setpoint has to stand for its error at the end to count [s]: some periods of a finger's sway."""
+_OFF = 0.05
+"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
+moves the tip as far; of forces twice that share of them, or of a newton, as of weighted goals of plans."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +32,14 @@ class Tracking:
     rms: float
     max: float
     final: float
+
+    @property
+    def missed(self) -> str:
+        """How far the end is from a setpoint that was missed, with the likely cause."""
+        return (
+            f"{self.name}: {amount(self.final, self.unit)} off a setpoint that stood; likely cause: no posture that "
+            "inputs within their bounds hold is there, or something is in the way"
+        )
 
 
 @dataclass(frozen=True)
@@ -109,6 +124,25 @@ def tracking_of(group: Tracked, error: Array) -> Tracking:
     sizes = np.linalg.norm(own.reshape(len(own), -1, size), axis=2)
     final = np.linalg.norm(last.reshape(-1, size), axis=1).max()
     return Tracking(group.label, group.unit, rms(sizes), float(sizes.max()), float(final))
+
+
+def missed_setpoints(
+    names: Sequence[str], tracked: Array, r: Array, t: Array, reference: Reference, length: float
+) -> tuple[Tracking, ...]:
+    """Tracking of what ends far from setpoints r (K + 1, nr) which stood long enough to be met, by columns' names."""
+    found = []
+    for group in tracked_groups(names):
+        rows, one = r[:, group.columns], tracking_of(group, tracked - r)
+        others = np.flatnonzero((rows != rows[-1]).any(axis=1))
+        stood = t[-1] - t[others[-1] + 1 if others.size else 0]
+        # Zeros that nobody stated are a default, and no aim.
+        aim = rows.any() or getattr(reference, group.reference) is not None
+        force = max(1.0, float(np.abs(rows[-1]).max()))
+        limit = {"m": _OFF * length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
+        # Instants are sums of rounded periods.
+        if aim and one.final > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
+            found.append(one)
+    return tuple(found)
 
 
 def violation_of(bound: Bound) -> Violation:

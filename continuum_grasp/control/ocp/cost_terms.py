@@ -199,6 +199,7 @@ class Tracked(NamedTuple):
     unit: str
     columns: tuple[int, ...]
     of_points: bool
+    reference: str
 
 
 def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
@@ -209,7 +210,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
         columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
         if columns:
             unit = term.entry.split("[")[1][:-1]
-            found.append(Tracked(term.label, unit, columns, term.of_points))
+            found.append(Tracked(term.label, unit, columns, term.of_points, term.reference))
     return tuple(found)
 
 
