@@ -33,14 +33,6 @@ class Tracking:
     max: float
     final: float
 
-    @property
-    def missed(self) -> str:
-        """How far the end is from a setpoint that was missed, with the likely cause."""
-        return (
-            f"{self.name}: {amount(self.final, self.unit)} off a setpoint that stood; likely cause: no posture that "
-            "inputs within their bounds hold is there, or something is in the way"
-        )
-
 
 @dataclass(frozen=True)
 class Violation:
@@ -128,11 +120,11 @@ def tracking_of(group: Tracked, error: Array) -> Tracking:
 
 def missed_setpoints(
     names: Sequence[str], tracked: Array, r: Array, t: Array, reference: Reference, length: float
-) -> tuple[Tracking, ...]:
-    """Tracking of what ends far from setpoints r (K + 1, nr) which stood long enough to be met, by columns' names."""
+) -> tuple[str, ...]:
+    """Say what ends how far from setpoints r (K + 1, nr) which stood long enough to be met, by names of columns."""
     found = []
     for group in tracked_groups(names):
-        rows, one = r[:, group.columns], tracking_of(group, tracked - r)
+        rows, off = r[:, group.columns], tracking_of(group, tracked - r).final
         others = np.flatnonzero((rows != rows[-1]).any(axis=1))
         stood = t[-1] - t[others[-1] + 1 if others.size else 0]
         # Zeros that nobody stated are a default, and no aim.
@@ -140,8 +132,11 @@ def missed_setpoints(
         force = max(1.0, float(np.abs(rows[-1]).max()))
         limit = {"m": _OFF * length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
-        if aim and one.final > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
-            found.append(one)
+        if aim and off > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
+            found.append(
+                f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: no posture that "
+                "inputs within their bounds hold is there, or something is in the way"
+            )
     return tuple(found)
 
 

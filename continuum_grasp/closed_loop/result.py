@@ -11,15 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import (
-    Metrics,
-    Tracking,
-    missed_setpoints,
-    rms,
-    times_of,
-    tracking_of,
-    violation_of,
-)
+from continuum_grasp.closed_loop.metrics import Metrics, missed_setpoints, rms, times_of, tracking_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.log import ControlLog
@@ -162,11 +154,9 @@ class ControlRun(MotionResult):
         return "missed" if self.ended == "finished" and self.missed else self.ended
 
     @cached_property
-    def missed(self) -> tuple[Tracking, ...]:
-        """Quantities that end far from setpoints which stood long enough to be met."""
-        return missed_setpoints(
-            self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.scene.finger.rod.length
-        )
+    def missed(self) -> tuple[str, ...]:
+        """What ends far from setpoints which stood long enough to be met, in words."""
+        return missed_setpoints(self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.length)
 
     def pairs(self) -> dict[str, str]:
         """Time, errors of what is tracked, times of the controller, counts."""
@@ -321,7 +311,7 @@ class ControlRun(MotionResult):
         if odd:
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())
             found.append(f"of {len(self.status)} commands, {counts}")
-        found += [one.missed for one in self.missed]
+        found += self.missed
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
             found.append(

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import Tracking, missed_setpoints
+from continuum_grasp.closed_loop.metrics import missed_setpoints
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import setpoints
@@ -129,8 +129,8 @@ class Motion:
         """(x, u, p) -> what is tracked."""
         return self._function("outputs", ca.SX(0, 1) if self.tracked is None else self.tracked.value())
 
-    def missed_setpoints(self, x: Array, u: Array, duration: float) -> tuple[Tracking, ...]:
-        """What ends far from setpoints that stood, of states (N + 1, nx) and inputs (N + 1, nu)."""
+    def missed_setpoints(self, x: Array, u: Array, duration: float) -> tuple[str, ...]:
+        """Say what ends far from setpoints that stood, of states (N + 1, nx) and inputs (N + 1, nu)."""
         if self.tracked is None or self._setpoints is None:
             return ()
         t = np.linspace(0.0, duration, len(x))

@@ -132,7 +132,7 @@ def _result(search: Search) -> Plan:
         warnings.append("the search was interrupted")
     if search.best is not None:
         missed, _ = missed_goals(problem, attempt.x, weighted=True)
-        missed += [one.missed for one in motion.missed_setpoints(path.x, path.u, path.duration)]
+        missed += motion.missed_setpoints(path.x, path.u, path.duration)
         if missed:
             status, message = PlanStatus.GOAL_MISSED, f"{message}, but a goal is missed"
             advice = "raise the weight of the goal, or a limit that is active (constraints with multipliers)"
