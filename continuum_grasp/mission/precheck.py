@@ -9,6 +9,7 @@ from os import PathLike
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import BeyondCertificate, SolverError
@@ -26,10 +27,6 @@ Array = NDArray[np.float64]
 
 _ROUNDING = 1e-6
 """Excess, as a part of a number, that is none: the certificate itself holds to this."""
-_HALVINGS = 60
-"""Steps of a bisection: to the last digit."""
-_COARSE = 12
-"""The same where each step solves for the fingers' response: to the digits that are written."""
 
 
 @dataclass(frozen=True)
@@ -239,15 +236,12 @@ class _OnPlant:
 
     def _least_share(self) -> float:
         """Factor on the plant's friction with which the contact forces just carry the object; infinite if none does."""
-        low, high = 0.0, 1.0
-        while self._carried(high * self.friction) < self.mass:
-            high *= 2.0
-            if high > 1e6:
-                return float("inf")
-        for _ in range(_HALVINGS if self.gravity else _COARSE):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._carried(middle * self.friction) >= self.mass else (middle, high)
-        return high
+
+        def spare(share: float) -> float:
+            return self._carried(share * self.friction) - self.mass
+
+        enough = next((share for share in 2.0 ** np.arange(20.0) if spare(share) >= 0.0), np.inf)
+        return float(brentq(spare, 0.0, enough, xtol=1e-6)) if np.isfinite(enough) else float("inf")
 
     # -- drives -------------------------------------------------------------------------------------------------------
 
