@@ -66,12 +66,12 @@ def check_reach(
                     words = f"expected {middle - reach:.4g} to {middle + reach:.4g} rad, the bending range of the model"
                     raise InputError(f"out of reach: {words} (fidelity.bending_range), got {angle:g} rad", key=where)
         if isinstance(value, CircleReference):
-            center, most = math.dist(value.center, base.position), length * (1.0 + _ROUNDING)
+            center, limit = math.dist(value.center, base.position), length * (1.0 + _ROUNDING)
             near, far = abs(center - value.radius), center + value.radius
-            if near > most:
+            if near > limit:
                 words = f"the circle is nowhere nearer than {near:.4g} m to the finger's base"
                 raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=f"{key}.tip")
-            if far > most:
+            if far > limit:
                 doubt(
                     f"{key}.tip is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m"
                 )
