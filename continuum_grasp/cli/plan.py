@@ -43,7 +43,6 @@ def plan(
     scene = scene_of(config, PlanScene, changes or ())
     folder = run_folder(out, config, "plan")
 
-    from continuum_grasp.planning import PlanStatus
     from continuum_grasp.planning import plan as run
 
     with output.computing("planning", folder):
@@ -65,7 +64,7 @@ def plan(
         violated=found.violated,
         advice=found.advice,
     )
-    if found.status not in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE):
+    if found.status not in ("optimal", "feasible"):
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )
