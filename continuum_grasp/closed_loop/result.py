@@ -11,11 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import Metrics, missed_setpoints, rms, times_of, tracking_of, violation_of
+from continuum_grasp.closed_loop.metrics import Metrics, times_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
+from continuum_grasp.control.ocp.setpoints import missed_setpoints, rms, tracking_of
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene

@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import missed_setpoints
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
-from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler

@@ -13,13 +13,13 @@ from scipy.optimize import minimize
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.converged import Converged
-from continuum_grasp.closed_loop.metrics import missed_setpoints
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.setpoints import missed_setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.plotting import control as plotting
