@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.mission import MissionScene
 
 _FAILED = 1
-"""Exit status, as of a solver that failed: the loop ended in the safe state, or the object was dropped."""
+"""Exit status, as of a solver that failed: the loop ended in the safe state or far off, or the object was dropped."""
 _SHOWN = 10
 """Failed plants that are listed."""
 
@@ -53,8 +53,8 @@ def mpc(
 ) -> None:
     """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
 
-    Exit status 1 if the supervisor tripped. A mission (its configuration has a grasp) takes an object from approach to
-    release; exit status 1 if it is dropped, or not let go in the end.
+    Exit status 1 if the supervisor tripped, or a setpoint that stood was missed. A mission (its configuration has a
+    grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.
     """
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load, other_kind
@@ -105,7 +105,7 @@ def mpc(
     metrics = {name: asdict(other.metrics()) for name, other in others.items()}
     values = {"duration": run.t[-1], "metrics": asdict(found), "compared": metrics}
     output.conclude(run, folder, files, status=run.outcome, **values)
-    if run.tripped:
+    if run.outcome != "finished":
         raise typer.Exit(_FAILED)
 
 

@@ -64,7 +64,7 @@ def plan(
         violated=found.violated,
         advice=found.advice,
     )
-    if not found.solved:
+    if found.status not in ("optimal", "feasible"):
         raise SolverError(
             found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
         )

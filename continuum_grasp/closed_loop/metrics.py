@@ -8,23 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.readings import Bound
-from continuum_grasp.control.ocp.cost_terms import Tracked
+from continuum_grasp.control.ocp.setpoints import Tracking, amount
 
 Array = NDArray[np.float64]
-
-FINAL = 0.1
-"""Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
-
-
-@dataclass(frozen=True)
-class Tracking:
-    """Distance from the setpoints: root of the mean square, greatest, and that of the mean over the last tenth."""
-
-    name: str
-    unit: str
-    rms: float
-    max: float
-    final: float
 
 
 @dataclass(frozen=True)
@@ -100,17 +86,6 @@ class Metrics:
         }
 
 
-def tracking_of(group: Tracked, error: Array) -> Tracking:
-    """Evaluate the errors of one tracked quantity (K + 1, nr)."""
-    own = error[:, group.columns]
-    last = own[-max(1, round(FINAL * len(own))) :].mean(axis=0)
-    # A point's error is the length of its vector; other quantities are scalars, points of one dimension.
-    size = 2 if group.of_points else 1
-    sizes = np.linalg.norm(own.reshape(len(own), -1, size), axis=2)
-    final = np.linalg.norm(last.reshape(-1, size), axis=1).max()
-    return Tracking(group.label, group.unit, rms(sizes), float(sizes.max()), float(final))
-
-
 def violation_of(bound: Bound) -> Violation:
     """Evaluate a bound; what exceeds it by rounding alone does not count."""
     worst = float(bound.excess.max())
@@ -121,14 +96,3 @@ def violation_of(bound: Bound) -> Violation:
 def times_of(name: str, column: Array) -> Times:
     """Evaluate the durations of a phase (K) [s]."""
     return Times(name, float(np.median(column)), float(np.quantile(column, 0.99)), float(column.max()))
-
-
-def rms(values: Array) -> float:
-    """Root of the mean square; 0 of nothing."""
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def amount(value: float, unit: str) -> str:
-    """Format a value with a unit that people read."""
-    factor, word = {"m": (1e3, "mm"), "s": (1e6, "us")}.get(unit, (1.0, unit))
-    return f"{value * factor:.3g} {word}".strip()

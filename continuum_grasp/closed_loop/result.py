@@ -11,11 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import FINAL, Metrics, amount, rms, times_of, tracking_of, violation_of
+from continuum_grasp.closed_loop.metrics import Metrics, times_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
+from continuum_grasp.control.ocp.setpoints import missed_setpoints, rms, tracking_of
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
@@ -154,14 +155,9 @@ class ControlRun(MotionResult):
         return "missed" if self.ended == "finished" and self.missed else self.ended
 
     @cached_property
-    def missed(self) -> dict[str, float]:
-        """By how much quantities are off setpoints that stood long enough to be met, by name [m or rad]."""
-        others = np.flatnonzero((self.r != self.r[-1]).any(axis=1))
-        stood = len(self.r) - 1 - (others[-1] + 1 if others.size else 0)
-        if stood * self.period < max(_STOOD, FINAL * self.t[-1]):
-            return {}
-        limits = {"m": _OFF * self.scene.finger.rod.length, "rad": 2.0 * _OFF}
-        return {one.name: one.final for one in self.metrics().tracking if one.final > limits.get(one.unit, np.inf)}
+    def missed(self) -> tuple[str, ...]:
+        """What ends far from setpoints which stood long enough to be met, in words."""
+        return missed_setpoints(self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.length)
 
     def pairs(self) -> dict[str, str]:
         """Time, errors of what is tracked, times of the controller, counts."""
@@ -316,12 +312,7 @@ class ControlRun(MotionResult):
         if odd:
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())
             found.append(f"of {len(self.status)} commands, {counts}")
-        for name, off in self.missed.items():
-            unit = next(one.unit for one in self.metrics().tracking if one.name == name)
-            found.append(
-                f"{name}: {amount(off, unit)} off a setpoint that stood; likely cause: no posture that inputs within "
-                "their bounds hold is there, or something is in the way"
-            )
+        found += self.missed
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
             found.append(
@@ -382,11 +373,6 @@ class ControlRun(MotionResult):
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
-_STOOD = 0.5
-"""Time for which a setpoint has to stand for its error at the end to count [s]: some periods of a finger's sway."""
-_OFF = 0.05
-"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
-moves the tip as far."""
 _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 

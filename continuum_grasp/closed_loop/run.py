@@ -192,7 +192,7 @@ def _loop(
     progress: Callable[[float], None],
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
-    ahead = [_instants(one.control.stages) for one in loops]
+    ahead = [s.stage * np.arange(s.stages + 1.0) for s in (one.control.stages for one in loops)]
     for one in loops:
         one.plan.enter(one.plant.t, one.control, one.plant)
     try:
@@ -218,10 +218,6 @@ def _loop(
     except NumericalError as error:
         return error
     return None
-
-
-def _instants(stages: Stages) -> Array:
-    return np.asarray(stages.stage * np.arange(stages.stages + 1), dtype=float)
 
 
 def _result(one: FingerLoop, first: tuple[float, Array], steps: list[_Step], finished: bool) -> ControlRun:

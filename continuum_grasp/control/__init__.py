@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from continuum_grasp.control.log import ControlLog as ControlLog
     from continuum_grasp.control.ocp.bounds import Row as Row
     from continuum_grasp.control.ocp.control_problem import ControlProblem as ControlProblem
-    from continuum_grasp.control.ocp.residual import Residual as Residual
+    from continuum_grasp.control.ocp.cost_terms import Residual as Residual
     from continuum_grasp.control.ocp.scene_problem import stages_of as stages_of
     from continuum_grasp.control.ocp.setpoints import Setpoints as Setpoints
     from continuum_grasp.control.ocp.stages import Stages as Stages

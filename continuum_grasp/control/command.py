@@ -261,7 +261,7 @@ class Command(Summarized):
 
     @property
     def rung(self) -> int:
-        """How often the weight of the command's rate is raised fourfold: 0, 1 or 2."""
+        """How often the weight of the command's rate is raised fourfold: 0 to 3."""
         return int(self._number("rung"))
 
     @property

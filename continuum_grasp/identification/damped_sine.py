@@ -43,11 +43,6 @@ class DampedSine:
     amplitude: float
     misfit: float
 
-    @property
-    def damping_ratio(self) -> float:
-        """Decay rate over the undamped pulsation [1]."""
-        return self.decay_rate / float(np.hypot(2.0 * np.pi * self.frequency, self.decay_rate))
-
 
 @check_arguments
 def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> DampedSine:

@@ -143,6 +143,7 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored(
             "turn_reason", "(plant,)", "text", "why it was not turned as asked; empty where it was, or not asked for"
         ),
+        Stored("refused", "(plant,)", "text", "why the object was not lifted; empty where it was"),
         Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
         Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
@@ -171,7 +172,7 @@ class TrialsResult(Result, Sequence[Outcome]):
     def stored_arrays(self) -> dict[str, Any]:
         """Of every plant what differs and the verdict; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        flags, texts = ("succeeded", "held", "released"), ("turn_reason", "drop", "error")
+        flags, texts = ("succeeded", "held", "released"), ("turn_reason", "refused", "drop", "error")
         columns = {
             one.name: [row.get(one.name, "" if one.name in texts else None) for row in rows] for one in self.stored
         }
@@ -227,8 +228,9 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     x, y = own.pop("shift")
     judged: dict[str, Any] = {}
     if outcome.verdict is not None:
-        drop = outcome.verdict.drop
+        drop, refused = outcome.verdict.drop, outcome.verdict.refused
         judged = {**asdict(outcome.verdict), "drop": "" if drop is None else drop.text}
+        judged["refused"] = "" if refused is None else refused.text
         turned = outcome.verdict.turned
         del judged["turned"]
         if turned is not None:

@@ -267,8 +267,8 @@ class Timetable:
         ``until``, if given, is asked before the lift, as that of a ``Phase``, and may change the timetable.
         """
         begin = {name: self._weighing(stages) for name in ("approach", "release")}
-        force = ("settle", "confirm", "lift")
-        begin |= {name: self._weighing(stages, "force", held=name == "lift") for name in force}
+        limits = {"settle": None, "confirm": self._squeezing, "lift": self._holding}
+        begin |= {name: self._weighing(stages, "force", within) for name, within in limits.items()}
         if self.strokes:
             begin |= {f"{name} {k}": self._weighing(stages, "gap") for k in self.strokes for name in ("touch", "leave")}
             begin |= {f"turn {k}": self._weighing(stages, "angle") for k in self.strokes}
@@ -287,9 +287,26 @@ class Timetable:
     def _rows_since(self, start: float, goes: float, names: tuple[str, ...], since: Array) -> Array:
         return self._rows(start + goes * since, names)
 
-    def _weighing(self, stages: Stages, followed: str = "posture", *, held: bool = False) -> Callable[[Any, Any], None]:
+    def _holding(self, command: Array) -> tuple[Array, Array]:
+        """Limits of the inputs (nu) while the object is held: it is not let go to correct a force."""
+        # Positions hold where they are by now: friction and soft contacts move those of the grasp.
+        away = command - self._of.held if self._of.control.finger.winches else 0.0
+        return self._of.holding[0] + away, self._of.holding[1] + away
+
+    def _squeezing(self, command: Array) -> tuple[Array, Array]:
+        """Limits of the inputs (nu) with which fingers squeeze on: those that close them as in the grasp or tighter.
+
+        A controller, to which contacts are smooth and the object stays, may expect less force of more tension up to
+        some way short of the grasp, and settles there, or lets the other tendon pull against the one that closes.
+        """
+        low, high = self._of.holding
+        return np.where(np.isfinite(low), self._of.held, low), high
+
+    def _weighing(
+        self, stages: Stages, followed: str = "posture", within: Callable[[Array], tuple[Array, Array]] | None = None
+    ) -> Callable[[Any, Any], None]:
         """Gives the controller the weights and limits of a phase, in which the posture is ``followed``, a force, the
-        distance from the object, or this and its angle; what is ``held`` is not let go to correct a force.
+        distance from the object, or this and its angle; ``within`` are limits of its own, by the command before.
         """
         # One drive follows one of them. Rates stay weighted, since they damp all.
         every = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes)
@@ -299,10 +316,8 @@ class Timetable:
 
         def begin(controller: Any, plant: Any) -> None:
             low, high = stages.u_min, stages.u_max
-            if held:
-                # Positions hold where they are by now: friction and soft contacts move those of the grasp.
-                away = plant.command - self._of.held if self._of.control.finger.winches else 0.0
-                low, high = (np.clip(limit + away, low, high) for limit in self._of.holding)
+            if within is not None:
+                low, high = (np.clip(limit, low, high) for limit in within(plant.command))
             controller.change(weights=weights, u_min=low, u_max=high)
 
         return begin

@@ -9,6 +9,7 @@ from os import PathLike
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import BeyondCertificate, SolverError
@@ -18,18 +19,11 @@ from continuum_grasp.mission.certified import plant_friction, plant_mass
 from continuum_grasp.mission.drop import FALLEN, lowered_by_pulls
 from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.resisted import held_resistance, plane_gravity
+from continuum_grasp.mission.resisted import ROUNDING, held_resistance, plane_gravity
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 
 Array = NDArray[np.float64]
-
-_ROUNDING = 1e-6
-"""Excess, as a part of a number, that is none: the certificate itself holds to this."""
-_HALVINGS = 60
-"""Steps of a bisection: to the last digit."""
-_COARSE = 12
-"""The same where each step solves for the fingers' response: to the digits that are written."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +180,7 @@ class _OnPlant:
             # Beyond a cone at the certified weight nothing is resisted, although less weight might be carried.
             return self.certified_mass + float(more) if more > 0.0 else 0.0
         spare = (friction * self.normal) ** 2 - self.across**2
-        if (spare < -_ROUNDING * (friction * self.normal) ** 2).any():
+        if (spare < -ROUNDING * (friction * self.normal) ** 2).any():
             return 0.0
         return float(np.sqrt(np.maximum(spare, 0.0)).sum()) / self.gravity
 
@@ -195,10 +189,12 @@ class _OnPlant:
         found, carried = [], self._carried(self.friction)
         # Out of the plane no sharing of the weight carries more than this.
         most = float((self.friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
-        certain = self.mass > most * (1.0 + _ROUNDING)
+        certain = self.mass > most * (1.0 + ROUNDING)
         bears = f"its contact forces carry {carried:.3g} kg on this plant"
-        ends = f"; it will be dropped: {most:.3g} kg is the most that friction of {self._range()} carries with them"
-        if self.mass > self.certified_mass * (1.0 + _ROUNDING):
+        low, high = f"{self.friction.min():.3g}", f"{self.friction.max():.3g}"
+        between = low if low == high else f"{low} to {high}"
+        ends = f"; it will be dropped: {most:.3g} kg is the most that friction of {between} carries with them"
+        if self.mass > self.certified_mass * (1.0 + ROUNDING):
             found.append(
                 Exceeded(
                     "mass",
@@ -214,9 +210,9 @@ class _OnPlant:
             )
         share = self.friction / np.maximum(self.certified_friction, 1e-300)
         worst = int(np.argmin(share))
-        if share[worst] < 1.0 - _ROUNDING:
+        if share[worst] < 1.0 - ROUNDING:
             least = self._least_share() * self.friction[worst]
-            where = ", ".join(n for n, s in zip(self.names, share, strict=True) if s < share[worst] + _ROUNDING)
+            where = ", ".join(n for n, s in zip(self.names, share, strict=True) if s < share[worst] + ROUNDING)
             found.append(
                 Exceeded(
                     "friction",
@@ -233,21 +229,14 @@ class _OnPlant:
             )
         return found
 
-    def _range(self) -> str:
-        low, high = float(self.friction.min()), float(self.friction.max())
-        return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-
     def _least_share(self) -> float:
         """Factor on the plant's friction with which the contact forces just carry the object; infinite if none does."""
-        low, high = 0.0, 1.0
-        while self._carried(high * self.friction) < self.mass:
-            high *= 2.0
-            if high > 1e6:
-                return float("inf")
-        for _ in range(_HALVINGS if self.gravity else _COARSE):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._carried(middle * self.friction) >= self.mass else (middle, high)
-        return high
+
+        def spare(share: float) -> float:
+            return self._carried(share * self.friction) - self.mass
+
+        enough = next((share for share in 2.0 ** np.arange(20.0) if spare(share) >= 0.0), np.inf)
+        return float(brentq(spare, 0.0, enough, xtol=1e-6)) if np.isfinite(enough) else float("inf")
 
     # -- drives -------------------------------------------------------------------------------------------------------
 
@@ -258,7 +247,7 @@ class _OnPlant:
             most = np.array(finger.control.finger.tension_limits[1])
             worst = int(np.argmax(finger.tensions / most))
             needed, limit = float(finger.tensions[worst]), float(most[worst])
-            if needed <= limit * (1.0 + _ROUNDING):
+            if needed <= limit * (1.0 + ROUNDING):
                 continue
             key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
             whose = f"the drive of {finger.name}" if len(self.fingers) > 1 else "the drive"
@@ -279,7 +268,7 @@ class _OnPlant:
             return []
         held = self.table_friction * self.mass * self.gravity
         (tip,) = (force for name, force in zip(self.names, self.normal, strict=True) if name.endswith(".tip"))
-        if held <= tip * (1.0 + _ROUNDING):
+        if held <= tip * (1.0 + ROUNDING):
             return []
         text = (
             f"the table holds the object with {held:.3g} N against sliding (friction {self.table_friction:.3g}, "
@@ -298,7 +287,7 @@ class _OnPlant:
         for k, wrench in enumerate(certified.wrenches):
             factors = certified.factors[k], there.factors[k]
             asked = self.mission.pull_share * min(factors[0], LARGEST)
-            if not asked > min(factors) * (1.0 + _ROUNDING):
+            if not asked > min(factors) * (1.0 + ROUNDING):
                 continue
             unit, size = _size(wrench)
             given, own, resisted = (float(size * factor) for factor in (asked, *factors))

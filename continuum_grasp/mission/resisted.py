@@ -16,8 +16,8 @@ from continuum_grasp.scene.grasp_options import PlanarGravity
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-6
-"""Excess over a cone, as a part of it, that is none: the certificate itself holds to this."""
+ROUNDING = 1e-6
+"""Excess, as a part of a number, that is none: the certificate itself holds to this."""
 
 
 def promised(grasp: GraspResult) -> Resistance:
@@ -57,7 +57,7 @@ def held_resistance(
     normal, across, lift = forces.T
     lift = lift * mass / scene.object.mass
     cone = friction * normal
-    if evenly or (np.hypot(across, lift) > cone * (1.0 + _ROUNDING)).any():
+    if evenly or (np.hypot(across, lift) > cone * (1.0 + ROUNDING)).any():
         spare = np.sqrt(np.maximum(cone**2 - across**2, 0.0))
         lift = spare * lift.sum() / max(float(spare.sum()), 1e-300)
     forces[:, 2] = lift

@@ -71,7 +71,7 @@ class MissionRun(MotionResult):
             replace(one, labels=_path(one.labels)) if isinstance(one.labels, str) and one.labels else one
             for one in ControlRun.dimensions
         ),
-        Dimension("pull", "pulls, in order", "pull_names"),
+        Dimension("pull", "pulls, in order", "pulls"),
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
     )
     texts: ClassVar[tuple[File, ...]] = (
@@ -188,11 +188,6 @@ class MissionRun(MotionResult):
     def wrenches(self) -> Array:
         """The same as rows (K, 3)."""
         return self.assignments[0].pulls
-
-    @property
-    def pull_names(self) -> list[str]:
-        """Names of the phases that pull."""
-        return list(self.pulls)
 
     @cached_property
     def object_pose(self) -> Array:

@@ -20,9 +20,6 @@ from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
 from continuum_grasp.workers import ProcessPool, cores
 
-_SEEDS = 2**31
-"""Upper end of the seeds of measurement noise [1]; any whole number does."""
-
 
 def variations(trials: Trials) -> list[Variation]:
     """The plants that are drawn, the same for the same seed."""
@@ -39,7 +36,7 @@ def variations(trials: Trials) -> list[Variation]:
         mass, friction = factor(trials.mass), factor(trials.friction)
         dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
         own = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
-        found.append(Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(_SEEDS)), own))
+        found.append(Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(2**31)), own))
     return found
 
 

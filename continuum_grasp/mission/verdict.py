@@ -75,14 +75,10 @@ class Verdict:
         if self.refused is not None:
             found = "not lifted, released" if self.released else "not lifted, not released"
         else:
-            found = self._lifted
+            found = "dropped" if not self.held else "held and released" if self.released else "held, not released"
         if self.turned is None:
             return found
         return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
-
-    @property
-    def _lifted(self) -> str:
-        return "dropped" if not self.held else "held and released" if self.released else "held, not released"
 
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""

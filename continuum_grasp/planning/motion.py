@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
-from continuum_grasp.control.ocp.setpoints import setpoints
+from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
@@ -127,6 +127,16 @@ class Motion:
     def outputs(self) -> ca.Function:
         """(x, u, p) -> what is tracked."""
         return self._function("outputs", ca.SX(0, 1) if self.tracked is None else self.tracked.value())
+
+    def missed_setpoints(self, x: Array, u: Array, duration: float) -> tuple[str, ...]:
+        """Say what ends far from setpoints that stood, of states (N + 1, nx) and inputs (N + 1, nu)."""
+        if self.tracked is None or self._setpoints is None:
+            return ()
+        t = np.linspace(0.0, duration, len(x))
+        found = np.array(self.outputs(x.T, u.T, parameters_over_time(self.scene, self.prediction, t).T)).T
+        return missed_setpoints(
+            self.tracked.names, found, self._setpoints.rows(t), t, self.scene.reference, self.length
+        )
 
     @cached_property
     def rows(self) -> ca.Function:

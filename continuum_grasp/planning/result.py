@@ -41,7 +41,8 @@ class PlanStatus(StrEnum):
     FEASIBLE = "feasible"
     """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end."""
     GOAL_MISSED = "goal_missed"
-    """All constraints are satisfied, but a goal that has a weight is missed by more than its tolerance."""
+    """All constraints are satisfied, but a goal that has a weight is missed by more than its tolerance, or a setpoint
+    that stood."""
     INFEASIBLE = "infeasible"
     """No plan was found that satisfies all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"

@@ -132,8 +132,9 @@ def _result(search: Search) -> Plan:
         warnings.append("the search was interrupted")
     if search.best is not None:
         missed, _ = missed_goals(problem, attempt.x, weighted=True)
+        missed += motion.missed_setpoints(path.x, path.u, path.duration)
         if missed:
-            status, message = PlanStatus.GOAL_MISSED, f"{message}, but a goal that has a weight is missed"
+            status, message = PlanStatus.GOAL_MISSED, f"{message}, but a goal is missed"
             advice = "raise the weight of the goal, or a limit that is active (constraints with multipliers)"
             warnings += [f"{one}: {advice}" for one in missed]
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]

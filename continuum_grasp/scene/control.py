@@ -96,14 +96,12 @@ class ControlScene(FingerScene):
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
         given.check(cost, "controller.cost")
-        if cost.contact_force is not None and self.object is None:
-            raise ValueError("controller.cost.contact_force needs an object that is touched")
-        if cost.gap is not None and self.object is None:
-            raise ValueError("controller.cost.gap needs an object that is touched")
         for key in ("object_position", "object_angle"):
             if getattr(cost, key) is not None and not self.object_moves:
                 raise ValueError(f"controller.cost.{key} needs an object that moves: set object_moves")
         for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
+            if getattr(cost, key) is not None and self.object is None:
+                raise ValueError(f"controller.cost.{key} needs an object that is touched")
             for name in names:
                 if name not in self.contact_names:
                     known = ", ".join(self.contact_names)

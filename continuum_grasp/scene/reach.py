@@ -65,9 +65,13 @@ def check_reach(
                 if abs(angle - middle) > reach * (1.0 + _ROUNDING):
                     words = f"expected {middle - reach:.4g} to {middle + reach:.4g} rad, the bending range of the model"
                     raise InputError(f"out of reach: {words} (fidelity.bending_range), got {angle:g} rad", key=where)
-        if isinstance(value, CircleReference) and name == "tip":
-            far = math.dist(value.center, base.position) + value.radius
-            if far > length * (1.0 + _ROUNDING):
+        if isinstance(value, CircleReference):
+            center, limit = math.dist(value.center, base.position), length * (1.0 + _ROUNDING)
+            near, far = abs(center - value.radius), center + value.radius
+            if near > limit:
+                words = f"the circle is nowhere nearer than {near:.4g} m to the finger's base"
+                raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=f"{key}.tip")
+            if far > limit:
                 doubt(
                     f"{key}.tip is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m"
                 )
@@ -75,9 +79,7 @@ def check_reach(
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:
     """Rows of numbers that a value states, each with its key."""
-    if isinstance(value, CircleReference):
-        yield f"{key}.center", value.center
-    elif hasattr(value, "values"):
+    if hasattr(value, "values"):
         yield from ((f"{key}.values[{k}]", row) for k, row in enumerate(value.values))
     elif isinstance(value, Sequence):
         yield key, value

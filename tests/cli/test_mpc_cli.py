@@ -105,6 +105,33 @@ def test_other_controllers_are_compared(config, tmp_path):
     assert compared["with the state"]["cost"] == pytest.approx(compared["converged"]["cost"], rel=0.02)
 
 
+@pytest.mark.parametrize(("outcome", "code"), [("finished", 0), ("missed", 1), ("tripped", 1)])
+def test_a_loop_that_does_not_finish_at_its_setpoint_has_failed(outcome, code, config, tmp_path, monkeypatch):
+    from continuum_grasp.closed_loop.result import ControlRun
+
+    monkeypatch.setattr(ControlRun, "outcome", outcome)
+    result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05")
+    assert result.exit_code == code
+
+
+@pytest.mark.parametrize(
+    ("goal", "code", "status"),
+    [
+        (["reference.tip=[0.1,-0.13]"], 1, "goal_missed"),
+        (["reference.tip={times: [0, 0.2], values: [[0, 0.18], [0.1, -0.13]]}"], 0, "optimal"),
+    ],
+)
+def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, code, status, tmp_path):
+    changes = ["objective=tracking", "duration=0.6", "intervals=15", "goal={}"]
+    changes += ["cost={tip: 2e4, effort: 1e-3, input_rate: 5e-4}", *goal]
+    config = ROOT / "configs/plan/tip_to_point.yaml"
+    sets = [word for change in changes for word in ("--set", change)]
+    result = CliRunner().invoke(app, ["plan", str(config), *sets, "--out", str(tmp_path), "--no-pictures"])
+    assert result.exit_code == code
+    assert read_run(tmp_path).meta["status"] == status
+    assert ("tip: 99 mm off a setpoint that stood" in result.output) is (code == 1)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -19,6 +19,7 @@ from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.setpoints import missed_setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.plotting import control as plotting
@@ -472,16 +473,40 @@ def test_other_controllers_have_other_scenes():
     ],
 )
 def test_a_setpoint_that_stood_is_met_or_the_run_says_that_it_is_missed(share, stood, ended, outcome):
+    """Other setpoints, of the input that costs nothing, move on."""
     done, period = run(), 0.02
     r = done.r[-1:].repeat(len(done.t), 0)
+    r[:, 2:] = done.t[:, None]
     tracked = r.copy()
     tracked[:, :2] += share * FINGER.rod.length * np.array([0.6, 0.8])
-    r[: len(done.u) - round(stood / period)] += 1e-3
+    r[: len(done.u) - round(stood / period), :2] += 1e-3
     assert done.r_names[:2] == ("tip_x [m]", "tip_y [m]")
     found = replace(done, r=r, tracked=tracked, t=2.0 * done.t, period=period, ended=ended)
     assert found.outcome == outcome
     words = [word for word in found.warnings if word.startswith("tip: 9.02 mm off a setpoint that stood")]
     assert len(words) == len(found.missed)
+
+
+@pytest.mark.parametrize(
+    ("name", "setpoint", "error", "stated", "missed"),
+    [
+        ("tip_angle [rad]", 2.0, 0.0999, True, False),
+        ("tip_angle [rad]", 2.0, 0.1001, True, True),
+        ("contact_force_finger.1 [N]", 0.0, 0.0999, True, False),
+        ("contact_force_finger.1 [N]", 0.0, 0.1001, True, True),
+        ("contact_force_finger.1 [N]", 30.0, 2.999, True, False),
+        ("contact_force_finger.1 [N]", 30.0, 3.001, True, True),
+        ("bending_1 [rad]", 0.0, 9.0, False, False),
+        ("bending_1 [rad]", 0.0, 9.0, True, True),
+        ("bending_rate_1 [rad/s]", 0.0, 9.0, True, False),
+        ("tension_1 [N]", 1.0, 9.0, True, False),
+    ],
+)
+def test_angles_and_forces_are_missed_too_and_defaults_are_no_aims(name, setpoint, error, stated, missed):
+    t, r = np.linspace(0.0, 1.0, 101), np.full((101, 1), setpoint)
+    given = Reference(bending=(0.0,), tip_angle=2.0, contact_force=(setpoint,)) if stated else Reference()
+    found = missed_setpoints((name,), r + error, r, t, given, 0.18)
+    assert ["off a setpoint that stood" in text for text in found] == [True] * missed
 
 
 # -- pictures ---------------------------------------------------------------------------------------------------------

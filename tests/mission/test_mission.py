@@ -359,7 +359,8 @@ def test_what_was_not_lifted_says_so():
 
 def test_outcomes_are_counted_and_written(tmp_path):
     good = judged(INSTANTS)
-    bad = replace(good, held=False, sunk=0.05, force_error=0.5, fallbacks=3)
+    refused = NotLifted(2.4, (), "the drive is at its limit")
+    bad = replace(good, held=False, refused=refused, sunk=0.05, force_error=0.5, fallbacks=3)
     drawn = trials.variations(Trials(count=4))
     outcomes = [Outcome(v, verdict) for v, verdict in zip(drawn[:3], (good, bad, good), strict=True)]
     outcomes.append(Outcome(drawn[3], None, 'not finite,\n"lost"'))
@@ -373,6 +374,7 @@ def test_outcomes_are_counted_and_written(tmp_path):
     with open(run.save(tmp_path / "new") / "trials.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["held"] for row in rows] == ["True", "False", "True", ""]
+    assert [row["refused"] for row in rows] == run.to_pandas()["refused"].to_list() == ["", refused.text, "", ""]
     assert float(rows[2]["stiffness"]) == pytest.approx(drawn[2].stiffness)
     assert rows[3]["error"] == 'not finite, "lost"'
     figure = run.plot()

@@ -44,7 +44,8 @@ def fingers(*names):
             mission=mission,
             middles=(),
             pulls=np.ones((2, 3)),
-            holding=(-math.inf, math.inf),
+            held=np.array([60.0, 1.5]),
+            holding=(np.array([51.0, -math.inf]), np.array([math.inf, 4.0])),
             contact="finger.tip",
             force=CERTIFIED,
             own_name=lambda own, name=name: own.replace("finger", name),
@@ -59,21 +60,26 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper")):
     tables = [Timetable(one) for one in of]
     check = LiftCheck(of, tables)
     plans = [check.schedule(k, STAGES) for k in range(len(of))]
-    controller = SimpleNamespace(change=lambda **changed: None)
+    limits, passed = {}, []
+    controller = SimpleNamespace(
+        change=lambda u_min, u_max, **_: limits.update({plans[0].phase.name: (*u_min, *u_max)})
+    )
     for plan in plans:
         plan.enter(0.0, controller, None)
-    passed = []
     for k in range(1, 1000):
         t, going = k * STEP, []
         for plan, force in zip(plans, forces(k * STEP), strict=True):
             estimated = SimpleNamespace(force=np.array([force]), std=np.array([0.02]))
             command = SimpleNamespace(contact_forces=estimated, u=np.array([tension, 1.0]))
-            going.append(plan.advance(t, controller, SimpleNamespace(t=t), command))
+            going.append(plan.advance(t, controller, SimpleNamespace(t=t, command=command.u), command))
         assert len(set(going)) == 1
         if not going[0]:
             break
         assert len({plan.phase.name for plan in plans}) == 1
         passed.append((t, plans[0].phase.name))
+    # Squeezing on, the tendon that closes has its tension in the grasp, and the other does not pull against it.
+    assert limits["confirm"] == (60.0, 0.0, 75.0, 4.0)
+    assert limits.get("lift") == (None if check.refused else (51.0, 0.0, 75.0, 4.0))
     return tables[0], passed, check.refused
 
 

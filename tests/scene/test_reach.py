@@ -33,10 +33,15 @@ def at(share: float) -> dict[str, tuple[str, list[str], str]]:
             [BASE, f"reference.tip={{times: [0, 1, 2], values: [{near}, {tip}, {near}]}}"],
             "reference.tip.values[1]:",
         ),
-        "center": (
+        "circle": (
             "mpc/steady_tip.yaml",
-            [BASE, f"reference.tip={{center: {tip}, radius: 1e-9, frequency: 1}}"],
-            "reference.tip.center:",
+            [BASE, f"reference.tip={{center: {around(share + 0.3)}, radius: {0.3 * LENGTH}, frequency: 1}}"],
+            "reference.tip:",
+        ),
+        "circle around the base": (
+            "mpc/steady_tip.yaml",
+            [BASE, f"reference.tip={{center: {near}, radius: {(share + 0.3) * LENGTH}, frequency: 1}}"],
+            "reference.tip:",
         ),
         "shape": ("mpc/steady_tip.yaml", [BASE, shape, f"reference={{shape: {half + near}}}"], "reference.shape:"),
         "goal": ("plan/tip_to_point.yaml", [BASE, f"goal.tip={tip}"], "goal.tip:"),

@@ -97,12 +97,6 @@ class DetectedContact(Summarized):
         return self.contact is Contact.DETECTED
 
     @property
-    def force_interval(self) -> tuple[float, float]:
-        """Least and greatest force at any of the places that the residual allows [N]."""
-        known = self.forces[np.isfinite(self.forces).all(axis=1)]
-        return (float(known[:, 0].min()), float(known[:, 1].max())) if len(known) else (-np.inf, np.inf)
-
-    @property
     def place(self) -> float | None:
         """Where the contact is [m]; None where it may be at several of the places, or there is none."""
         possible = np.isfinite(self.forces).all(axis=1)

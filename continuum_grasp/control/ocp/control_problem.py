@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
 from continuum_grasp.control.arguments import bare, vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
-from continuum_grasp.control.ocp.residual import Residual
+from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.controller import Penalty

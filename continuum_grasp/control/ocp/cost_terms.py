@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.control.ocp.residual import Residual
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.cost import Cost, Weight
 from continuum_grasp.scene.finger import Finger
@@ -33,6 +32,19 @@ _REACH = 10.0
 _TURNS = 10.0
 """Greatest angle setpoint from that of the base, in turns [1]: a finger curls up a few times at most, and an angle in
 degrees is beyond."""
+
+
+class Residual(NamedTuple):
+    """A term of the cost: half the weighted squares of an expression's distance from its setpoint.
+
+    ``weight`` counts per second of the horizon, ``final`` once at its end; each is one number, or one per entry.
+    ``names`` are those of the entries, by default numbered ones.
+    """
+
+    value: Any
+    weight: Any
+    final: Any = 0.0
+    names: tuple[str, ...] = ()
 
 
 class Quantities(Protocol):
@@ -199,6 +211,7 @@ class Tracked(NamedTuple):
     unit: str
     columns: tuple[int, ...]
     of_points: bool
+    reference: str
 
 
 def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
@@ -209,7 +222,7 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
         columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
         if columns:
             unit = term.entry.split("[")[1][:-1]
-            found.append(Tracked(term.label, unit, columns, term.of_points))
+            found.append(Tracked(term.label, unit, columns, term.of_points, term.reference))
     return tuple(found)
 
 

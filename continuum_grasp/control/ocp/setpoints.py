@@ -1,9 +1,10 @@
-"""Setpoints of a controller's nodes from the references of a scene, or from functions of time."""
+"""Setpoints of a controller's nodes from the references of a scene, or from functions of time, and errors from them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import real_array, shown
 from continuum_grasp.control.arguments import numbers
-from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
+from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs, Tracked, tracked_groups
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.loads import Samples
@@ -25,6 +26,13 @@ _Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function
 
 SETPOINTS = {term.reference: term.key for term in TERMS if term.reference}
 """Weight in ``controller.cost`` by the name of its setpoint in ``reference``."""
+FINAL = 0.1
+"""Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
+_STOOD = 0.5
+"""Time for which a setpoint has to stand for its error at the end to count [s]: some periods of a finger's sway."""
+_OFF = 0.05
+"""Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
+moves the tip as far; of forces twice that share of them, or of a newton, as of weighted goals of plans."""
 
 
 class _Rows(NamedTuple):
@@ -198,3 +206,58 @@ def _called(function: Function, width: int, t: Array) -> Array:
             raise InputError(f"a setpoint at t = {instant:g} s: expected {width} finite entries, got {shown(given)}")
         rows[k] = row
     return rows
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Distance from the setpoints: root of the mean square, greatest, and that of the mean over the last tenth."""
+
+    name: str
+    unit: str
+    rms: float
+    max: float
+    final: float
+
+
+def tracking_of(group: Tracked, error: Array) -> Tracking:
+    """Evaluate the errors of one tracked quantity (K + 1, nr)."""
+    own = error[:, group.columns]
+    last = own[-max(1, round(FINAL * len(own))) :].mean(axis=0)
+    # A point's error is the length of its vector; other quantities are scalars, points of one dimension.
+    size = 2 if group.of_points else 1
+    sizes = np.linalg.norm(own.reshape(len(own), -1, size), axis=2)
+    final = np.linalg.norm(last.reshape(-1, size), axis=1).max()
+    return Tracking(group.label, group.unit, rms(sizes), float(sizes.max()), float(final))
+
+
+def missed_setpoints(
+    names: Sequence[str], tracked: Array, r: Array, t: Array, reference: Reference, length: float
+) -> tuple[str, ...]:
+    """Say what ends how far from setpoints r (K + 1, nr) which stood long enough to be met, by names of columns."""
+    found = []
+    for group in tracked_groups(names):
+        rows, off = r[:, group.columns], tracking_of(group, tracked - r).final
+        others = np.flatnonzero((rows != rows[-1]).any(axis=1))
+        stood = t[-1] - t[others[-1] + 1 if others.size else 0]
+        # Zeros that are not stated are a default, and no aim.
+        aim = rows.any() or getattr(reference, group.reference) is not None
+        force = max(1.0, float(np.abs(rows[-1]).max()))
+        limit = {"m": _OFF * length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
+        # Instants are sums of rounded periods.
+        if aim and off > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
+            found.append(
+                f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: no posture that "
+                "inputs within their bounds hold is there, or something is in the way"
+            )
+    return tuple(found)
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def amount(value: float, unit: str) -> str:
+    """Format a value with a unit that people read."""
+    factor, word = {"m": (1e3, "mm"), "s": (1e6, "us")}.get(unit, (1.0, unit))
+    return f"{value * factor:.3g} {word}".strip()
