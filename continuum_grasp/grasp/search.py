@@ -105,7 +105,6 @@ class Search:
         self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
         self._scans: dict[frozenset[str], Basins] = {}  # the last of each mode
         self.basins: list[Basin] = []
-        self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
     def best(self) -> Tried | None:
@@ -396,7 +395,7 @@ class Search:
         # none beyond 8. Postures with middle contacts are not bent into balance: two fingers need as many as three.
         fingers, middles = len(self.scene.setups), {name for s in self.scene.setups for name in s.middle_names}
         count = self._effort.starts * max(2 if fingers > 1 and mode & middles else 1, fingers - 1)
-        starts = make_starts(self.scene, mode, count, self._rng)
+        starts = make_starts(self.scene, mode, count)
         self.start_seconds += time.perf_counter() - began
         return starts
 

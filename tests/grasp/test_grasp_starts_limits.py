@@ -10,10 +10,11 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 
 from continuum_grasp.grasp.starts.basins import Basins
+from continuum_grasp.grasp.starts.force import Block, Loads
 from continuum_grasp.grasp.starts.scan import linked, task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
 from continuum_grasp.grasp.starts.spread import spread_order
-from continuum_grasp.grasp.starts.weighing import doubt
+from continuum_grasp.grasp.starts.weighing import combine, doubt
 
 ON = frozenset({"finger.middle", "finger.tip", "palm"})
 
@@ -118,3 +119,26 @@ def test_places_are_added_at_quarters_of_the_spacing():
     assert shifts[0].tolist() == [0.25, 0.5, 0.75, -0.25, -0.5, -0.75]
     assert shifts[1, :3].tolist() == [0.25, 0.5, 0.75]
     assert np.isnan(shifts[1, 3:]).all()
+
+
+def pushing(sideways, force):
+    """A finger of two tendons whose postures push with one force up and ``sideways`` (P, 2), as force and moment."""
+    count = len(sideways)
+    onto, limits = np.zeros((count, 3, 3)), np.array([force, 0.0, 0.0])
+    onto[:, 1, 0], onto[:, [0, 2], 0] = 1.0, sideways
+    cost = np.array([0.0, 1.0, 1.0])
+    return Block(onto, np.zeros((count, 1, 3)), np.zeros((count, 1)), 0.99 * limits, 1.01 * limits + cost, cost)
+
+
+@pytest.mark.parametrize(("fingers", "postures"), [(2, 14), (3, 8), (4, 6)])
+def test_the_only_postures_that_balance_together_are_found(fingers, postures):
+    """Each has a force and a moment of its own, which in one set alone cancel."""
+    rng, loads = np.random.default_rng(fingers), Loads(1.0, 1.0, -1j, 0.0, -1j, False)
+    aside, features = rng.normal(size=(fingers, postures, 2)), rng.normal(size=(fingers, postures, 2))
+    supports = Block(np.zeros((1, 3, 0)), np.zeros((1, 0, 0)), np.zeros((1, 0)), *np.zeros((3, 0)))
+    for right in rng.integers(postures, size=(6, fingers)):
+        own = aside.copy()
+        own[-1, right[-1]] = -sum(own[k, right[k]] for k in range(fingers - 1))
+        blocks = [pushing(one, 1.0 / fingers) for one in own]
+        index, left, *_ = combine(loads, blocks, supports, list(features))
+        assert [picked[np.argmin(left)] for picked in index] == right.tolist()
