@@ -235,14 +235,11 @@ class Search:
     def _is_worth(self, start: Start, factor: float) -> bool:
         """Whether the estimate of a start is at most a factor times what there is."""
         best = self.best
-        if math.isnan(start.estimate):
+        if best is None or math.isnan(start.estimate):
             return True
-        # Beyond the limits of the tensions, the estimate counts what is left of the balance.
-        most = 2.0 * sum(setup.max_tension for setup in self.scene.setups)
-        if best is None:
-            return factor > 1.0 or start.estimate < 2.0 * most
         if self.scene.objective != "least_tension":
-            return factor > 1.0 and start.estimate <= most
+            # Beyond the limits of the tensions, the estimate counts what is left of the balance.
+            return factor > 1.0 and start.estimate <= 2.0 * sum(setup.max_tension for setup in self.scene.setups)
         return start.estimate < factor * self._tension(best) - self._least_difference * (factor < 1.0)
 
     def _converge(self) -> None:

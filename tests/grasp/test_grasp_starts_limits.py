@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
 
+from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads
 from continuum_grasp.grasp.starts.scan import linked, task, touching
@@ -119,6 +120,26 @@ def test_places_are_added_at_quarters_of_the_spacing():
     assert shifts[0].tolist() == [0.25, 0.5, 0.75, -0.25, -0.5, -0.75]
     assert shifts[1, :3].tolist() == [0.25, 0.5, 0.75]
     assert np.isnan(shifts[1, 3:]).all()
+
+
+@pytest.mark.parametrize("part", ["left", "wrong", "above"])
+def test_a_posture_that_cannot_hold_ranks_behind_all_that_can(part, monkeypatch):
+    """What is left of the balance beyond the tensions' own weight, depth, and curvature above its limit cost as much as
+    all tension that a finger has from 1 % of each, or 10 % of the curvature, on.
+    """
+    off = {"left": 2e-4, "wrong": 0.0, "above": 0.0}
+    scan, some = Basins(make_scene("matched_clothoid", UPRIGHT), ON), branch(1)
+    scan.task = SimpleNamespace(limits=np.array([8.0]))
+
+    def score(off):
+        found = np.array([off["left"]]), np.array([0.5]), np.zeros((1, 2))
+        monkeypatch.setattr(basins, "imbalance", lambda *_: found)
+        some.ends[:] = 8.0 * (1.0 + off["above"])
+        block = SimpleNamespace(needed=np.zeros(1), cost=np.ones(1), high=np.ones(1))
+        return float(scan._weighed(some, None, block, np.array([off["wrong"]])).score[0])
+
+    assert score(off) == pytest.approx(0.5)
+    assert score(off | {part: off[part] + (0.1 if part == "above" else 0.01)}) == pytest.approx(1.5)
 
 
 def pushing(sideways, force):
