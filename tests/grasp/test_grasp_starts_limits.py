@@ -8,10 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
+from scipy.optimize import nnls
 
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads
+from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import linked, task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
 from continuum_grasp.grasp.starts.spread import spread_order
@@ -163,3 +165,14 @@ def test_the_only_postures_that_balance_together_are_found(fingers, postures):
         blocks = [pushing(one, 1.0 / fingers) for one in own]
         index, left, *_ = combine(loads, blocks, supports, list(features))
         assert [picked[np.argmin(left)] for picked in index] == right.tolist()
+
+
+def test_supports_bear_nearly_as_much_as_they_can():
+    """A face that lies on a wall, which bears at both ends: by non-negative least squares."""
+    edges = np.array([[0.5, 1.0], [-0.5, 1.0]])
+    effects = np.array([[*edge, at * edge[1]] for at in (-0.4, 0.4) for edge in edges]).T
+    off = np.random.default_rng(0).normal(size=(20, 3)) - [0.0, 2.0, 0.0]
+    forces = pressed(effects, off)
+    left = np.linalg.norm(off + forces @ effects.T, axis=1)
+    assert forces.min() >= 0.0
+    assert left == pytest.approx([nnls(effects, -one)[1] for one in off], abs=0.1)
