@@ -20,7 +20,7 @@ def grasp(
     changes: Set = None,
     seed: Annotated[
         int | None,
-        typer.Option("--seed", metavar="N", help="Seed of the random starts (default: as in the configuration)."),
+        typer.Option("--seed", metavar="N", help="Seed of robust grasps' draws (default: as in the configuration)."),
     ] = None,
     pictures: Annotated[bool, typer.Option(help="Draw a picture and write the HTML report.")] = True,
     fine: Annotated[

@@ -105,7 +105,6 @@ class Search:
         self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
         self._scans: dict[frozenset[str], Basins] = {}  # the last of each mode
         self.basins: list[Basin] = []
-        self._rng = np.random.default_rng(scene.solver.random_seed)
 
     @property
     def best(self) -> Tried | None:
@@ -236,14 +235,11 @@ class Search:
     def _is_worth(self, start: Start, factor: float) -> bool:
         """Whether the estimate of a start is at most a factor times what there is."""
         best = self.best
-        if math.isnan(start.estimate):
+        if best is None or math.isnan(start.estimate):
             return True
-        # Beyond the limits of the tensions, the estimate counts what is left of the balance.
-        most = 2.0 * sum(setup.max_tension for setup in self.scene.setups)
-        if best is None:
-            return factor > 1.0 or start.estimate < 2.0 * most
         if self.scene.objective != "least_tension":
-            return factor > 1.0 and start.estimate <= most
+            # Beyond the limits of the tensions, the estimate counts what is left of the balance.
+            return factor > 1.0 and start.estimate <= 2.0 * sum(setup.max_tension for setup in self.scene.setups)
         return start.estimate < factor * self._tension(best) - self._least_difference * (factor < 1.0)
 
     def _converge(self) -> None:
@@ -396,7 +392,7 @@ class Search:
         # none beyond 8. Postures with middle contacts are not bent into balance: two fingers need as many as three.
         fingers, middles = len(self.scene.setups), {name for s in self.scene.setups for name in s.middle_names}
         count = self._effort.starts * max(2 if fingers > 1 and mode & middles else 1, fingers - 1)
-        starts = make_starts(self.scene, mode, count, self._rng)
+        starts = make_starts(self.scene, mode, count)
         self.start_seconds += time.perf_counter() - began
         return starts
 

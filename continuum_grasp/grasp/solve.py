@@ -290,7 +290,7 @@ class _Verdict:
             message = f"the solver converged, but the independent check rejects: {names}"
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
-            outcomes = ", ".join(sorted({t.attempt.outcome for t in self.search.tried}))
+            outcomes = ", ".join(sorted({t.attempt.outcome for t in self.search.tried})) or "no posture touches"
             message = f"no start led to a grasp ({outcomes}), and neither one limit nor two at once explain it"
             advice = (
                 "Likely the geometry: move the base or the object, let the middle contact be elsewhere "

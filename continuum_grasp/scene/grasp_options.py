@@ -227,7 +227,7 @@ class GraspSolver(SolverOptions):
     be better than what was found, as long as that takes 600 iterations. thorough: without that limit, and from more and
     rougher starts."""
     random_seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of the random starts; equal seeds give equal results."""
+    """Seed of the draws with which robust grasps are tried; equal seeds give equal results."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200
     """Iterations of one solver run."""
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 40_000

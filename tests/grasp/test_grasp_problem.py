@@ -338,11 +338,11 @@ def test_the_best_of_the_modes_is_the_answer():
     assert math.isfinite(chosen)
 
 
-def test_other_starts_lead_to_the_same_grasp_of_a_box():
-    """Contacts on faces and corners: twice as many starts, other random ones, and nothing better."""
+def test_more_starts_lead_to_the_same_grasp_of_a_box():
+    """Contacts on faces and corners: three times as many starts, and nothing better."""
     scene = load(CONFIGS / "box_edge.yaml", {"objective": "least_tension"})
     one = optimize_grasp(scene)
-    more = scene.solver.model_copy(update={"random_seed": 5, "effort": "thorough"})
+    more = scene.solver.model_copy(update={"effort": "thorough"})
     two = optimize_grasp(scene.model_copy(update={"solver": more}))
     assert two.tension == pytest.approx(one.tension, rel=1e-4)
 

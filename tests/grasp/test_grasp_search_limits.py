@@ -10,6 +10,7 @@ import pytest
 
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.exploration import Basin
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search, branch_of
 from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
@@ -75,6 +76,14 @@ def keeps(tension):
     return search._keeps_promise(found, Basin(start(estimate=TENSION)))
 
 
+def over(effort, iterations):
+    """Whether a search that has a grasp ends after so many iterations."""
+    search, _ = searching(grasp(), **{"solver.effort": effort})
+    search.budget.left = 1
+    search._first_left = 1 + iterations
+    return search._is_over
+
+
 def proven(press):
     search, _ = searching(grasp(press=press), objective="least_normal_force")
     search.__dict__["bound"] = 1.0
@@ -88,6 +97,10 @@ LIMITS = [
      lambda e: searching(grasp())[0].is_open(Basin(start(estimate=e)))),
     ("tension of a start that is worth a try", 1.5 * TENSION,
      lambda t: searching(grasp())[0]._promises(start(tensions=(0.5 * t, 0.5 * t)))),
+    ("estimate of a basin that is solved for another aim", 2.0 * MOST,
+     lambda e: solved(Basin(start(estimate=e)), grasp(), objective="greatest_friction_margin")),
+    ("iterations of a search with a grasp", 600.0, lambda n: not over("normal", n)),
+    ("iterations of a quick one", 150.0, lambda n: not over("quick", n)),
     ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, keeps),
     ("imbalance of a basin", 0.01, lambda off: unsolved(off, 2)),
     ("imbalance of a basin of more elements", 0.06, lambda off: unsolved(off, 3)),
@@ -122,3 +135,50 @@ def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     monkeypatch.setattr(module, "start_from", lambda scene, arrays: arrays)
     search._from_least_tension()
     assert len(starts) == 3
+
+
+@pytest.mark.parametrize(
+    ("effort", "basins", "rungs", "starts"),
+    [("quick", 3, [0], 2), ("normal", 12, [0, 1, 2], 8), ("thorough", 12, [0, 1, 2], 24)],
+)
+def test_an_effort_is_so_many_basins_options_and_rough_starts(effort, basins, rungs, starts, monkeypatch):
+    """Rough starts are three times as many of four fingers, which touch with their tips alone."""
+    search, found = searching(**{"solver.effort": effort})
+    mode, used, asked = frozenset({"finger.tip", "palm"}), [], []
+    monkeypatch.setattr(search, "basins_of", lambda *_: [start(estimate=1.0 + k) for k in range(20)])
+    monkeypatch.setattr(search, "attempt", lambda basin, rung: found.append(basin) or used.append(rung))
+    search._from_basins(mode)
+    assert len(found) == basins
+    monkeypatch.setattr(Search, "knows_postures", True)
+    monkeypatch.setattr(search, "_from_basins", lambda *_, **__: True)
+    search.run()
+    assert sorted(set(used)) == rungs
+    monkeypatch.setattr(module, "make_starts", lambda scene, mode, count: asked.append(count) or [])
+    for scene in (search.scene, SimpleNamespace(setups=[SimpleNamespace(middle_names=("middle",))] * 4)):
+        search.scene = scene
+        search.rough_starts_of(mode)
+    search.scene = SimpleNamespace(setups=[SimpleNamespace(middle_names=("finger.tip",))] * 2)
+    search.rough_starts_of(mode)
+    assert asked == [starts, 3 * starts, 2 * starts]
+
+
+def test_with_a_grasp_rough_starts_get_few_iterations(monkeypatch):
+    search, _ = searching(grasp())
+    seen = []
+    monkeypatch.setattr(search, "rough_starts_of", lambda _: [start(angle=3.0)])
+    monkeypatch.setattr(search, "attempt", lambda start, **options: seen.append(options["iterations"]))
+    search._from_rough(frozenset({"finger.tip"}))
+    assert seen == [60]
+
+
+@pytest.mark.parametrize(("pegs", "count"), [(5, 32), (6, 64), (7, 64)])
+def test_so_many_sets_of_contacts_are_tried_the_greatest_first(pegs, count):
+    free = {"x": (-0.5, 0.5), "y": (-0.5, 0.5)}
+    around = {
+        f"peg_{k}": {"type": "point", "position": (1.0 + k, 0.0), "radius": 0.01, "touch": "auto"} for k in range(pegs)
+    }
+    scene = searching()[0].scene.changed({"supports": around, "object.free": free})
+    sizes = [len(mode) for mode in contact_modes(scene)]
+    assert len(sizes) == count
+    assert sizes[0] == pegs + 1
+    assert sizes == sorted(sizes, reverse=True)

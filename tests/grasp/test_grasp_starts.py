@@ -132,7 +132,7 @@ def check_touching(scene, start):
         assert depth(scene, start.object_pose, z) < -half + (ALLOWED + between) * LENGTH
 
 
-def starts_of(scene, on=None, count=6, seed=0):
+def starts_of(scene, on=None, count=6):
     if on is None:
         on = {
             name
@@ -140,7 +140,7 @@ def starts_of(scene, on=None, count=6, seed=0):
             for name, switch in zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True)
             if switch == "on"
         }
-    return make_starts(scene, frozenset(on), count, np.random.default_rng(seed))
+    return make_starts(scene, frozenset(on), count)
 
 
 def touching(body, kind, half=0.004, base=(-0.05, -0.09, 0.1)):
@@ -247,11 +247,6 @@ def test_mirrored_scenes_have_mirrored_starts(kind):
     assert two.fingers["f"].curvatures == pytest.approx([-k for k in one.fingers["f"].curvatures], abs=1e-6)
     for name, contact in one.contacts.items():
         assert two.contacts[name].point == pytest.approx((-contact.point[0], contact.point[1]), abs=1e-9)
-
-
-def test_equal_seeds_give_equal_starts():
-    scene = touching(SHAPES["box"], "both")
-    assert starts_of(scene, count=30, seed=3) == starts_of(scene, count=30, seed=3)
 
 
 def reachable(rng, shape, kind):
@@ -392,10 +387,10 @@ def test_free_polygons_come_to_lie_flat():
         assert low == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_cannot_be_reached_is_said():
+def test_what_cannot_be_reached_has_no_starts():
     body = {"shape": "circle", "diameter": 0.08, "position": (0.4, 0.0)}
     fixed = scene_of(body, {"f": finger_at(0.0, 0.0, 0.0)})
-    assert starts_of(fixed)[0].label == "near"
+    assert starts_of(fixed) == []
 
 
 def test_bounded_least_squares_of_forces():

@@ -8,12 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
+from scipy.optimize import nnls
 
+from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
+from continuum_grasp.grasp.starts.force import Block, Loads
+from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import linked, task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
 from continuum_grasp.grasp.starts.spread import spread_order
-from continuum_grasp.grasp.starts.weighing import doubt
+from continuum_grasp.grasp.starts.weighing import combine, doubt
 
 ON = frozenset({"finger.middle", "finger.tip", "palm"})
 
@@ -118,3 +122,57 @@ def test_places_are_added_at_quarters_of_the_spacing():
     assert shifts[0].tolist() == [0.25, 0.5, 0.75, -0.25, -0.5, -0.75]
     assert shifts[1, :3].tolist() == [0.25, 0.5, 0.75]
     assert np.isnan(shifts[1, 3:]).all()
+
+
+@pytest.mark.parametrize("part", ["left", "wrong", "above"])
+def test_a_posture_that_cannot_hold_ranks_behind_all_that_can(part, monkeypatch):
+    """What is left of the balance beyond the tensions' own weight, depth, and curvature above its limit cost as much as
+    all tension that a finger has from 1 % of each, or 10 % of the curvature, on.
+    """
+    off = {"left": 2e-4, "wrong": 0.0, "above": 0.0}
+    scan, some = Basins(make_scene("matched_clothoid", UPRIGHT), ON), branch(1)
+    scan.task = SimpleNamespace(limits=np.array([8.0]))
+
+    def score(off):
+        found = np.array([off["left"]]), np.array([0.5]), np.zeros((1, 2))
+        monkeypatch.setattr(basins, "imbalance", lambda *_: found)
+        some.ends[:] = 8.0 * (1.0 + off["above"])
+        block = SimpleNamespace(needed=np.zeros(1), cost=np.ones(1), high=np.ones(1))
+        return float(scan._weighed(some, None, block, np.array([off["wrong"]])).score[0])
+
+    assert score(off) == pytest.approx(0.5)
+    assert score(off | {part: off[part] + (0.1 if part == "above" else 0.01)}) == pytest.approx(1.5)
+
+
+def pushing(sideways, force):
+    """A finger of two tendons whose postures push with one force up and ``sideways`` (P, 2), as force and moment."""
+    count = len(sideways)
+    onto, limits = np.zeros((count, 3, 3)), np.array([force, 0.0, 0.0])
+    onto[:, 1, 0], onto[:, [0, 2], 0] = 1.0, sideways
+    cost = np.array([0.0, 1.0, 1.0])
+    return Block(onto, np.zeros((count, 1, 3)), np.zeros((count, 1)), 0.99 * limits, 1.01 * limits + cost, cost)
+
+
+@pytest.mark.parametrize(("fingers", "postures"), [(2, 14), (3, 8), (4, 6)])
+def test_the_only_postures_that_balance_together_are_found(fingers, postures):
+    """Each has a force and a moment of its own, which in one set alone cancel."""
+    rng, loads = np.random.default_rng(fingers), Loads(1.0, 1.0, -1j, 0.0, -1j, False)
+    aside, features = rng.normal(size=(fingers, postures, 2)), rng.normal(size=(fingers, postures, 2))
+    supports = Block(np.zeros((1, 3, 0)), np.zeros((1, 0, 0)), np.zeros((1, 0)), *np.zeros((3, 0)))
+    for right in rng.integers(postures, size=(6, fingers)):
+        own = aside.copy()
+        own[-1, right[-1]] = -sum(own[k, right[k]] for k in range(fingers - 1))
+        blocks = [pushing(one, 1.0 / fingers) for one in own]
+        index, left, *_ = combine(loads, blocks, supports, list(features))
+        assert [picked[np.argmin(left)] for picked in index] == right.tolist()
+
+
+def test_supports_bear_nearly_as_much_as_they_can():
+    """A face that lies on a wall, which bears at both ends: by non-negative least squares."""
+    edges = np.array([[0.5, 1.0], [-0.5, 1.0]])
+    effects = np.array([[*edge, at * edge[1]] for at in (-0.4, 0.4) for edge in edges]).T
+    off = np.random.default_rng(0).normal(size=(20, 3)) - [0.0, 2.0, 0.0]
+    forces = pressed(effects, off)
+    left = np.linalg.norm(off + forces @ effects.T, axis=1)
+    assert forces.min() >= 0.0
+    assert left == pytest.approx([nnls(effects, -one)[1] for one in off], abs=0.1)

@@ -7,21 +7,30 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from continuum_grasp.grasp import stations, steady
+from continuum_grasp.grasp.closing.energy import Closing
 from continuum_grasp.grasp.closing.path import _Walk
 from continuum_grasp.grasp.closing.result import ClosingStatus
 from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons import diagnosis, pairs
+from continuum_grasp.grasp.reasons import diagnosis, pairs, reach
 from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
-from continuum_grasp.grasp.robust.response import Response
+from continuum_grasp.grasp.robust.errors import InError
+from continuum_grasp.grasp.robust.joint import JointSolverRun
+from continuum_grasp.grasp.robust.near import NearSolver
+from continuum_grasp.grasp.robust.response import Responder, Response
+from continuum_grasp.grasp.solve import _Verdict
+from continuum_grasp.grasp.starts.supports import base_poses, object_poses
 from continuum_grasp.grasp.values import Reason
-from continuum_grasp.nlp import Attempt, Budget, Status
+from continuum_grasp.nlp import NLP, Attempt, Budget, Start, Status
 from tests import certificate_cases as cases
 
 TENSION = next(limit for limit in RELAXATIONS if limit.name == "tension")
@@ -201,6 +210,68 @@ def same_branch(part):
     return not list(robust._others(searching(good=[other]), best.arrays))
 
 
+def acts(force):
+    """Whether an error counts whose force on what postures share is this part of that of another."""
+    whole = Some(_solvers=[], _whole=Some(links=[1, 1]), errors=np.arange(2.0))
+    links = Some(multipliers=Some(constraints=np.array([1.0, -force])))
+    return len(JointSolverRun.acting(whole, links)) == 2
+
+
+def near(objective, x, off=0.0):
+    """From a point next to where the objective of one unknown is least, beside an equation that is off."""
+    at = ca.SX.sym("x", 2)
+    solver = NearSolver(NLP("near", at, objective(at[0]), at[1], ca.SX.sym("p", 0)))
+    free, none = np.full(2, np.inf), np.zeros(1)
+    start = Start(np.array([x, off]), -free, free, none, none, np.zeros(0), None)
+    return solver.restored(start) if off else solver.solve(start, Budget())
+
+
+def steps_once(slope):
+    """Whether one step is enough that leaves a slope, of an objective whose curvature changes."""
+    bend = 25.0
+    after = (math.sqrt(1.0 + 2.0 * bend * slope) - 1.0) / bend
+    begin = after + math.sqrt(after**2 + 2.0 * after / bend)
+    return near(lambda x: x**2 / 2.0 + bend * x**3 / 6.0, begin).iterations == 1
+
+
+# -- words -------------------------------------------------------------------------------------------------------
+
+
+def says_nothing(excess):
+    """Whether nothing is said of a grasp so far above a bound, where starts were left out."""
+    search = Some(best=None, fallback=None, proven=True, excess=excess, left_out=1, exploration=Some(open=0, modes=1))
+    verdict = Some(search=search, _before=None, budget=Some(cut=None), interrupted=False)
+    return not list(_Verdict._notes(verdict, Some(acceptable=True, attempt=Some(optimal=True))))
+
+
+def slack(pull):
+    """Whether a finger that pulls by so much more than it must, per force on the object, is slack."""
+    finger, tendons = Some(tensions=np.array([1.0 + pull, 1.0])), Some(name="finger", tendons=Some(min_tension=1.0))
+    contacts, scene = [Some(normal_force=1.0)], Some(setups=[tendons])
+    return GraspResult._slack.fget(Some(contacts=contacts, scene=scene, fingers={"finger": finger}))
+
+
+def reached(beyond):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reach, "_reach", lambda *_: 1.0)
+        patch.setattr(reach, "_distance", lambda *_: 1.0 + beyond)
+        return reach.out_of_reach(SCENE) is None
+
+
+def as_good(less):
+    """Whether the message of a grasp stays as it is where twice the stations take so much less tension."""
+    scene = Some(objective="least_tension", named_fingers=["finger"])
+    better = Some(arrays={"finger.tensions": np.array([1.0 - less])})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stations, "_denser", lambda _: Some(setups=[Some(stations=(0.1, 0.2))]))
+        patch.setattr(stations, "Search", lambda *_: Some(best=better))
+        patch.setattr(stations, "_begin", lambda *_: None)
+        patch.setattr(stations, "_exchange", lambda *_: None)
+        patch.setattr(stations, "replace", lambda some, **changes: Some(**changes))
+        result = Some(scene=scene, arrays={}, tension=1.0, message="held", statistics={})
+        return stations.with_twice_the_stations(result, Budget()).message == "held"
+
+
 def holds(reserve):
     return Response(*[None] * 2, reserve, *[None] * 6).holds
 
@@ -228,6 +299,15 @@ LIMITS = [
      lambda x: len(stable((0.02, 1.0, True), (0.02, 1.0 + x, True), (0.02, 1.0 + x, True))) == 2),
     ("tensions of a branch", 1e-3, same_branch),
     ("reserve that is lost by rounding", 1e-4, lambda x: holds(-x)),
+    ("force of an error that acts", 1e-4, lambda x: not acts(x)),
+    ("way to a solution that is near", 0.999 * 30.0, lambda x: near(lambda y: (y - x) ** 2, 0.0).converged),
+    ("step that is the last", 1e-3, lambda x: near(lambda y: y**2, x).iterations == 1),
+    ("slope of a solution", 1e-5, steps_once),
+    ("violation of an equation that holds", 1e-8, lambda x: near(lambda y: y**2, 0.0, off=x).x[1] == x),
+    ("part above what no grasp is below", 0.02, says_nothing),
+    ("pull of tendons that are slack", 1e-3, slack),
+    ("distance beyond reach", 1e-9, reached),
+    ("tension that twice the stations save", 0.01, as_good),
 ]  # fmt: skip
 
 
@@ -327,7 +407,91 @@ def begun(count):
     return begins, len(better)
 
 
+def contacts_tried(errors):
+    """Sets of contacts that are tried for so many errors one after the other, none of which holds with any."""
+    tried = []
+
+    def with_(begin, error):
+        tried.append(error)
+        return Some(holds=False, reserve=-1.0, begin=begin)
+
+    responder = Some(_fruitless=0, start=Some(contacts=()), _nearest=lambda _: None, _with=with_)
+    responder._next = lambda _: [Some(contacts=(k,)) for k in range(9)]
+    for error in range(errors):
+        Responder.to(responder, error)
+    return [tried.count(error) for error in range(errors)]
+
+
+def taken_in():
+    """Errors that are part of the problem, where none of forty ever holds."""
+    sizes = []
+
+    def response(error):
+        return Some(error=error, reserve=-1.0, holds=False, begin=Some(contacts={}))
+
+    def solved(responder, responses, budget):
+        sizes.append(len(responses))
+        return Some(iterations=1, status=None), {}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exchange, "tried_errors", lambda *_: np.arange(40.0)[:, None])
+        patch.setattr(exchange, "Responder", lambda *_: Some(to=response))
+        patch.setattr(exchange, "descended", lambda *_: [])
+        patch.setattr(exchange, "_solved", solved)
+        patch.setattr(exchange, "certify_reached", lambda *_: None)
+        exchange.find_robust(SCENE, None, {}, Budget())
+    return sizes
+
+
+def retensioned():
+    """Draws that are tried with other tensions, where no draw of a hundred holds."""
+    response = Some(holds=False, margin=-1.0, weakest="", error=np.zeros(6), reserve=-1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(robust, "Responder", lambda *_: Some(to=lambda *_, **__: response, anew=0))
+        patch.setattr(robust, "extremes", lambda *_: np.zeros((1, 0)))
+        patch.setattr(robust, "alone", lambda _: {})
+        patch.setattr(robust, "_tension", lambda *_: 1.0)
+        return robust._trials(SCENE, None, {}, np.zeros((100, 6)), Budget(), [response]).retried
+
+
+def yields_by():
+    """How far an object may move, per its size, and turn."""
+    scene, arrays = cases.squeezed_disc()
+    free = InError(scene, arrays).scene_with(np.zeros(6), yields=True).object.free
+    return [np.ptp(free.x) / scene.object.size, np.ptp(free.y) / scene.object.size, np.ptp(free.angle)]
+
+
+def tried_poses():
+    """Poses of an object that may move, and of a base at the first of them and at the others."""
+    free, base = {"x": (-0.01, 0.01), "y": (0.2, 0.3)}, {"x": (-0.01, 0.01), "y": (-0.01, 0.01)}
+    scene = SCENE.changed({"supports": {}, "object.free": free, "finger.base_free": base})
+    of_bases = [len(set(base_poses(scene.setups[0], k))) for k in (0, 1, 2)]
+    return len(set(object_poses(scene, frozenset()))), *of_bases
+
+
+def moves_by():
+    """How far places and an object may move in a step."""
+    asked = []
+    closing = Some(pairs=[], free=True, problem=None)
+    closing.solver = Some(solve=lambda problem, start, budget: asked.append(start.high) or Some(converged=True))
+    Closing.solve(closing, np.zeros(2), Some(packed=[]), np.zeros(3), np.zeros(5), None, False)
+    return asked[0].tolist()
+
+
+def named():
+    end = ending(0.0)
+    return end._verdict(ClosingStatus.STOPPED, None, None, None, 0.0, tuple("abcdefghi"))[1][-16:]
+
+
 COUNTS = [
+    ("sets of contacts of an error", [4, 4, 4, 4, 1, 1], lambda: contacts_tried(6)),
+    ("errors that enter the problem", [4, 8, 12, 16, 20, 24], taken_in),
+    ("draws with other tensions", 50, retensioned),
+    ("parts by which an object yields", [0.2, 0.2, 0.2], lambda: pytest.approx(yields_by())),
+    ("poses", (6, 5, 2, 2), tried_poses),
+    ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
+    ("touches that are named", "a, b, c, d, e, f", named),
+    ("steps to a solution that is not near", 12, lambda: near(lambda y: y**4, 1.0).iterations),
     ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),
     ("starts of a limit that gives one", [*range(8)], lambda: sorted({k for k, _ in starts_per_limit(True)})),
     ("iterations of each", {80}, lambda: {most for _, most in starts_per_limit(True)}),

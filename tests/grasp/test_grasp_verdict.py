@@ -163,6 +163,6 @@ def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
     scene, on = two_fingers(seed), frozenset({"upper.tip", "lower.tip"})
     for overlap in ("allow", "forbid"):
         changed = scene.changed({"overlap": overlap})
-        starts = make_starts(changed, on, 8, np.random.default_rng(0))
+        starts = make_starts(changed, on, 8)
         least = min(gap(changed, start) for start in starts if start.label == "scan")
         assert (least > -1e-3) is (overlap == "forbid")

@@ -32,7 +32,7 @@ from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.problem import RobustProblem, robust_problem
-from continuum_grasp.grasp.robust.response import start_in_error
+from continuum_grasp.grasp.robust.response import ITERATIONS, start_in_error
 from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -41,8 +41,6 @@ from continuum_grasp.scene.grasp import GraspScene
 Array = NDArray[Any]
 _Side = tuple[GraspScene, Start, dict[str, Feature]]
 
-ITERATIONS = 150
-"""Iterations of one solver run: with 4 to 8 corners 20 to 60 are enough (mug, pinch)."""
 _EFFORT = 1e-6
 """Weight of what makes postures in error unique, beside what is sought [1]: at 1, tensions that locked drives change
 with friction would take 3e-4 of the derivatives (mug with servo motors)."""

@@ -45,13 +45,10 @@ RETRIED = 50
 """Draws, of those that do not hold, that are tried with other tensions."""
 HALVINGS = 4
 """How often the interval of the bounds that can be borne is halved: to a sixteenth."""
-
-
-BRANCHES = 3
-"""Further grasps of the nominal search next to which a robust one is sought."""
-STATION_BRANCHES = 2
-"""The same of grasps with stations, the fewest first: that with one holds after 1.5 s, that with two after 3 s,
-that with four does not after 17 s, and one with three has no answer after minutes (preshaped)."""
+BRANCHES = 2
+"""Further grasps of the nominal search next to which a robust one is sought. With stations, that with one holds after
+1.5 s, that with two after 3 s, that with four does not after 17 s, and one with three has no answer after minutes
+(preshaped)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
 RETURNS = 4
@@ -74,14 +71,14 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     scene = result.scene
     bounds = scene.robust or Robust.model_construct(draws=DRAWS)
     first = found = find_robust(scene, bounds, result.arrays, budget)
-    branches, most = 1, STATION_BRANCHES if any(setup.stations for setup in scene.setups) else BRANCHES
+    branches = 1
     for arrays in _others(search, result.arrays):
         # No robust grasp takes less than the nominal one that it is next to.
         may = not found.holds or (
             scene.objective == "least_tension"
             and _tension(scene, arrays) < (1.0 - SAME) * _tension(scene, found.arrays)
         )
-        if branches > most or not may or budget.over:
+        if branches > BRANCHES or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)

@@ -34,8 +34,6 @@ Array = NDArray[Any]
 
 OBJECT = 6
 """Columns of errors of the object, before the friction states."""
-STEPS = 8
-"""Steps from friction states to worse ones; the first or the second is the last as a rule (mug)."""
 SAME = 1e-6
 """Reserve by which friction states must be worse than those known, per force reference: rounding is less."""
 
@@ -90,10 +88,7 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
     found = list(responses)
 
     def down(last: Response) -> Iterator[Response]:
-        for _ in range(STEPS):
-            error = worst_vertex(last)
-            if error.tobytes() in known:
-                break
+        while (error := worst_vertex(last)).tobytes() not in known:
             known.add(error.tobytes())
             new = responder.to(error)
             found.append(new)
@@ -105,7 +100,7 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
     for response in responses:
         yield from down(response)
     cells = list(_cells(responder.scene))
-    for _ in range(STEPS):
+    while True:
         worst = min(found, key=lambda response: response.reserve)
         turned = [_turned(worst.error, cell) for cell in cells] if np.isfinite(worst.reserve) else []
         new = min(

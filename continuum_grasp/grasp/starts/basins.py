@@ -8,7 +8,7 @@ the curves are refined. Models with more elements than two bend a little from th
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,9 +31,8 @@ STRICT = 2e-4
 _PLACES, _DENSE, _FEW = 128, 0.25, 10
 """Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
 10 postures are left: short feasible pieces may lie between two places."""
-_NEARLY, _HOPEFUL = 0.05, 0.15
-"""Relative imbalance of a posture up to which finer friction cones may balance it, and up to which a posture in balance
-may be between it and the next one."""
+_HOPEFUL = 0.15
+"""Relative imbalance of a posture up to which a posture in balance may be between it and the next one."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in sizes of the window."""
 _ROUNDS, _SHRINK = 2, 0.125
@@ -48,8 +47,6 @@ _PER_DEPTH, _PER_EXCESS = 100.0, 10.0
 _BALANCED, _PER_IMBALANCE = 2e-4, 100.0
 """Relative imbalance that the weight of the tensions leaves, and score of what is left beyond: lower, and postures that
 cannot hold would come first."""
-_EXACT_CONE = 24
-"""Edges of a friction cone: 8 lose up to 8 % of the friction, 24 less than 1 %."""
 
 
 def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
@@ -106,8 +103,6 @@ class Basins:
         touched = support_contacts(scene, self.pose, self.on)
         self.loads = loads_of(scene)
         self.supports = support_block(scene, self.loads, touched, self.pose)
-        self._fine_loads = replace(self.loads, directions=_EXACT_CONE)
-        self._fine_supports = support_block(scene, self._fine_loads, touched, self.pose)
 
     def found(self) -> Scored | None:
         """The basins, those with the least score first; None where no posture touches."""
@@ -121,9 +116,7 @@ class Basins:
         if known is None:
             return other, None
         block = finger_block(scene, other.loads, other.setup, known.candidates, self.pose)
-        lowest = other._lowest(other._weighed(known.branch, known.candidates, block, known.wrong))
-        other._judge_finely()
-        return other, _ordered(other._scored(lowest.branch, lowest.wrong))
+        return other, _ordered(other._lowest(other._weighed(known.branch, known.candidates, block, known.wrong)))
 
     # -- postures ----------------------------------------------------------------------------------------------
 
@@ -196,27 +189,13 @@ class Basins:
         return self._weighed(branch, candidates, block, wrong)
 
     def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
-        left, cost, forces = self._balance(block)
-        if self.loads.lift and self.loads is not self._fine_loads:
-            # Eight edges lose up to 8 % of the friction: where that may be what is missing, more of them.
-            near = np.flatnonzero((left > _BALANCED) & (left < _NEARLY))
-            if len(near):
-                finer = self._finer_block(candidates.take(near))
-                left[near], cost[near], _ = self._balance(finer, self._fine_supports)
-            forces = forces[:, :0]
+        count = len(block.needed)
+        left, cost, forces = imbalance(self.loads, [block, self.supports], [np.arange(count), np.zeros(count, int)])
         most = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
         score += _PER_DEPTH * np.maximum(wrong, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
         return Scored(branch, candidates, forces, left, wrong, score, most * score)
-
-    def _balance(self, block: Block, supports: Block | None = None) -> tuple[Array, Array, Array]:
-        count = len(block.needed)
-        blocks, index = [block, supports or self.supports], [np.arange(count), np.zeros(count, int)]
-        return imbalance(self.loads, blocks, index)
-
-    def _finer_block(self, candidates: Candidates) -> Block:
-        return finger_block(self.scene, self._fine_loads, self.setup, candidates, self.pose)
 
     def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
         task, count = self.task, len(branch)
@@ -245,34 +224,21 @@ class Basins:
         linked = along_outline(some.branch, self._ring.count) if any(self.task.middles) else in_bends(some.branch)
         return some.take(minima(some.score, linked))
 
-    def _judge_finely(self) -> None:
-        """Take finer friction cones from now on."""
-        self.loads, self.supports = self._fine_loads, self._fine_supports
-
     def _refined(self, best: Scored) -> Scored:
-        """The basins, judged finely and moved along their curves to where they are best, and the order then."""
-        self._judge_finely()
+        """The basins, moved along their curves to where they are best, and the order then."""
         count = len(best.score)
         window = _PLACE_WINDOW if any(self.task.middles) else _ARC_WINDOW
-        for number in range(1 if self._isolated else _ROUNDS):
-            branch, wrong, rows = best.branch, best.wrong, np.zeros(0, int)
-            if not self._isolated:
-                found, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
-                depth = self._depth(found)
-                clear = depth <= STRICT
-                rows = rows[clear]
-                branch, wrong = together([branch, found.take(clear)]), np.concatenate([wrong, depth[clear]])
-                self.postures += len(rows)
-            if number == 0:  # until now they were judged roughly
-                judged = self._scored(branch, wrong)
-                best = judged.take(slice(count))
-            else:
-                new = branch.take(slice(count, None))
-                judged = _merged(best, self._scored(new, wrong[count:])) if len(new) else best
-            score = judged.score[count:]
-            moved = best_of(score, rows, count)
-            better = np.append(score, np.inf)[moved] < best.score
-            best = judged.take(np.where(better, count + moved, np.arange(count)))
+        for number in range(0 if self._isolated else _ROUNDS):
+            found, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
+            depth = self._depth(found)
+            clear = depth <= STRICT
+            if not clear.any():
+                continue
+            new = self._scored(found.take(clear), depth[clear])
+            self.postures += len(new.score)
+            moved = best_of(new.score, rows[clear], count)
+            better = np.append(new.score, np.inf)[moved] < best.score
+            best = _merged(best, new).take(np.where(better, count + moved, np.arange(count)))
         return _ordered(best)
 
     def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:

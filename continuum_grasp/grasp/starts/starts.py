@@ -1,7 +1,7 @@
 """Starting points for the search: postures that touch, from geometry alone (numpy only).
 
 For each pose of the object that is tried, the postures of every finger are found on their own, combined, and ranked by
-how nearly contact forces and tensions within their limits could balance them. More are random changes of these.
+how nearly contact forces and tensions within their limits could balance them.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.basins import Basins, Scored, is_scanned
 from continuum_grasp.grasp.starts.force import contact_forces
 from continuum_grasp.grasp.starts.spread import spread_order
-from continuum_grasp.grasp.starts.supports import nearest_contact, object_poses, support_contacts
+from continuum_grasp.grasp.starts.supports import object_poses, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.grasp.starts.weighing import NEARLY_BALANCED, Weighed, Weighing
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
@@ -27,21 +27,20 @@ _STEP = 1e-9
 """Part of the length within which a curvature that steps changes: interpolation needs increasing knots."""
 
 
-def make_starts(scene: GraspScene, on: frozenset[str], count: int, rng: np.random.Generator) -> list[Start]:
+def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start]:
     """Starting points with the contacts wanted, ``on`` by name: those of fingers, and walls and pegs.
 
-    There are ``count`` of them, the most promising first, then such that differ from those before. Their labels: "scan"
-    touches everywhere it should without penetration; "near" does so as nearly as was found; "random" is one of these,
-    changed at random. An equal ``rng`` gives equal starts.
+    There are ``count`` of them at most, the most promising first, then such that differ from those before; none where
+    a finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so
+    as nearly as was found.
     """
     weighing = Weighing(scene, on)
     found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
     if not found:
-        return _shaken(weighing.setups, [_fallback(scene, on)], count, rng)
+        return []
     rows = [(at, row) for at in found for row in range(len(at.score))]
     score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True))
-    starts = [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
-    return _shaken(weighing.setups, starts, count, rng)
+    return [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
 
 
 def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Basins] | None:
@@ -113,53 +112,3 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
     estimate = sum(map(sum, tensions.values())) if at.left[row] < NEARLY_BALANCED else math.nan
     label = "near" if at.wrong[row] > 0.0 else "scan"
     return Start(label, at.pose, fingers, contacts, forces, tensions, estimate)
-
-
-def _fallback(scene: GraspScene, on: frozenset[str]) -> Start:
-    """Fingers slightly bent towards the object, and the nearest places on it."""
-    pose = scene.object.pose
-    fingers: dict[str, FingerStart] = {}
-    contacts: dict[str, ContactStart] = {}
-    for setup in scene.setups:
-        base, length = setup.finger.base, setup.finger.rod.length
-        low, high = setup.middle_bounds
-        size = len(setup.middles)
-        joints = tuple(low + (high - low) * (k + 1) / (size + 1) for k in range(size))
-        rel = complex(pose[0] - base.position[0], pose[1] - base.position[1]) * np.exp(-1j * base.angle)
-        side = 1 if rel.real <= 0.0 else -1
-        # One radian over the length, if the rod bears it.
-        bend = side * min(1.0 / length, 0.5 * setup.finger.curvature_limit)
-        fingers[setup.name] = FingerStart(
-            (*base.position, base.angle), joints, (side,) * size, (0.0, *joints, length), (bend,) * (size + 2)
-        )
-        for name, at in zip((*setup.middle_names, setup.tip_name), (*joints, length), strict=True):
-            if name in on:
-                local = (1j * (np.exp(1j * bend * at) - 1.0)) / (1j * bend)
-                world = complex(*base.position) + np.exp(1j * base.angle) * local
-                contacts[name] = nearest_contact(scene, pose, world)
-    contacts.update(support_contacts(scene, pose, on))
-    return Start("near", pose, fingers, contacts)
-
-
-def _shaken(setups: tuple[FingerSetup, ...], starts: list[Start], count: int, rng: np.random.Generator) -> list[Start]:
-    """The starts, and random changes of them up to ``count``."""
-    out = list(starts[:count])
-    while len(out) < count:
-        parent = starts[int(rng.integers(len(starts)))]
-        fingers = {}
-        for setup in setups:
-            old, length = parent.fingers[setup.name], setup.finger.rod.length
-            # 30 % noise reaches other basins; of 200 discs 98 % were still solved from starts so disturbed.
-            noise = 1.0 + 0.3 * rng.uniform(-1.0, 1.0, len(old.curvatures))
-            added = 0.3 / length * rng.uniform(-1.0, 1.0, len(old.curvatures))
-            limit = setup.finger.curvature_limit
-            bent = np.clip(np.array(old.curvatures) * noise + added, -limit, limit)
-            low, high = setup.middle_bounds
-            # Contacts move by up to 5 % of the length: half of the spacing of the scan.
-            joints = np.array(old.joints) + 0.05 * length * rng.uniform(-1.0, 1.0, len(old.joints))
-            joints = np.clip(np.sort(joints), low, high)
-            fingers[setup.name] = FingerStart(
-                old.base, tuple(joints.tolist()), old.sides, old.knots, tuple(bent.tolist())
-            )
-        out.append(Start("random", parent.object_pose, fingers, parent.contacts))
-    return out

@@ -43,7 +43,7 @@ class ContactStart:
 class Start:
     """One start."""
 
-    label: str  # "scan" (touches as it should), "near" (the closest there is), "random", "found" (a grasp) ...
+    label: str  # "scan" (touches as it should), "near" (the closest there is), "found" (a grasp) ...
     object_pose: Pose  # in the world [m, rad]
     fingers: dict[str, FingerStart]
     contacts: dict[str, ContactStart]  # all that are on, those with supports included

@@ -30,8 +30,6 @@ _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _SETS, _SHARE = {2: 48, 3: 96, 4: 96}, 4
 """Sets of so many fingers that touch with their tips alone at the first pose of the object; a quarter at the others."""
-_FIRST, _IMPROVED = 64, 3
-"""Combinations that are weighed first, and the best of them of which one finger's posture at a time is exchanged."""
 
 
 @dataclass(frozen=True)
@@ -108,26 +106,8 @@ def combine(
         np.array(spread_order(doubt(left) + cost, what, most))
         for (left, cost, _), what in zip(alone, features, strict=True)
     ]
-    sizes = [len(pick) for pick in picks]
-    total = int(np.prod(sizes))
-    some = np.arange(total)
-    if total > _FIRST:
-        # Multiples of the golden section are spread evenly, whatever their number.
-        some = np.unique((np.arange(_FIRST) * 0.6180339887498949 % 1.0 * total).astype(int))
-    index = [pick[i] for pick, i in zip(picks, np.unravel_index(some, sizes), strict=True)]
-    found = _weigh(loads, blocks, supports, index)
-    if total <= _FIRST:
-        return found
-    best = np.argsort(doubt(found[1]) + found[2], kind="stable")[:_IMPROVED]
-    more = [
-        [pick if k == finger else np.full(len(pick), i[row]) for k, i in enumerate(index)]
-        for row in best
-        for finger, pick in enumerate(picks)
-    ]
-    changed = np.unique(np.stack([np.concatenate(column) for column in zip(*more, strict=True)]), axis=1)
-    added = _weigh(loads, blocks, supports, list(changed))
-    joined = (np.concatenate([one, two]) for one, two in zip(found[1:], added[1:], strict=True))
-    return [np.concatenate(pair) for pair in zip(found[0], added[0], strict=True)], *joined  # type: ignore[return-value]
+    every = np.meshgrid(*picks, indexing="ij")
+    return _weigh(loads, blocks, supports, [index.ravel() for index in every])
 
 
 def doubt(left: Array) -> Array:
