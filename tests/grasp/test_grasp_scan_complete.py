@@ -10,9 +10,11 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 
 from continuum_grasp.grasp.starts.scan import touching
+from continuum_grasp.grasp.starts.scan.joint import first_joint
 from continuum_grasp.grasp.starts.scan.task import make_task
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.objects import Circle
+from tests.grasp.test_grasp_starts import finger_at, scene_of
 
 LENGTH, HALF = 0.18, 0.006  # of the finger [m]
 
@@ -90,3 +92,57 @@ def arcs(one, two):
     """Tips of two arcs of half the length by their bends, and the angles there."""
     z = (np.exp(1j * one) - 1.0) / one * 0.5 + np.exp(1j * one) * (np.exp(1j * two) - 1.0) / two * 0.5
     return z, one + two
+
+
+SEEDS = (4, 12, 19, 43)
+"""Arcs along faces and round corners, which no grid of bends comes near to."""
+
+
+def polygons(seed):
+    """A polygon round the origin and a finger of two arcs that looks at it from anywhere; its half thickness."""
+    rng = np.random.default_rng(seed)
+    radius, half = rng.uniform(0.01, 0.06), float(rng.choice([0.0, 0.002, 0.005]))
+    angles = np.cumsum(rng.dirichlet(np.full(5, 4.0))) * math.tau
+    vertices = [(radius * math.cos(a), radius * math.sin(a)) for a in angles.tolist()]
+    away, turn = rng.uniform(radius + 0.01, 0.15), rng.uniform(0.0, math.tau)
+    base = away * math.cos(turn), away * math.sin(turn), rng.uniform(0.0, math.tau)
+    return scene_of(
+        {"shape": "polygon", "vertices": vertices},
+        {"f": finger_at(*base, half=half)},
+        fidelity={"family": "arc", "elements": 2, "bending_range": 6.0},
+    )
+
+
+def clearances(corners, bends, length):
+    """Least distance of arcs of so many bends per length from a polygon, where along them it is, and whether the polygon
+    is on their left there.
+    """
+    s = np.linspace(0.0, length, 601)
+    points = (np.exp(1j * bends[:, None] * s) - 1.0) / bends[:, None]
+    edges = np.roll(corners, -1) - corners
+    off = points[..., None] - corners
+    share = np.clip((off * edges.conj()).real / np.abs(edges) ** 2, 0.0, 1.0)
+    gap = np.abs(off - share * edges).min(axis=2)
+    rows, nearest = np.arange(len(bends)), gap.argmin(axis=1)
+    onwards = 1j * np.exp(1j * bends * s[nearest])
+    left = ((corners.mean() - points[rows, nearest]) * onwards.conj()).imag > 0.0
+    return gap[rows, nearest], s[nearest], left
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_every_arc_that_first_touches_a_polygon_is_found(seed):
+    """Along faces and round corners."""
+    scene = polygons(seed)
+    (setup,) = scene.setups
+    base = (*setup.finger.base.position, setup.finger.base.angle)
+    task = make_task(scene, setup, base, scene.object.pose, 1, {"f.middle"})
+    corners = task.frame.point(np.array([complex(*v) for v in scene.object.vertices]))
+    low, high = task.bounds
+    bends = np.linspace(-6.0, 6.0, 500)
+    gap, at, left = clearances(corners, bends, high)
+    inside = left & (at > low + 0.01) & (at < high - 0.01)
+    passed = np.flatnonzero(((gap[:-1] - task.half) * (gap[1:] - task.half) < 0.0) & inside[:-1] & inside[1:])
+    found = first_joint(task)
+    assert len(passed)
+    for k in passed:
+        assert np.abs(found.curvatures[:, 0] - bends[k]).min() < 0.03

@@ -1,0 +1,156 @@
+"""The numbers by which a grasp problem is posed and solved: each decides otherwise on either side of it, or keeps a
+promise that fails without it.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from grasp_scenes import make_scene
+
+from continuum_grasp import nlp
+from continuum_grasp.grasp.problem import points, surroundings, values
+from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
+from continuum_grasp.grasp.problem.structure import FingerSpec
+
+NONE = np.zeros(1)
+
+
+def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
+    """How often a problem is solved whose fingers are so deep, per what is allowed, and whose new guarded places change
+    what is sought; from some round on neither.
+    """
+    solved = []
+
+    def solve(problem, start, budget):
+        solved.append(start)
+        forces = nlp.Multipliers(NONE, np.ones(1))
+        return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, objective, forces, 1, 0.0, 0.0, 0.0)
+
+    def now(value):
+        return value if len(solved) < settles_after else 0.0
+
+    problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
+    start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
+    look = lambda x, p: (now(deepest), p)  # noqa: E731
+    solve_clear(SimpleNamespace(solve=solve), problem, start, look, 1.0, nlp.Budget(), 9)
+    return len(solved)
+
+
+def places_seen(base):
+    """Gap that is needed beside the first element of a finger whose base is so far from a palm, per half thickness."""
+    setup = make_scene().setups[0]
+    half, wall = float(setup.finger.profile.half_thickness(0.0)), surroundings._Obstacle(make_scene().walls[0])
+    at, unit = np.array([[1.0, 0.0]]), SimpleNamespace(length=1.0)
+    needed = wall.near(at, np.zeros(1, int), np.array([half]), setup, 1, np.array([base * half, 0.0, 0.0]), None, unit)
+    return needed[2][0] / half
+
+
+LIMITS = [
+    ("change of what is sought by new places", 1e-5, lambda x: runs(moved=x) == 1),
+    ("the same of a great objective", 1e-5 * 300.0, lambda x: runs(moved=x, objective=-300.0) == 1),
+    ("depth between the places", 1.0, lambda x: runs(deepest=x) == 1),
+]
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_places_are_moved_until_little_changes(limit, decides):
+    assert decides((1.0 - 1e-6) * limit)
+    assert not decides((1.0 + 1e-6) * limit)
+
+
+def test_places_that_settle_late_are_waited_for_and_those_that_never_do_are_not():
+    assert runs(deepest=2.0, settles_after=6) == 6
+    assert runs(deepest=2.0) < 12
+
+
+def test_active_places_are_no_reason_to_solve_again():
+    """They are as deep as the tolerance; the certificate allows 1e-4 of the length, also between stations."""
+    scene = make_scene()
+    assert 1.001 < allowed_depth(scene) / scene.solver.penetration_tolerance < 1.5
+    stations = make_scene(contacts=scene.contacts.model_copy(update={"stations": 4}), elements=8)
+    assert 5.0 * scene.solver.penetration_tolerance < allowed_depth(stations) < 0.2 * 1e-4
+
+
+def test_a_base_that_touches_a_support_to_rounding_is_outside():
+    assert places_seen(1.0 - 1e-10) == 1.0
+    assert places_seen(1.0 - 1e-8) == 0.0
+
+
+def test_scenes_whose_bending_ranges_are_alike_share_a_solver():
+    def spec(turn):
+        scene = make_scene().changed({"fidelity.bending_range": turn})
+        return FingerSpec.of(scene.setups[0], frozenset({"finger.tip"}), False)
+
+    for turn in np.linspace(0.5, 6.28, 30):
+        assert turn <= spec(turn).bending_range <= max(1.0, 2.1 * turn)
+    assert len({spec(turn) for turn in np.linspace(0.5, 6.28, 30)}) <= 5
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_a_rounded_cone_costs_nothing_and_has_derivatives_where_nothing_presses(share):
+    rounding, friction = values.APEX, 0.5
+    problem = SimpleNamespace(spec=SimpleNamespace(gravity="out_of_plane"), numbers=lambda name: rounding)
+    force = ca.SX.sym("force", 3)
+    cone = friction_cone(problem, friction, *ca.vertsplit(force))
+    at = ca.Function("cone", [force], [cone, ca.gradient(cone, force), ca.hessian(cone, force)[0]])
+    exact = share / friction
+    assert float(at([exact, 0.0, share])[0]) < 0.0  # all inside the true cone
+    assert float(at([exact * (1.0 + 1e-6), 0.0, share])[0]) > 0.0
+    assert all(np.isfinite(np.array(part)).all() for part in at([0.0, 0.0, 0.0]))
+    # Contacts without force start inside, by little.
+    assert 0.0 < float(at([points.PRESSED, 0.0, 0.0])[0]) < 0.02
+    # The kink is rounded where steps of a thousandth of the weight see it.
+    assert np.abs(np.array(at([0.0, 0.0, 0.0])[2])).max() < 1e5
+
+
+def test_tensions_count_little_beside_another_aim():
+    """All of them at their greatest, as a part of the weight: unique, and less than the search resolves (1e-3)."""
+    scene = make_scene(objective="least_normal_force")
+    greatest = sum(setup.tendons.max_tension for setup in scene.setups)
+    assert 1e-6 < values.tension_weight(scene) * greatest < 5e-5
+
+
+def test_places_of_greatest_depth_are_found_between_those_of_a_grid():
+    """Also where the depth is far from a parabola: it falls by different powers on both sides."""
+    rng = np.random.default_rng(0)
+    peaks = np.sort(rng.uniform(0.05, 0.95, (40, 1)))
+
+    def depth(fractions):
+        off = fractions - peaks
+        return np.where(off > 0.0, -(np.abs(off) ** 1.5), -40.0 * off**2)
+
+    even = np.tile(np.arange(surroundings.FINE + 1) / surroundings.FINE, (40, 1))
+    found = surroundings._refined(depth, surroundings._deepest(depth(even), 1))
+    assert np.abs(found - peaks).max() < 1e-4
+
+
+def test_two_places_of_an_element_are_in_different_dips():
+    at = np.arange(surroundings.FINE + 1) / surroundings.FINE
+    dips = -np.minimum((at - 0.3) ** 2, (at - 0.62) ** 2 + 0.01)[None]
+    found = surroundings._deepest(np.tile(dips, (1, 1)), 2)
+    assert found[0] == pytest.approx([0.3, 0.62], abs=5e-3)
+
+
+def test_elements_of_a_taper_are_equal_parts_of_bending_waves():
+    """Of a stiffness that falls exponentially, in closed form."""
+    setup = make_scene(elements=6).setups[0]
+    rate, length = math.log(30.0), setup.finger.rod.length
+    profile = SimpleNamespace(
+        length=length,
+        linear_density=lambda s: np.ones_like(s),
+        bending_stiffness=lambda s: np.exp(-rate * s / length),
+    )
+    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6)
+    places = values.node_places(tapered, [0.4 * length]) / length
+
+    def waves(s):
+        return np.exp(0.25 * rate * s)
+
+    for part in (places[:4], places[3:]):
+        assert np.diff(waves(part)) == pytest.approx(np.ptp(waves(part)) / 3, rel=2e-4)
