@@ -114,9 +114,7 @@ def polygons(seed):
 
 
 def clearances(corners, bends, length):
-    """Least distance of arcs of so many bends per length from a polygon, where along them it is, and whether the polygon
-    is on their left there.
-    """
+    """Least distance of arcs from a polygon, where along them it is, and whether the polygon is on their left there."""
     s = np.linspace(0.0, length, 601)
     points = (np.exp(1j * bends[:, None] * s) - 1.0) / bends[:, None]
     edges = np.roll(corners, -1) - corners

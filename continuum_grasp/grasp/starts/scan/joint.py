@@ -51,11 +51,11 @@ def first_joint(task: FingerTask) -> Postures | None:
             ell = positions[row]
             groups.append(_arcs_to_joint(task, part, ell, bends[column] / ell, walk))
         return _clear(task, join(groups))
-    grid, ends, turns, sane = guess_table(_REACH, _GRID)
-    bent = np.stack([v[sane] for v in np.meshgrid(grid, grid, indexing="ij")], axis=1)
+    grid, ends, turns = guess_table(_REACH, _GRID)
+    bent = np.stack([v.ravel() for v in np.meshgrid(grid, grid, indexing="ij")], axis=1)
     groups = []
     for part, shape in enumerate(task.shapes):
-        row, column, walk = _guesses(task, shape, positions, ends[sane], turns[sane])
+        row, column, walk = _guesses(task, shape, positions, ends.ravel(), turns.ravel())
         ell = positions[row]
         guess = bent[column] / ell[:, None]
         groups.append(_to_joint(task, part, ell, guess, walk))
