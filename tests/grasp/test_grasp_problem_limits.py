@@ -13,7 +13,7 @@ import pytest
 from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.problem import points, surroundings, values
+from continuum_grasp.grasp.problem import limits, points, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import FingerSpec
@@ -51,15 +51,32 @@ def places_seen(base):
     return needed[2][0] / half
 
 
+def in_order(apart):
+    """Whether two middle contacts so far from each other, per length, may be."""
+    rows = {}
+    problem = SimpleNamespace(
+        rows=SimpleNamespace(require=lambda name, expression, *_, **__: rows.update({name: expression})),
+        slack=dict.fromkeys(("tension", "bending range"), 0.0),
+    )
+    finger = SimpleNamespace(
+        spec=SimpleNamespace(name="f", drive=None, strained=False, touching=(True, True)),
+        number=lambda name, size=1: ca.DM.zeros(size), pulls=ca.DM.zeros(2), curvatures=lambda: [ca.DM.zeros(2, 3)] * 3,
+        joints=[ca.DM(0.3), ca.DM(0.3 + apart)],
+    )  # fmt: skip
+    limits._keep_limits(problem, finger)
+    return float(rows["order of the middle contacts, f"]) >= 0.0
+
+
 LIMITS = [
     ("change of what is sought by new places", 1e-5, lambda x: runs(moved=x) == 1),
     ("the same of a great objective", 1e-5 * 300.0, lambda x: runs(moved=x, objective=-300.0) == 1),
     ("depth between the places", 1.0, lambda x: runs(deepest=x) == 1),
+    ("distance of two middle contacts", 0.02, lambda x: not in_order(x)),
 ]
 
 
 @pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
-def test_places_are_moved_until_little_changes(limit, decides):
+def test_a_problem_is_otherwise_on_either_side_of_a_limit(limit, decides):
     assert decides((1.0 - 1e-6) * limit)
     assert not decides((1.0 + 1e-6) * limit)
 
