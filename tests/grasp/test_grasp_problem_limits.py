@@ -5,6 +5,7 @@ promise that fails without it.
 from __future__ import annotations
 
 import math
+from functools import cache
 from types import SimpleNamespace
 
 import casadi as ca
@@ -13,10 +14,14 @@ import pytest
 from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import limits, points, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
-from continuum_grasp.grasp.problem.structure import FingerSpec
+from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
+from continuum_grasp.grasp.starts.starts import make_starts
 
 NONE = np.zeros(1)
 
@@ -79,6 +84,56 @@ LIMITS = [
 def test_a_problem_is_otherwise_on_either_side_of_a_limit(limit, decides):
     assert decides((1.0 - 1e-6) * limit)
     assert not decides((1.0 + 1e-6) * limit)
+
+
+@cache
+def posed(objective="least_tension"):
+    """The problem of a mug, its numbers and unknowns at a start, and the bounds of these."""
+    scene = make_scene(objective=objective)
+    start = make_starts(scene, contact_modes(scene)[0], 1, np.random.default_rng(0))[0]
+    problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
+    features = values.contact_features(scene, start.contacts)
+    numbers = values.problem_values(problem, scene, start, features)
+    x = points.starting_point(problem, scene, start, features)
+    return scene, problem, numbers, x, values.problem_bounds(problem, scene, features)
+
+
+def test_amounts_of_several_components_have_a_derivative_at_zero():
+    _, problem, numbers, x, _ = posed()
+    packed = problem.numbers.pack({**numbers, "effort weight": 0.0, "relaxation weights": np.ones(len(RELAXATIONS))}, 0)
+    slope = ca.gradient(problem.objective, problem.x.symbol)
+    value, slope = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope])(x, packed)
+    assert np.isfinite(np.array(slope)).all()
+    assert float(value) < 3e-6  # of a unit of the problem
+
+
+def test_contact_forces_are_unique_and_cost_next_to_nothing():
+    _, problem, numbers, x, _ = posed()
+    forces = np.concatenate([np.r_[at] for name, at in problem.x.at.items() if name.startswith("force, ")])
+    bend, slope = ca.hessian(problem.objective, problem.x.symbol)
+    function = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope, bend])
+    value, slope, bend = (np.array(v) for v in function(x, problem.numbers.pack(numbers, 0)))
+    assert np.linalg.eigvalsh(bend[np.ix_(forces, forces)]).min() > 0.0
+    assert 0.5 * slope[forces, 0] @ x[forces] < 1e-6 * value.item()
+
+
+def test_a_finger_that_may_be_inside_may_point_anywhere():
+    """By a five-hundredth of the length, where that is relaxed."""
+    _, problem, numbers, x, _ = posed()
+    (block,) = (b for b in problem.rows.blocks if b.name.startswith("contact direction"))
+    rows = ca.Function("g", [problem.x.symbol, problem.numbers.symbol], [problem.rows.g])
+    inside = x.copy()
+    inside[problem.x.at["relaxed clearance at the object"]] = 2e-3
+    more = rows(inside, problem.numbers.pack(numbers, 0)) - rows(x, problem.numbers.pack(numbers, 0))
+    assert float(np.array(more)[block.rows].item()) >= 1.0
+
+
+def test_contacts_press_where_slipping_is_an_aim():
+    scene, problem, _, _, (low, _) = posed("greatest_friction_margin")
+    force = values.Units.of(scene).force
+    for name, at in problem.x.at.items():
+        if name.startswith("force, "):
+            assert 5e-4 < low[at][0] * force / max(scene.weight, force) < 5e-3
 
 
 def test_places_that_settle_late_are_waited_for_and_those_that_never_do_are_not():

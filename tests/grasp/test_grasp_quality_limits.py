@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from continuum_grasp.grasp.quality import lp
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
-from continuum_grasp.grasp.quality.object_balance import least_friction
+from continuum_grasp.grasp.quality.object_balance import _Balance, least_friction
 from continuum_grasp.grasp.quality.resistance import _Limits
 from continuum_grasp.scene.grasp_options import GraspContacts, PlanarGravity
 from continuum_grasp.scene.objects import Box
@@ -82,10 +82,18 @@ def limits_of(**changes):
     """The limits of one contact that presses with a newton, and of one finger."""
     limits = object.__new__(_Limits)
     values = {
-        "names": ("a.tip",), "setups": (SimpleNamespace(name="a"),), "scale": 1.0,
-        "forces": np.array([[1.0, 0.0, 0.0]]), "friction": np.ones(1), "normal_max": np.ones(1), "low": np.zeros(1), "high": np.full(1, math.inf),
-        "spare": np.zeros(1), "ranges": np.array([[-9.0, 9.0]]), "reach": np.full(4, math.inf),
-    }  # fmt: skip
+        "names": ("a.tip",),
+        "setups": (SimpleNamespace(name="a"),),
+        "scale": 1.0,
+        "forces": np.array([[1.0, 0.0, 0.0]]),
+        "friction": np.ones(1),
+        "normal_max": np.ones(1),
+        "low": np.zeros(1),
+        "high": np.full(1, math.inf),
+        "spare": np.zeros(1),
+        "ranges": np.array([[-9.0, 9.0]]),
+        "reach": np.full(4, math.inf),
+    }
     vars(limits).update(values | changes)
     return limits
 
@@ -128,6 +136,8 @@ LIMITS = [
      lambda x: not names_a_limit(ranges=np.array([[-1.0, x / (1.0 - x)]]))),
     ("multiple of a contact's force that counts as unlimited", 1e4, lambda x: not is_limited(x)),
     ("distance from a corner", 1e-6, is_no_corner),
+    ("friction force that is none, per weight", 1e-9,
+     lambda x: _Balance.used(SimpleNamespace(force=1.0), np.array([[1.0, x, 0.0]]), np.ones(1)) > 0.0),
 ]  # fmt: skip
 
 
