@@ -11,7 +11,7 @@ from grasp_scenes import UPRIGHT, make_scene
 
 from continuum_grasp.grasp.starts.scan import touching
 from continuum_grasp.grasp.starts.scan.joint import first_joint
-from continuum_grasp.grasp.starts.scan.task import make_task
+from continuum_grasp.grasp.starts.scan.task import ALLOWED, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.objects import Circle
 from tests.grasp.test_grasp_starts import finger_at, scene_of
@@ -144,3 +144,18 @@ def test_every_arc_that_first_touches_a_polygon_is_found(seed):
     assert len(passed)
     for k in passed:
         assert np.abs(found.curvatures[:, 0] - bends[k]).min() < 0.03
+
+
+def test_depths_are_those_of_finely_sampled_curves():
+    """To half of what a start may be too deep."""
+    task, center, reach = task_of("matched_clothoid", True)
+    task, rng = replace(task, walls=()), np.random.default_rng(4)
+    bends = rng.uniform(-8.0, 8.0, (200, 2))
+    knots = np.tile([0.0, 1.0], (200, 1))
+    found = obstruction(task, knots, bends, np.full((200, 1), 0.5))
+    s = (np.arange(4000) + 0.5) / 4000
+    steps = 1j * np.exp(1j * (bends[:, :1] * s + 0.5 * np.diff(bends, axis=1) * s**2)) / 4000
+    depth = reach - np.abs(np.cumsum(steps, axis=1) - center).min(axis=1)
+    near = np.abs(depth) < 0.1
+    assert near.sum() > 40
+    assert np.abs(found - depth)[near].max() < 0.5 * ALLOWED
