@@ -44,6 +44,8 @@ def test_all_curves_in_a_direction_are_found():
     aims, turns = np.exp(1j * rng.uniform(0.0, math.tau, 25)), rng.uniform(-6.0, 6.0, 25)
     rows, guess = bends_to(aims, turns)
     bend, length, good = exact_bends(aims[rows], turns[rows], guess)
+    # Near enough for Newton's method; with a fourth of the lines 2 in 1,000 roots are lost.
+    assert np.abs(bend - guess)[good].max() < 0.02
     fine = np.linspace(-11.0, 11.0, 4001)
     for row, (aim, turn) in enumerate(zip(aims, turns, strict=True)):
         off = chords(fine, np.full(fine.shape, turn))[0] * np.conj(aim)

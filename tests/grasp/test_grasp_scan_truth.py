@@ -27,7 +27,7 @@ NARROW = (217, 289, 471, 653, 763, 818, 856, 906, 925, 946, 976, 1381, 1544, 168
 STEEP = (20, 226, 585, 682, 1214, 1314, 1739, 1823, 2250, 2363, 2957)
 """Scenes of one finger that coarser or more hasty scans miss: short feasible pieces, narrow basins, roots that nearly
 merge, curvatures at their limits, tips that touch with their sides."""
-ROUGH = [(661, 0.01), (929, 0.01), (1071, 0.01), (1242, 0.04), (2197, 0.03), (2928, 0.01)]
+ROUGH = [(55, 0.01), (661, 0.01), (929, 0.01), (1071, 0.01), (1242, 0.04), (2197, 0.03), (2928, 0.01)]
 """Scenes whose best posture few rough starts are near, and by what part their estimate may be off."""
 TIPS = [("two", 2), ("two", 28), ("two", 58), ("two", 77), ("three", 13), ("three", 19)]
 """Scenes of fingers that touch with their tips alone."""
@@ -90,7 +90,7 @@ def rod(curvature, force, direction):
 
 def test_tabled_shapes_are_those_of_rods():
     table, rng = elastica_table(), np.random.default_rng(0)
-    rows, columns = np.nonzero(table.sane)
+    rows, columns = np.nonzero(np.abs(table.curvatures).max(axis=2) < 18.0)  # beyond, no finger bends
     off = []
     for k in rng.integers(len(rows), size=60):
         row, column = rows[k], columns[k]
@@ -102,14 +102,14 @@ def test_tabled_shapes_are_those_of_rods():
 
 
 def rods_on_discs(count):
-    """Random rods whose tips press on a disc within the friction cone, and where it is, per length."""
-    rng = np.random.default_rng(1)
+    """Random rods whose tips press on a disc at the edge of the friction cone, and where it is, per length."""
+    rng = np.random.default_rng(5)
     while count:
         force, direction = math.exp(rng.uniform(-2.0, 4.4)), rng.uniform(-math.pi, math.pi)
         shape = rod(rng.uniform(-9.0, 9.0), force, direction)
         at = np.linspace(0.0, 1.0, 65)
         turn, curvature, x, y = shape(at)
-        normal = np.exp(1j * (direction + rng.uniform(-0.4, 0.4)))
+        normal = np.exp(1j * (direction + rng.choice([-1, 1]) * (math.atan(0.5) - rng.uniform(0.0, 0.06))))
         center = complex(x[-1], y[-1]) - 0.22 * normal
         ahead = (normal * np.conj(1j * np.exp(1j * turn[-1]))).real < -0.05
         clear = np.abs(x[:-1] + 1j * y[:-1] - center).min() > 0.22
@@ -120,7 +120,7 @@ def rods_on_discs(count):
 
 def test_a_rod_that_its_tip_bends_is_near_a_posture_of_the_scan():
     away = []
-    for points, center in rods_on_discs(12):
+    for points, center in rods_on_discs(20):
         body = {"shape": "circle", "diameter": 0.08, "position": (0.2 * center.real, 0.2 * center.imag)}
         model = {"family": "matched_clothoid", "elements": 4, "bending_range": 6.28}
         scene = touching(body, "tip", base=(0.0, 0.0, 0.0)).changed({"fidelity": model})

@@ -41,8 +41,6 @@ LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
 _FINE = 65
 """Places per segment between which the lengths of a graded finger's elements are measured out."""
-NO_LIMIT = 1e6
-"""Difference of the tensions that stands for none, of winches that follow a length [E I / (L offset)]."""
 HELD = 1e-3
 """Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
@@ -236,7 +234,8 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             "servo": law.servo * pull / length if law.locks else 0.0,
             "taut": SOFT / (law.series + law.axial) / pull,
             "start": law.start / length,
-            "torque_max": law.greatest / pull if math.isfinite(law.greatest) else NO_LIMIT,
+            # Winches that follow a length have no limit: no difference of tensions is twice their greatest.
+            "torque_max": min(law.greatest, 2.0 * most) / pull,
         }
     if GradedSpec.of(setup, weighs) is None:
         values |= {

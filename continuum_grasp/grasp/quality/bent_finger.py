@@ -23,10 +23,6 @@ Array = NDArray[Any]
 
 CELLS = 32
 """Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""
-_NODES = 4
-"""Gauss points per cell: exact for the stiffness, and to rounding for the motions of cells that bend by some 0.1
-rad."""
-
 CONFORMING = 1e-3
 """Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
 as lying against each other and do not turn."""
@@ -66,7 +62,7 @@ class BentFinger:
         friction, dry = friction_of(setup, self._shape)
         marks = [*inner, *(mass.at for mass in self.finger.masses)]
         marks += [] if dry is None else dry.edges[1:-1].tolist()
-        self.rod = DenseRod(self.finger, self._shape.joints, 1.0 / CELLS, base, marks=marks, nodes=_NODES)
+        self.rod = DenseRod(self.finger, self._shape.joints, 1.0 / CELLS, base, marks=marks)
         bent, profile = self._shape.curvature(self.rod.nodes), self.finger.profile
         self._angles = self.rod.edge_angle(bent)
         mesh, hats = self.rod.mesh, self._hats(inner)

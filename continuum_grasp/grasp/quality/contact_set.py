@@ -16,8 +16,6 @@ Array = NDArray[Any]
 
 CORNER = 1e-6
 """Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
-_FLAT = 1e-12
-"""Below this part of the greatest, a length is rounding."""
 
 
 class ContactSet:
@@ -165,7 +163,7 @@ def _chosen(points: Array, count: int) -> list[Array]:
 
 def _units(directions: Array) -> Array:
     lengths = np.linalg.norm(directions, axis=1)
-    retained = lengths > _FLAT * max(1e-300, lengths.max(initial=0.0))
+    retained = lengths > 0.0  # the direction of rounding is one more that does no harm
     return np.asarray(directions[retained] / lengths[retained][:, None])
 
 

@@ -127,13 +127,13 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     def nearest_feature(self, part: OffsetPolygon, point: tuple[float, float], normal_angle: float) -> int:
         best, index = math.inf, 0
+        size = float(np.ptp(np.array(part.vertices), axis=0).max()) + part.radius
         for k, feature in enumerate(self.features(part)):
             share, angle = self.place(part, feature, point, normal_angle)
             ax, ay, bx, by, r = feature.numbers
             x = ax + share * (bx - ax) + r * math.cos(angle) - point[0]
             y = ay + share * (by - ay) + r * math.sin(angle) - point[1]
             turn = abs(math.remainder(angle - normal_angle, math.tau))
-            size = float(np.ptp(np.array(part.vertices), axis=0).max()) + part.radius
             # At the end of a face the corner fits as well: prefer the face, along which a contact can slide.
             cost = math.hypot(x, y) / size + turn + (1e-9 if ax == bx and ay == by and len(part.vertices) > 1 else 0.0)
             if cost < best:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -121,11 +122,11 @@ class _PolygonShape(Value):
     vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
     """Corners of a convex polygon in order, either way round [m]; a search takes longer with more than a hundred."""
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         return (OffsetPolygon(counter_clockwise(self.vertices)),)
 
-    @property
+    @cached_property
     def centroid(self) -> Point:
         return polygon_centroid(self.vertices)
 
@@ -149,11 +150,11 @@ class _RoundedPolygonShape(Value):
     corner_radius: Extent
     """Radius of the rounded corners [m]."""
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         return (rounded(counter_clockwise(self.vertices), self.corner_radius),)
 
-    @property
+    @cached_property
     def centroid(self) -> Point:
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 

@@ -56,7 +56,7 @@ def _elastica(task: FingerTask) -> Postures | None:
         near = np.abs(table.tips - shape.center) < shape.extent + task.half + 0.7
         gap = np.full(table.tips.shape, np.nan)
         gap[near] = shape.distance(table.tips[near]) - task.half
-        i, j, share, walk = crossings(shape, gap, table.tips, table.sane)
+        i, j, share, walk = crossings(shape, gap, table.tips)
         pushed = np.cos(table.directions[i] - shape.walk(walk).angle) > math.cos(cone)
         retained = pushed | (table.forces[i] == 0.0)
         i, j, share, walk = i[retained], j[retained], share[retained], walk[retained]

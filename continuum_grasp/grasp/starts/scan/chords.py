@@ -19,8 +19,6 @@ _MOST_BEND = 12.0
 """Greatest first curvature, per length: of a curve that turns by a whole turn and whose curvature grows from zero."""
 _TURNS, _BENDS = 129, 97
 """Size of the table: 0.1 rad and 0.25 apart, so that linear interpolation is good to 2e-3 of the length."""
-_AWAY = 0.4
-"""Greatest change of a first curvature, times the length, from its guess: one and a half lines of the table."""
 _EARLY, _LATE = NODES - NODES**2, NODES**2
 _RULES = np.stack([WEIGHTS, WEIGHTS * _EARLY], axis=1)
 
@@ -83,7 +81,7 @@ def exact_bends(aims: Array, turns: Array, guess: Array) -> tuple[Array, Array, 
     """
     back = np.conj(aims / np.abs(aims))
     if kernel.library():
-        numbers = len(aims), len(NODES), _AWAY, NODES, WEIGHTS, np.conj(back), turns, guess
+        numbers = len(aims), len(NODES), NODES, WEIGHTS, np.conj(back), turns, guess
         bend, along, across = kernel.called("exact_bends", np.empty((3, len(aims))), *numbers)
         good = (np.abs(across) < 1e-9) & (along > 1e-3)
         return bend, np.abs(aims) / np.where(good, along, 1.0), good
@@ -92,8 +90,7 @@ def exact_bends(aims: Array, turns: Array, guess: Array) -> tuple[Array, Array, 
     for _ in range(4):
         chord, slope = chords(bend, turns)
         off, fall = chord * back, (slope * back).imag
-        step = off.imag / np.where(np.abs(fall) < 1e-9, 1e-9, fall)
-        bend = np.clip(bend - step, guess - _AWAY, guess + _AWAY)
+        bend = bend - off.imag / np.where(np.abs(fall) < 1e-9, 1e-9, fall)
     chord, _ = chords(bend, turns)
     off = chord * back
     good = (np.abs(off.imag) < 1e-9) & (off.real > 1e-3)

@@ -124,14 +124,14 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
 
 
 @lru_cache(64)
-def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[Array, Array, Array, Array]:
+def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[Array, Array, Array]:
     """Curves of length one whose end curvatures are on a grid: end curvatures (count,), end points (count, count) and
-    angles (count, count) by first and last curvature, and which of them are not too crooked.
+    angles (count, count) by first and last curvature.
 
     Where ``joint`` is given they are two arcs that meet there.
     """
     grid = np.linspace(-reach, reach, count)
-    return grid, *table_of(grid, grid, joint), np.abs(grid[:, None] - grid) <= 1.5 * reach
+    return grid, *table_of(grid, grid, joint)
 
 
 def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, Array]:

@@ -29,8 +29,6 @@ _DIRECTIONS = 36
 _STEPS = 32
 """Steps of the midpoint rule: the tip is off by 0.1 % of the length (median; 0.8 % at the 95th percentile), and
 Newton's method makes every start touch exactly afterwards."""
-_MOST_CURVED, _MOST_TURNED = 18.0, 6.0
-"""Curvature [1/L] and turn of the tip [rad] beyond which a shape is left unused: almost three turns, or one."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,6 @@ class ElasticaTable:
     forces: Array  # (F,)
     tips: Array  # (F, C) complex
     curvatures: Array  # (F, C, S) at evenly spaced positions
-    sane: Array  # (F, C) neither curved nor turned beyond any finger
 
 
 @lru_cache(1)
@@ -66,8 +63,7 @@ def elastica_table() -> ElasticaTable:
         tip = tip + step * tangent
         bent = bent - step * (np.conj(tangent) * pull).imag
         curvatures[..., k + 1] = bent
-    sane = (np.abs(curvatures).max(axis=2) < _MOST_CURVED) & (np.abs(turn) < _MOST_TURNED)
-    return ElasticaTable(directions, forces, tip, curvatures, sane)
+    return ElasticaTable(directions, forces, tip, curvatures)
 
 
 @lru_cache(32)

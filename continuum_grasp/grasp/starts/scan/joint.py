@@ -51,11 +51,11 @@ def first_joint(task: FingerTask) -> Postures | None:
             ell = positions[row]
             groups.append(_arcs_to_joint(task, part, ell, bends[column] / ell, walk))
         return _clear(task, join(groups))
-    grid, ends, turns, sane = guess_table(_REACH, _GRID)
-    bent = np.stack([v[sane] for v in np.meshgrid(grid, grid, indexing="ij")], axis=1)
+    grid, ends, turns = guess_table(_REACH, _GRID)
+    bent = np.stack([v.ravel() for v in np.meshgrid(grid, grid, indexing="ij")], axis=1)
     groups = []
     for part, shape in enumerate(task.shapes):
-        row, column, walk = _guesses(task, shape, positions, ends[sane], turns[sane])
+        row, column, walk = _guesses(task, shape, positions, ends.ravel(), turns.ravel())
         ell = positions[row]
         guess = bent[column] / ell[:, None]
         groups.append(_to_joint(task, part, ell, guess, walk))
@@ -177,7 +177,7 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
     point, angle = ends_of(family)
     for share in (0.15, 0.3, 0.45, 0.6, 0.8):
         ell = share * (task.bounds[1] - last)
-        # Shorter than 3 % of the length, or curved beyond 30 1/L, no curve is worth a start.
+        # Shorter than 3 % of the length, no curve is worth a start.
         rows = np.flatnonzero(ell > 0.03)
         if not len(rows):
             continue
@@ -190,7 +190,6 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
                 end, _, _, _ = segment_end(lengths, curve)
                 _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
                 bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
-                good &= np.abs(bent).max(axis=1) < 30.0
                 if not good.any():
                     continue
                 retained = family.take(rows[good])

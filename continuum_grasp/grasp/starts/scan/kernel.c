@@ -201,8 +201,8 @@ int tip_roots(int count, int size, int arc, int steps, double half, double round
 
 /* As `chords.exact_bends`, with a Gauss rule (node, weight): first curvatures next to guesses, lengths, and whether they
    were found, property after property. The aims are unit vectors. */
-int exact_bends(int count, int size, double away, const double *node, const double *weight, const double *aim,
-                const double *turn, const double *guess, double *out)
+int exact_bends(int count, int size, const double *node, const double *weight, const double *aim, const double *turn,
+                const double *guess, double *out)
 {
     double angle[16], sines[16], cosines[16];
     for (int b = 0; b < count; ++b) {
@@ -225,7 +225,7 @@ int exact_bends(int count, int size, double away, const double *node, const doub
             if (step == 4)
                 break;
             const double fall = dx * s + dy * c;
-            bend = less(more(bend - off / (fabs(fall) < 1e-9 ? 1e-9 : fall), guess[b] - away), guess[b] + away);
+            bend -= off / (fabs(fall) < 1e-9 ? 1e-9 : fall);
         }
         out[b] = bend;
         out[count + b] = along;

@@ -66,22 +66,15 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     return None if found is None else unique(found)
 
 
-def crossings(
-    shape: Outline,
-    gap: Array,
-    tips: Array,
-    usable: Array | bool = True,
-    *,
-    axis: int = 1,
-) -> tuple[Array, Array, Array, Array]:
+def crossings(shape: Outline, gap: Array, tips: Array, *, axis: int = 1) -> tuple[Array, Array, Array, Array]:
     """Where neighbors along an axis of tables have their tips on either side of a grown outline: indices of the first
     of both, the share of the way to the second, and the walk of the nearest place.
     """
     one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
     two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
-    a, b, usable = gap[one], gap[two], np.broadcast_to(usable, gap.shape)
+    a, b = gap[one], gap[two]
     with np.errstate(invalid="ignore"):
-        i, j = np.nonzero((a * b <= 0.0) & (a != b) & usable[one] & usable[two])
+        i, j = np.nonzero((a * b <= 0.0) & (a != b))
     share = a[i, j] / (a[i, j] - b[i, j])
     tip = tips[one][i, j] + share * (tips[two][i, j] - tips[one][i, j])
     return i, j, share, shape.nearest(tip)[1]
@@ -102,7 +95,7 @@ def tip_only(task: FingerTask) -> Postures | None:
     reach, count = TIP_REACH, TIPS if task.arcs else TIPS // 2 + 1
     if joint is not None:
         reach, count = _ARCS_REACH, _ARCS_GRID
-    grid, ends, _, sane = guess_table(reach, count, joint)
+    grid, ends, _ = guess_table(reach, count, joint)
     knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
     groups = []
     for part, shape in enumerate(task.shapes):
@@ -111,17 +104,17 @@ def tip_only(task: FingerTask) -> Postures | None:
         touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
         if touches and _in_front(shape, walk, np.zeros(1)).all():
             groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, walk))
-        groups += _cuts(part, shape, knots, grid, (gap, ends, sane))
+        groups += _cuts(part, shape, knots, grid, gap, ends)
     every = join(groups)
     return None if every is None else unique(every)
 
 
-def _cuts(part: int, shape: Outline, knots: Array, grid: Array, table: tuple[Array, Array, Array]) -> list[Postures]:
+def _cuts(part: int, shape: Outline, knots: Array, grid: Array, gap: Array, ends: Array) -> list[Postures]:
     """Curves whose tip touches, between neighbors on a grid of first and last curvatures."""
     groups = []
     half = len(knots) // 2
     for axis in (0, 1):
-        i, j, share, walk = crossings(shape, *table, axis=axis)
+        i, j, share, walk = crossings(shape, gap, ends, axis=axis)
         if len(i):
             curve = np.repeat(np.stack([grid[i], grid[j]], axis=1), half, axis=1)
             columns = tuple(range(axis * half, axis * half + half))

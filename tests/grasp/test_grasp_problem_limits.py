@@ -1,0 +1,245 @@
+"""The numbers by which a grasp problem is posed and solved: each decides otherwise on either side of it, or keeps a
+promise that fails without it.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from grasp_scenes import make_scene
+
+from continuum_grasp import nlp
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.problem import graded_curves, limits, points, surroundings, values
+from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
+from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
+from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.scene.profile import Curve
+
+NONE = np.zeros(1)
+
+
+def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
+    """How often a problem is solved whose fingers are so deep, per what is allowed, and whose new guarded places change
+    what is sought; from some round on neither.
+    """
+    solved = []
+
+    def solve(problem, start, budget):
+        solved.append(start)
+        forces = nlp.Multipliers(NONE, np.ones(1))
+        return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, objective, forces, 1, 0.0, 0.0, 0.0)
+
+    def now(value):
+        return value if len(solved) < settles_after else 0.0
+
+    problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
+    start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
+    look = lambda x, p: (now(deepest), p)  # noqa: E731
+    solve_clear(SimpleNamespace(solve=solve), problem, start, look, 1.0, nlp.Budget(), 9)
+    return len(solved)
+
+
+def places_seen(base):
+    """Gap that is needed beside the first element of a finger whose base is so far from a palm, per half thickness."""
+    setup = make_scene().setups[0]
+    half, wall = float(setup.finger.profile.half_thickness(0.0)), surroundings._Obstacle(make_scene().walls[0])
+    at, unit = np.array([[1.0, 0.0]]), SimpleNamespace(length=1.0)
+    needed = wall.near(at, np.zeros(1, int), np.array([half]), setup, 1, np.array([base * half, 0.0, 0.0]), None, unit)
+    return needed[2][0] / half
+
+
+def in_order(apart):
+    """Whether two middle contacts so far from each other, per length, may be."""
+    rows = {}
+    problem = SimpleNamespace(
+        rows=SimpleNamespace(require=lambda name, expression, *_, **__: rows.update({name: expression})),
+        slack=dict.fromkeys(("tension", "bending range"), 0.0),
+    )
+    finger = SimpleNamespace(
+        spec=SimpleNamespace(name="f", drive=None, strained=False, touching=(True, True)),
+        number=lambda name, size=1: ca.DM.zeros(size), pulls=ca.DM.zeros(2), curvatures=lambda: [ca.DM.zeros(2, 3)] * 3,
+        joints=[ca.DM(0.3), ca.DM(0.3 + apart)],
+    )  # fmt: skip
+    limits._keep_limits(problem, finger)
+    return float(rows["order of the middle contacts, f"]) >= 0.0
+
+
+LIMITS = [
+    ("change of what is sought by new places", 1e-5, lambda x: runs(moved=x) == 1),
+    ("the same of a great objective", 1e-5 * 300.0, lambda x: runs(moved=x, objective=-300.0) == 1),
+    ("depth between the places", 1.0, lambda x: runs(deepest=x) == 1),
+    ("distance of two middle contacts", 0.02, lambda x: not in_order(x)),
+]
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_a_problem_is_otherwise_on_either_side_of_a_limit(limit, decides):
+    assert decides((1.0 - 1e-6) * limit)
+    assert not decides((1.0 + 1e-6) * limit)
+
+
+@cache
+def posed(objective="least_tension"):
+    """The problem of a mug, its numbers and unknowns at a start, and the bounds of these."""
+    scene = make_scene(objective=objective)
+    start = make_starts(scene, contact_modes(scene)[0], 1, np.random.default_rng(0))[0]
+    problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
+    features = values.contact_features(scene, start.contacts)
+    numbers = values.problem_values(problem, scene, start, features)
+    x = points.starting_point(problem, scene, start, features)
+    return scene, problem, numbers, x, values.problem_bounds(problem, scene, features)
+
+
+def test_amounts_of_several_components_have_a_derivative_at_zero():
+    _, problem, numbers, x, _ = posed()
+    packed = problem.numbers.pack({**numbers, "effort weight": 0.0, "relaxation weights": np.ones(len(RELAXATIONS))}, 0)
+    slope = ca.gradient(problem.objective, problem.x.symbol)
+    value, slope = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope])(x, packed)
+    assert np.isfinite(np.array(slope)).all()
+    assert float(value) < 3e-6  # of a unit of the problem
+
+
+def test_contact_forces_are_unique_and_cost_next_to_nothing():
+    _, problem, numbers, x, _ = posed()
+    forces = np.concatenate([np.r_[at] for name, at in problem.x.at.items() if name.startswith("force, ")])
+    bend, slope = ca.hessian(problem.objective, problem.x.symbol)
+    function = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope, bend])
+    value, slope, bend = (np.array(v) for v in function(x, problem.numbers.pack(numbers, 0)))
+    assert np.linalg.eigvalsh(bend[np.ix_(forces, forces)]).min() > 0.0
+    assert 0.5 * slope[forces, 0] @ x[forces] < 1e-6 * value.item()
+
+
+def test_a_finger_that_may_be_inside_may_point_anywhere():
+    """By a five-hundredth of the length, where that is relaxed."""
+    _, problem, numbers, x, _ = posed()
+    (block,) = (b for b in problem.rows.blocks if b.name.startswith("contact direction"))
+    rows = ca.Function("g", [problem.x.symbol, problem.numbers.symbol], [problem.rows.g])
+    inside = x.copy()
+    inside[problem.x.at["relaxed clearance at the object"]] = 2e-3
+    more = rows(inside, problem.numbers.pack(numbers, 0)) - rows(x, problem.numbers.pack(numbers, 0))
+    assert float(np.array(more)[block.rows].item()) >= 1.0
+
+
+def test_contacts_press_where_slipping_is_an_aim():
+    scene, problem, _, _, (low, _) = posed("greatest_friction_margin")
+    force = values.Units.of(scene).force
+    for name, at in problem.x.at.items():
+        if name.startswith("force, "):
+            assert 5e-4 < low[at][0] * force / max(scene.weight, force) < 5e-3
+
+
+def test_places_that_settle_late_are_waited_for_and_those_that_never_do_are_not():
+    assert runs(deepest=2.0, settles_after=6) == 6
+    assert runs(deepest=2.0) < 12
+
+
+def test_active_places_are_no_reason_to_solve_again():
+    """They are as deep as the tolerance; the certificate allows 1e-4 of the length, also between stations."""
+    scene = make_scene()
+    assert 1.001 < allowed_depth(scene) / scene.solver.penetration_tolerance < 1.5
+    stations = make_scene(contacts=scene.contacts.model_copy(update={"stations": 4}), elements=8)
+    assert 5.0 * scene.solver.penetration_tolerance < allowed_depth(stations) < 0.2 * 1e-4
+
+
+def test_a_base_that_touches_a_support_to_rounding_is_outside():
+    assert places_seen(1.0 - 1e-10) == 1.0
+    assert places_seen(1.0 - 1e-8) == 0.0
+
+
+def test_scenes_whose_bending_ranges_are_alike_share_a_solver():
+    def spec(turn):
+        scene = make_scene().changed({"fidelity.bending_range": turn})
+        return FingerSpec.of(scene.setups[0], frozenset({"finger.tip"}), False)
+
+    for turn in np.linspace(0.5, 6.28, 30):
+        assert turn <= spec(turn).bending_range <= max(1.0, 2.1 * turn)
+    assert len({spec(turn) for turn in np.linspace(0.5, 6.28, 30)}) <= 5
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_a_rounded_cone_costs_nothing_and_has_derivatives_where_nothing_presses(share):
+    rounding, friction = values.APEX, 0.5
+    problem = SimpleNamespace(spec=SimpleNamespace(gravity="out_of_plane"), numbers=lambda name: rounding)
+    force = ca.SX.sym("force", 3)
+    cone = friction_cone(problem, friction, *ca.vertsplit(force))
+    at = ca.Function("cone", [force], [cone, ca.gradient(cone, force), ca.hessian(cone, force)[0]])
+    exact = share / friction
+    assert float(at([exact, 0.0, share])[0]) < 0.0  # all inside the true cone
+    assert float(at([exact * (1.0 + 1e-6), 0.0, share])[0]) > 0.0
+    assert all(np.isfinite(np.array(part)).all() for part in at([0.0, 0.0, 0.0]))
+    # Contacts without force start inside, by little.
+    assert 0.0 < float(at([points.PRESSED, 0.0, 0.0])[0]) < 0.02
+    # The kink is rounded where steps of a thousandth of the weight see it.
+    assert np.abs(np.array(at([0.0, 0.0, 0.0])[2])).max() < 2e4
+
+
+def test_tensions_count_little_beside_another_aim():
+    """All of them at their greatest, as a part of the weight: unique, and less than the search resolves (1e-3)."""
+    scene = make_scene(objective="least_normal_force")
+    greatest = sum(setup.tendons.max_tension for setup in scene.setups)
+    assert 1e-6 < values.tension_weight(scene) * greatest < 5e-5
+
+
+def test_places_of_greatest_depth_are_found_between_those_of_a_grid():
+    """Also where the depth is far from a parabola: it falls by different powers on both sides."""
+    rng = np.random.default_rng(0)
+    peaks = np.sort(rng.uniform(0.05, 0.95, (40, 1)))
+
+    def depth(fractions):
+        off = fractions - peaks
+        return np.where(off > 0.0, -(np.abs(off) ** 1.5), -40.0 * off**2)
+
+    even = np.tile(np.arange(surroundings.FINE + 1) / surroundings.FINE, (40, 1))
+    found = surroundings._refined(depth, surroundings._deepest(depth(even), 1))
+    assert np.abs(found - peaks).max() < 1e-4
+
+
+def test_two_places_of_an_element_are_in_different_dips():
+    at = np.arange(surroundings.FINE + 1) / surroundings.FINE
+    dips = -np.minimum((at - 0.3) ** 2, (at - 0.62) ** 2 + 0.01)[None]
+    found = surroundings._deepest(np.tile(dips, (1, 1)), 2)
+    assert found[0] == pytest.approx([0.3, 0.62], abs=5e-3)
+
+
+def test_elements_of_a_taper_are_equal_parts_of_bending_waves():
+    """Of a stiffness that falls exponentially, in closed form."""
+    setup = make_scene(elements=6).setups[0]
+    rate, length = math.log(30.0), setup.finger.rod.length
+    profile = SimpleNamespace(
+        length=length,
+        linear_density=lambda s: np.ones_like(s),
+        bending_stiffness=lambda s: np.exp(-rate * s / length),
+    )
+    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6)
+    places = values.node_places(tapered, [0.4 * length]) / length
+
+    def waves(s):
+        return np.exp(0.25 * rate * s)
+
+    for part in (places[:4], places[3:]):
+        assert np.diff(waves(part)) == pytest.approx(np.ptp(waves(part)) / 3, rel=2e-4)
+
+
+def test_the_mass_beyond_a_section_is_the_integral_of_its_density():
+    """Which falls to a hundredth exponentially, beside a point mass."""
+    rate, density, length, extra = math.log(100.0), 0.03, 0.2, 0.002
+    curve = Curve((0.0, length), ((math.log(density), -rate / length),), exponential=True)
+    finger = SimpleNamespace(
+        profile=SimpleNamespace(linear_density=curve),
+        rod=SimpleNamespace(mass_per_length=density),
+        masses=(SimpleNamespace(at=0.15, mass=extra),),
+    )
+    made = graded_curves._mass_beyond(SimpleNamespace(finger=finger), np.array([0.0, 0.15, length]))
+    for start, row, places in zip((0.0, 0.75), made.coefficients, ([0.0, 0.3, 0.7], [0.8, 0.99]), strict=True):
+        at = np.array(places)
+        exact = (np.exp(-rate * at) - 0.01) / rate + (extra / (density * length) if start == 0.0 else 0.0)
+        assert np.polynomial.polynomial.polyval(at - start, row) == pytest.approx(exact, abs=1e-11)

@@ -1,0 +1,152 @@
+"""The numbers of grasp quality: each decides otherwise on either side of it, or keeps a promise."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from grasp_hand_made import arrays_of, make_scene, on_disc
+from scipy.optimize import brentq
+
+from continuum_grasp.grasp.quality import lp
+from continuum_grasp.grasp.quality.contact_set import ContactSet
+from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
+from continuum_grasp.grasp.quality.object_balance import _Balance, least_friction
+from continuum_grasp.grasp.quality.resistance import _Limits
+from continuum_grasp.scene.grasp_options import GraspContacts, PlanarGravity
+from continuum_grasp.scene.objects import Box
+
+DOWN = PlanarGravity(mode="planar", vector=(0.0, -9.81))
+
+
+def believed(excess, monkeypatch):
+    """Whether an optimum is believed that breaks a bound of one by a part of one and the number."""
+
+    class Solver:
+        def __call__(self, **problem):
+            return {"x": ca.DM([(1.0 + excess) / (1.0 - excess)])}
+
+        def stats(self):
+            return {"return_status": "Optimal"}
+
+    fake = SimpleNamespace(DM=ca.DM, sparsify=ca.sparsify, Sparsity=ca.Sparsity, conic=lambda *_: Solver())
+    monkeypatch.setattr(lp, "ca", fake)
+    return solve_lp([-1.0], np.zeros((0, 1)), [], [], 0.0, 1.0).optimal
+
+
+def test_points_that_break_a_limit_are_no_optima(monkeypatch):
+    """A hundred times what the solver is asked for."""
+    assert believed(0.99e-7, monkeypatch)
+    assert not believed(1.01e-7, monkeypatch)
+
+
+def cones_of(rng, size, count):
+    offsets = 0.3 * rng.normal(size=(count, 2))
+    spare = np.linalg.norm(offsets, axis=1) + rng.uniform(0.1, 1.0, count)
+    return Cones.made(rng.normal(size=(count, 2, size)), offsets, 0.3 * np.abs(rng.normal(size=(count, size))), spare)
+
+
+def test_problems_with_many_optima_take_few_rounds(monkeypatch):
+    """A cost of one unknown alone; without what is worth a point well inside, one of them takes 73 rounds."""
+    solved = []
+    monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
+    rng, rounds = np.random.default_rng(0), []
+    for _ in range(40):
+        size, count = int(rng.integers(3, 8)), int(rng.integers(1, 5))
+        cones, before = cones_of(rng, size, count), len(solved)
+        found = solve_socp(
+            -np.eye(size)[0], np.zeros((0, size)), [], [], np.full(size, -5.0), np.full(size, 5.0), cones
+        )
+        rounds.append(len(solved) - before)
+        assert found.optimal
+    assert max(rounds) < 25
+
+
+@pytest.mark.parametrize("cost", [1.0, 1e-6])
+def test_being_well_inside_a_cone_is_worth_less_than_the_cost(cost):
+    """The point of a disc that is farthest in one direction."""
+    matrix = np.eye(2)[None]
+    cones = Cones.made(matrix, np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    found = solve_socp([-0.6 * cost, -0.8 * cost], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, cones)
+    assert found.x == pytest.approx([0.6, 0.8], abs=2e-4)
+    assert math.isclose(found.objective, -cost, rel_tol=1e-6)
+
+
+# -- limits of disturbances ----------------------------------------------------------------------------------------
+
+
+def limits_of(**changes):
+    """The limits of one contact that presses with a newton, and of one finger."""
+    limits = object.__new__(_Limits)
+    values = {
+        "names": ("a.tip",),
+        "setups": (SimpleNamespace(name="a"),),
+        "scale": 1.0,
+        "forces": np.array([[1.0, 0.0, 0.0]]),
+        "friction": np.ones(1),
+        "normal_max": np.ones(1),
+        "low": np.zeros(1),
+        "high": np.full(1, math.inf),
+        "spare": np.zeros(1),
+        "ranges": np.array([[-9.0, 9.0]]),
+        "reach": np.full(4, math.inf),
+    }
+    vars(limits).update(values | changes)
+    return limits
+
+
+def names_a_limit(**changes):
+    limits = limits_of(**changes)
+    return bool(limits._reached(limits.forces, np.zeros(1), np.zeros(4)))
+
+
+def is_limited(most):
+    """Whether a disturbance counts as limited that changes a contact's force by this multiple of its greatest one."""
+    limits = limits_of(ranges=np.array([[-most, most]]))
+    return math.isfinite(limits._ray(np.array([[1.0, 0.0]]), np.ones(1), np.zeros(4))[0])
+
+
+def jammed(friction):
+    """Whether contacts that need so much friction to hold a disc from above could hold it."""
+    share = 0.3 * 9.81 / 60.0
+    off = brentq(lambda a: (share + math.cos(a)) / math.sin(a) - friction, 1e-6, 1.0)
+    scene = make_scene(contacts=GraspContacts(friction=0.5, normal_force_max=30.0), gravity=DOWN)
+    return math.isfinite(least_friction(scene, arrays_of(on_disc((math.pi / 2 - off, math.pi / 2 + off)))).factor)
+
+
+def is_no_corner(away):
+    """Whether a contact so far from the corner of a box, per size of the box, is on a face."""
+    box = Box(shape="box", width=0.06, height=0.08, mass=0.3, position=(0.0, 0.0))  # of size 0.05
+    contact = ("a", (0.03, 0.04 - away * 0.05), (1.0, 0.0), (1.0, 0.0, 0.0), math.nan)
+    scene = make_scene(object=box)
+    return ContactSet(scene, arrays_of([contact])).curvature(0) == 0.0
+
+
+LIMITS = [
+    ("force that is left before a contact parts", 1e-6,
+     lambda x: not names_a_limit(forces=np.array([[1.0, 0.0, 0.0]]), low=np.array([1.0 - x]))),
+    ("friction that is left before a contact slips", 1e-6,
+     lambda x: not names_a_limit(forces=np.array([[1.0, 1.0 - x, 0.0]]))),
+    ("force that is left before a contact is pressed too hard", 1e-6,
+     lambda x: not names_a_limit(high=np.array([1.0 + x]))),
+    ("tension that is left, per range", 1e-6,
+     lambda x: not names_a_limit(ranges=np.array([[-1.0, x / (1.0 - x)]]))),
+    ("multiple of a contact's force that counts as unlimited", 1e4, lambda x: not is_limited(x)),
+    ("distance from a corner", 1e-6, is_no_corner),
+    ("friction force that is none, per weight", 1e-9,
+     lambda x: _Balance.used(SimpleNamespace(force=1.0), np.array([[1.0, x, 0.0]]), np.ones(1)) > 0.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_quality_is_otherwise_on_either_side_of_a_limit(limit, decides):
+    assert decides(1.001 * limit)
+    assert not decides(0.999 * limit)
+
+
+def test_friction_coefficients_of_ten_thousand_are_none():
+    assert jammed(9e3)
+    assert not jammed(1.1e4)
