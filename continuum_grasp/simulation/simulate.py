@@ -227,7 +227,7 @@ class _Run:
             # What drives and friction add must be stable in steps of twice the length too, which are compared with.
             # Quadratic damping is left out: steps from rest overshoot by it, which is bounded, and nothing grows.
             finger = self._scene.finger.replaced(damping=self._scene.finger.damping.replaced(quadratic=0.0))
-            linear = FingerModel(self._scene.replaced(finger=finger)) if made.has_quadratic_damping else self._model
+            linear = FingerModel(self._scene.replaced(finger=finger)) if made.has_law("damping") else self._model
             core, straight = Core(linear, compiled=False), np.zeros(self._model.n)
             while wanted < most and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
                 wanted *= 2

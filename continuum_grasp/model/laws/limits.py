@@ -36,7 +36,8 @@ class Limit(SectionLaw):
 
     def _beyond(self, bend: Bend) -> list[tuple[float, Scalar, Scalar]]:
         """Per side its sign, s and the root."""
-        touch, found = self.scale * bend.own[0], []
+        found = list[tuple[float, Scalar, Scalar]]()
+        touch = self.scale * bend.own[0]
         rounding = self.rounding * touch
         for sign in self.signs:
             beyond = sign * (bend.curvature + bend.rest if self.with_rest else bend.curvature) - touch
