@@ -35,8 +35,10 @@ from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.loads import Actuation, Samples
+from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.modes import modes
@@ -191,7 +193,11 @@ def unit(scene: Scene) -> Iterator[object]:
         yield one.call_args.args[0].time.model_dump(exclude={"space_error"})
         yield {key: value for key, value in made.items() if key != "manifest"}
         return
-    with patch.object(finger, "library_of", _library), patch.object(finger, "Unit", _given), patch.object(finger, "variables_of", _variables):
+    with (
+        patch.object(finger, "library_of", _library),
+        patch.object(finger, "Unit", _given),
+        patch.object(finger, "variables_of", _variables),
+    ):
         made = finger.finger_unit(scene, "unit", step=None, substeps=None, ranges=None)
     yield {key: value for key, value in made.items() if key != "manifest"}
     yield from package(scene)
@@ -218,6 +224,16 @@ def page_of_loop(scene: ControlScene) -> Iterator[object]:
     yield from (plant.signals.w(_INSTANTS), sensors.names, sensors.delay, sensors.std)
 
 
+def search(scene: PlanScene) -> Iterator[object]:
+    """The problem of a plan, and what its solver and its check are given."""
+    made, options = Search(scene), scene.solver
+    assembly = made.problem.assembly
+    yield from (assembly.nlp.f, assembly.nlp.g, assembly.low, assembly.high, made.x0, made.first, made.problem.before)
+    yield from ([(one.name, one.lower, one.upper, one.scale) for one in assembly.blocks], options.starts)
+    yield from (made.budget.left, options.time_limit, options.method, options.tolerance, options.max_iterations)
+    yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name)
+
+
 @dataclass(frozen=True)
 class Walk:
     """A consumer of which all keys of a kind of scene are tried, by what it makes of them."""
@@ -234,7 +250,12 @@ class Walk:
 
 WALKS = (
     Walk("export-mjcf", Scene, chain_of_hinges),
-    Walk("plant.guides", Scene, chain_of_guides, ("actuation", "initial", "loads", "time", "parameters", "fidelity", "name")),
+    Walk(
+        "plant.guides",
+        Scene,
+        chain_of_guides,
+        ("actuation", "initial", "loads", "time", "parameters", "fidelity", "name"),
+    ),
     Walk("statics, modes", Scene, equilibrium_and_modes, _AROUND),
     Walk("export-c", Scene, package),
     Walk("export-web", Scene, page),
@@ -245,5 +266,6 @@ WALKS = (
     Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
     Walk("export-fmu", ControlScene, units_of_loop),
     Walk("export-web", ControlScene, page_of_loop),
+    Walk("plan", PlanScene, search),
 )
 """All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
@@ -41,13 +41,21 @@ _BEYOND_THE_ROD = {
 }
 EXACT_ROD = Consumer(
     "the exact rod (accuracy)",
-    refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
+    refused={
+        "object": "the exact rod touches nothing: leave the object out",
+        "fidelity.residual": "belongs to one model; the exact rod and others have no learned forces: leave it out",
+        **_BEYOND_THE_ROD,
+    },
 )
 _TOLERANCE = Consumer("fidelity.tolerance", refused=_BEYOND_THE_ROD)
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer(
     "accuracy, fidelity.tolerance", refused=dict.fromkeys(("initial.q", "initial.q_above_rest"), _TRIED)
 )
+
+
+_NONE = "has no effect: neither tendons nor bending have friction"
+_HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
 
 
 class Fidelity(Value):
@@ -127,11 +135,6 @@ class Initial(Value):
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
 
-    def check_history(self, finger: Finger) -> None:
-        """Refuse a history of a finger that has none."""
-        if self.reached_by is not None and not finger.has_friction:
-            raise ValueError("initial.reached_by has no effect: neither tendons nor bending have friction")
-
     def check_motors(self, finger: Finger) -> None:
         """Refuse angles of motors that a finger has not."""
         if self.motor_angles is None:
@@ -208,6 +211,7 @@ class FingerScene(Surroundings):
     """Names of model parameters that stay run-time arguments of the generated functions."""
 
     def _check(self) -> None:
+        _HISTORY.check(self)
         length = self.finger.rod.length
         for k, at in enumerate(self.contacts):
             if at >= length:
@@ -236,7 +240,6 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
             self._check_actuation(self.actuation)
-        self.initial.check_history(self.finger)
         self.initial.check_motors(self.finger)
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
