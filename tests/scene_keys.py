@@ -19,6 +19,7 @@ from pydantic.fields import FieldInfo
 import continuum_grasp as cg
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.simulate import Scene
 
@@ -77,9 +78,10 @@ _SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
         "release": {"intervals": 4},
         "close_on_mug": {"intervals": 4, "grasp": None, "goal.contact_force": [0.0, 1.0], "contacts": [0.1]},
     },
+    MissionScene: {"mug": {}, "turn_block": {}, "mug_hard": {}, "cup_lying": {}, "mug_servo": {}},
 }
 """Shipped scenes by kind, and what is changed in all of them."""
-_FOLDERS = {Scene: "simulate", ControlScene: "mpc", PlanScene: "plan"}
+_FOLDERS = {Scene: "simulate", ControlScene: "mpc", PlanScene: "plan", MissionScene: "mission"}
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
@@ -276,6 +278,7 @@ CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {
     Scene: _CHANGES,
     ControlScene: _LOOPS,
     PlanScene: _PLANS,
+    MissionScene: {"more contacts": ("mug", {"more_contacts": [0.05], "estimator.delay": 0.0})},
 }
 """Scenes beside the shipped ones, by kind: name of one of these, and changes."""
 NOT_ALONE = {
@@ -294,7 +297,8 @@ _NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
 """Values of what is none, or zero."""
 
 
-_BEFORE = {ControlScene: (Scene,), PlanScene: (Scene, ControlScene, GraspScene)}
+_SCENES = (Scene, ControlScene, GraspScene)
+_BEFORE = {ControlScene: (Scene,), **dict.fromkeys((PlanScene, MissionScene), _SCENES)}
 """Kinds of scenes of which the classes are left out."""
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
+from continuum_grasp.accuracy.motion import timing_of_comparison
+from continuum_grasp.accuracy.truth import load_cases
 from continuum_grasp.closed_loop import converged as converged_control
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.converged import ShootingProblem
@@ -34,14 +36,20 @@ from continuum_grasp.export.ranges import input_fields
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
+from continuum_grasp.mission import assignment
+from continuum_grasp.mission import plant as mission_plant
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.planning.search import Search
+from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.loads import Actuation, Samples
+from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import modes
+from continuum_grasp.simulation.signals import Signals
 
 _AROUND = tuple(Surroundings.model_fields)
 _INSTANTS = np.linspace(0.0, 2.0, 9)
@@ -70,8 +78,10 @@ def parts(made: Any) -> Iterator[object]:
     elif isinstance(made, tuple | list | set | frozenset | Iterator):
         for one in sorted(made) if isinstance(made, set | frozenset) else made:
             yield from parts(one)
-    elif made is None or isinstance(made, str | int | float | bool | bytes | BaseModel | np.generic):
+    elif made is None or isinstance(made, str | int | float | complex | bool | bytes | np.generic):
         yield repr(made)
+    elif isinstance(made, BaseModel):
+        yield made.model_dump_json()
     elif not callable(made):
         yield from parts([value for name, value in sorted(vars(made).items()) if not name.startswith("_")])
 
@@ -234,6 +244,39 @@ def search(scene: PlanScene) -> Iterator[object]:
     yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name)
 
 
+def model(scene: Scene) -> Iterator[object]:
+    """What operators and all else that takes the model of a finger know of a scene."""
+    made = FingerModel(scene)
+    yield from (made, made.p_names)
+
+
+def measured_choices(scene: Scene) -> Iterator[object]:
+    """What accuracy measures against what: load cases of the exact rod, and models as they move, without an object."""
+    known = scene.replaced(**{name: getattr(Surroundings(), name) for name in _AROUND})
+    EXACT_ROD.check(known)
+    known = known.replaced(fidelity=Fidelity(bending_range=known.fidelity.bending_range, elements=3))
+    for case in load_cases(known):
+        yield from (case.name, read_problem(case.scene), case.scene.loads)
+    one = FingerModel(known)
+    signals = Signals(known, one)
+    yield from (one, [signals.u(at) for at in _INSTANTS], [signals.w(at) for at in _INSTANTS])
+    yield from (initial_state(known, one), known.name, known.time and timing_of_comparison(known))
+
+
+def carried_out(mission: MissionScene) -> Iterator[object]:
+    """What a mission asks of controller and plant, once its grasp has been found: of one middle contact."""
+    given = mission.grasp.setups[0].finger.replaced(tendons=mission.tendons or mission.grasp.setups[0].finger.tendons)
+    held = given if mission.drive_tension is None else given.with_tendons(max_tension=mission.drive_tension)
+    body = mission.grasp.object.replaced(free=None)
+    control = assignment._control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
+    one: Any = SimpleNamespace(mission=mission, control=control, pulls=[0])
+    with patch.object(mission_plant, "PlantModel", lambda *plant: plant[1:]):
+        yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)
+    asked = mission.controller
+    yield from (asked.retained, asked.held, asked.deadline, mission.pull_share, mission.beyond_certificate)
+    yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.trials, mission.turn)
+
+
 @dataclass(frozen=True)
 class Walk:
     """A consumer of which all keys of a kind of scene are tried, by what it makes of them."""
@@ -257,9 +300,11 @@ WALKS = (
         ("actuation", "initial", "loads", "time", "parameters", "fidelity", "name"),
     ),
     Walk("statics, modes", Scene, equilibrium_and_modes, _AROUND),
-    Walk("export-c", Scene, package),
+    Walk("export-c, operators", Scene, package),
     Walk("export-web", Scene, page),
     Walk("export-fmu", Scene, unit),
+    Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND)),
+    Walk("the exact rod (accuracy)", Scene, measured_choices, _AROUND),
     Walk("environments", ControlScene, lanes),
     Walk("export-c of closed loops", ControlScene, loop),
     Walk("mpc", ControlScene, run),
@@ -267,5 +312,6 @@ WALKS = (
     Walk("export-fmu", ControlScene, units_of_loop),
     Walk("export-web", ControlScene, page_of_loop),
     Walk("plan", PlanScene, search),
+    Walk("missions", MissionScene, carried_out),
 )
 """All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""

@@ -47,7 +47,7 @@ _ASKED_ERROR = 1e-2
 _ARGUMENT = "an argument of the functions"
 _FINGER_ALONE = "the package moves the finger; contact takes where the object is"
 _PACKAGE = Consumer(
-    "export-c",
+    "export-c, operators",
     unneeded={
         **LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
