@@ -288,7 +288,7 @@ class Walk:
     """Keys of the scene that are those of others."""
 
     def __str__(self) -> str:
-        return f"{self.consumer} of {self.root.__name__}"
+        return f"{self.consumer}: {self.make.__name__}"
 
 
 WALKS = (

@@ -43,15 +43,7 @@ _LOOP = Consumer(
         "initial.motor_angles": "is for statics and simulations alone: command what motors do",
     },
 )
-_STATE_GIVEN = Consumer(
-    "mpc without an estimator",
-    refused={
-        "plant.noise": "the controller is given the exact state: add an estimator",
-        "plant.delay": "the controller is given the state at once: add an estimator",
-    },
-    unneeded={"plant.seed": "nothing has noise"},
-    where=lambda scene: scene.estimator is None,
-)
+_EXACT = "needs an estimator: the controller is given the exact state at once"
 _POSITION = "estimator.disturbances.object_position"
 _TOUCHING = f"controller.cost.contact_force controller.cost.gap {_POSITION} estimator.disturbances.contact_friction"
 _POSE = "controller.cost.object_position controller.cost.object_angle estimator.measured.object"
@@ -63,7 +55,7 @@ _OF_TENDONS = "plant.guides plant.tendon_friction plant.presliding plant.axial_s
 _SET, _OF_COMMANDS = "has no effect where the tension is commanded", "is that of commanded tensions"
 _LOOPS = (
     _LOOP,
-    _STATE_GIVEN,
+    beside("mpc without an estimator", lambda s: s.estimator is None, "plant.noise plant.delay", _EXACT),
     beside("mpc without contacts", lambda s: not s.contacts, _FORCE, "needs contacts"),
     beside("mpc without a lag", lambda s: s.lag is None and not s.finger.winches, _TENSION, _COMMAND),
     beside("mpc without tendons", lambda s: s.finger.tendons is None, _OF_TENDONS, "is for a finger with tendons"),

@@ -37,23 +37,18 @@ _BEYOND_THE_ROD = {
     "finger.softening": "the exact rod knows a linear material, and stops: leave it out",
     "finger.damping.dry_friction": "errors are measured against the elastic rod, which has no dry friction in bending: "
     "leave it out",
+    "fidelity.residual": "belongs to one model: give its family and elements, and no tolerance",
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
 }
 EXACT_ROD = Consumer(
     "the exact rod (accuracy)",
-    refused={
-        "object": "the exact rod touches nothing: leave the object out",
-        "fidelity.residual": "belongs to one model; the exact rod and others have no learned forces: leave it out",
-        **_BEYOND_THE_ROD,
-    },
+    refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
 )
 _TOLERANCE = Consumer("fidelity.tolerance", refused=_BEYOND_THE_ROD)
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer(
     "accuracy, fidelity.tolerance", refused=dict.fromkeys(("initial.q", "initial.q_above_rest"), _TRIED)
 )
-
-
 _NONE = "has no effect: neither tendons nor bending have friction"
 _HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
 
@@ -86,10 +81,6 @@ class Fidelity(Value):
     residual: LearnedResidual | None = None
     """Forces that this model misses, learned from logs by ``continuum-grasp identify``; they belong to one family and
     its elements. In a file also the path of the file that it wrote."""
-
-    def _check(self) -> None:
-        if self.residual is not None and self.tolerance is not None:
-            raise ValueError("residual belongs to one model: give its family and elements in place of a tolerance")
 
 
 class Initial(Value):
@@ -140,11 +131,10 @@ class Initial(Value):
         if self.motor_angles is None:
             return
         motors = [drive for drive in finger.winches if isinstance(drive, MotorDrive)]
-        if not motors:
-            raise ValueError("initial.motor_angles has no effect: no tendon has drive.kind: motor")
         if len(self.motor_angles) != len(motors):
             raise ValueError(
-                f"initial.motor_angles must have one entry per motor ({len(motors)}), got {len(self.motor_angles)}"
+                f"initial.motor_angles must have one entry per drive.kind: motor ({len(motors)}), got "
+                f"{len(self.motor_angles)}"
             )
 
     @property

@@ -25,11 +25,11 @@ _EMPTY = beside(
     f"contact_law object_moves {_OF_OBJECTS}",
     "has no meaning without an object",
 )
-_FIXED = Consumer(
+_FIXED = beside(
     "a fixed object",
-    refused=dict.fromkeys(_OF_OBJECTS.split(), "has no meaning for a fixed object: set object_moves"),
-    unneeded={"object.mass": "nothing moves it"},
-    where=lambda scene: scene.object is not None and not scene.object_moves,
+    lambda scene: scene.object is not None and not scene.object_moves,
+    _OF_OBJECTS,
+    "has no meaning for a fixed object: set object_moves",
 )
 _PLACED = Consumer(
     "motions with an object",

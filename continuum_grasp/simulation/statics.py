@@ -200,7 +200,6 @@ _STATICS = Consumer(
             ("actuation.tensions.times", "actuation.tensions.interpolation", "loads.force.times"), "those at time zero"
         ),
         "parameters": "they have their nominal values",
-        "fidelity.frequencies": "of fidelity.tolerance: modes keep it at two, statics at none",
         **{f"initial.{key}": "an equilibrium is sought" for key in ("pose", "q", "q_above_rest", "qd")},
         "initial.held_by": "released at time zero",
         **dict.fromkeys(
