@@ -51,9 +51,7 @@ _PACKAGE = Consumer(
     unneeded={
         **LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
-        **dict.fromkeys(
-            ("time.duration", "time.method", "time.tolerance", "time.space_error"), "steps are the caller's"
-        ),
+        **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
         **dict.fromkeys(
             ("object.mass", "out_of_plane_gravity", "moment_of_inertia", "table", "supports", "object_moves"),
             _FINGER_ALONE,

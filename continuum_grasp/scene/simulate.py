@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
@@ -43,11 +43,15 @@ _BEYOND_THE_ROD = {
 EXACT_ROD = Consumer(
     "the exact rod (accuracy)",
     refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
+    unneeded={
+        **LIMITS_OF_BENDING,
+        **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
+        "finger.damping.friction_cells": "there is no dry friction",
+    },
 )
-_TOLERANCE = Consumer("fidelity.tolerance", refused=_BEYOND_THE_ROD)
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer(
-    "accuracy, fidelity.tolerance", refused=dict.fromkeys(("initial.q", "initial.q_above_rest"), _TRIED)
+    "accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED, "initial.q_above_rest": _TRIED}
 )
 _NONE = "has no effect: neither tendons nor bending have friction"
 _HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
@@ -235,8 +239,7 @@ class Scene(FingerScene):
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.fidelity.tolerance is not None:
-            for one in (_TOLERANCE, SEVERAL_MODELS):
-                one.check(self)
+            SEVERAL_MODELS.check(self)
         lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")

@@ -237,9 +237,7 @@ _PAGE = Consumer(
         **LIMITS_OF_BENDING,
         "name": "the title of the page alone",
         "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
-        **dict.fromkeys(
-            ("time.step", "time.method", "time.tolerance", "time.space_error"), "a page has steps of its own"
-        ),
+        **{f"time.{key}": "a page has its own steps" for key in ("step", "method", "tolerance", "space_error")},
         "finger.tendons.min_tension": "a limit of commands: sliders begin at zero",
     },
 )
