@@ -47,6 +47,7 @@ EXACT_ROD = Consumer(
         **LIMITS_OF_BENDING,
         **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
         "finger.damping.friction_cells": "there is no dry friction",
+        "time": "motions are compared over a second at most, in steps of their own",
     },
 )
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
