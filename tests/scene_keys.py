@@ -287,6 +287,7 @@ NOT_ALONE = {
     "fidelity.tolerance": "it excludes other keys",
     "fidelity.residual": "it belongs to the one model for which it was learned",
     "initial.motor_angles": "it needs an equilibrium",
+    "goal.grasp_weight": "it needs a grasp, which is searched first",
     "initial.friction_states": "initial.reached_by must be state",
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
 }

@@ -247,7 +247,7 @@ def search(scene: PlanScene) -> Iterator[object]:
 def model(scene: Scene) -> Iterator[object]:
     """What operators and all else that takes the model of a finger know of a scene."""
     made = FingerModel(scene)
-    yield from (made, made.p_names)
+    yield from (made, made.tip, made.p_names)
 
 
 def measured_choices(scene: Scene) -> Iterator[object]:
@@ -291,6 +291,8 @@ class Walk:
         return f"{self.consumer}: {self.make.__name__}"
 
 
+_OF_TOUCH = ("finger.half_thickness", "finger.rod.samples.thickness", "finger.tendons.max_tension")
+"""Keys of contacts and commands, which a model without them has not."""
 WALKS = (
     Walk("export-mjcf", Scene, chain_of_hinges),
     Walk(
@@ -303,7 +305,7 @@ WALKS = (
     Walk("export-c, operators", Scene, package),
     Walk("export-web", Scene, page),
     Walk("export-fmu", Scene, unit),
-    Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND)),
+    Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND, *_OF_TOUCH)),
     Walk("the exact rod (accuracy)", Scene, measured_choices, _AROUND),
     Walk("environments", ControlScene, lanes),
     Walk("export-c of closed loops", ControlScene, loop),
