@@ -17,6 +17,8 @@ from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import KINDS
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
 from tests.consumers_page import BEGIN, PAGE, tables
@@ -138,7 +140,7 @@ def ignored(walk: Walk, found: list[Place]) -> str:
 
 
 def test_the_scenes_have_every_key():
-    for root, outside in ((Scene, FROM_OUTSIDE), (ControlScene, set())):
+    for root, outside in ((Scene, FROM_OUTSIDE), (ControlScene, set()), (PlanScene, set()), (MissionScene, set())):
         missing = {kind for kind, names in keys(root).items() if names - set(places(root).get(kind, ()))}
         assert missing == outside
 
