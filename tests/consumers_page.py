@@ -14,7 +14,7 @@ PAGE = ROOT / "docs" / "consumers.md"
 BEGIN = "<!-- What follows is written by `python -m tests.consumers_page`. -->\n"
 
 for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
-    if "import Consumer\n" in path.read_text(encoding="utf-8"):
+    if "scene.consumer import " in path.read_text(encoding="utf-8"):
         import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
 
 

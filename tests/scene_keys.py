@@ -18,6 +18,9 @@ from pydantic.fields import FieldInfo
 
 import continuum_grasp as cg
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.simulate import Scene
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -70,9 +73,16 @@ _SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
             *("keep_out", "three_tendons", "nitinol_moment", "saturation", "tip_steps"),
         )
     },
+    PlanScene: {
+        "tip_to_point": {"intervals": 4},
+        "past_a_post": {"intervals": 4},
+        "release": {"intervals": 4},
+        "close_on_mug": {"intervals": 4, "grasp": None, "goal.contact_force": [0.0, 1.0], "contacts": [0.1]},
+    },
+    MissionScene: {"mug": {}, "turn_block": {}, "mug_hard": {}, "cup_lying": {}, "mug_servo": {}},
 }
 """Shipped scenes by kind, and what is changed in all of them."""
-_FOLDERS = {Scene: "simulate", ControlScene: "mpc"}
+_FOLDERS = {Scene: "simulate", ControlScene: "mpc", PlanScene: "plan", MissionScene: "mission"}
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
@@ -241,7 +251,37 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
         for key, constant in (("torques", None), ("currents", 0.02))
     },
 }
-CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {Scene: _CHANGES, ControlScene: _LOOPS}
+_TRACKED = {"tip": [0.0, 0.15]}
+_PLANS: dict[str, tuple[str, dict[str, Any]]] = {
+    "tracking": (
+        "past_a_post",
+        {
+            "objective": "tracking",
+            "cost": {"tip": {"running": 1e4}, "effort": 1e-3},
+            "reference": _TRACKED,
+            "bounds.keep_out": {
+                "floor": {"type": "half_plane", "point": [0.0, -0.1], "normal_angle": 1.57, "penalty": {}},
+                "post": {"type": "disc", "center": [-0.05, 0.175], "radius": 0.008},
+            },
+            "goal": {"shape": {"at": [0.09], "value": [[0.0, 0.08]], "weight": 1e4, "tolerance": 0.01}},
+        },
+    ),
+    "shooting": (
+        "past_a_post",
+        {
+            "loads": [{"kind": "force", "at": 0.18, "force": [0.0, 0.01]}],
+            "goal": {"end": "moving", "bending": {"value": [0.1, 0.1], "weight": 10.0}, "input": [3.0, 2.0]},
+            "bounds.speed": 20.0,
+            "solver": {"substeps": 4, "starts": 2},
+        },
+    ),
+}
+CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {
+    Scene: _CHANGES,
+    ControlScene: _LOOPS,
+    PlanScene: _PLANS,
+    MissionScene: {"more contacts": ("mug", {"more_contacts": [0.05], "estimator.delay": 0.0})},
+}
 """Scenes beside the shipped ones, by kind: name of one of these, and changes."""
 NOT_ALONE = {
     "schema_version": "there is one",
@@ -249,6 +289,7 @@ NOT_ALONE = {
     "fidelity.tolerance": "it excludes other keys",
     "fidelity.residual": "it belongs to the one model for which it was learned",
     "initial.motor_angles": "it needs an equilibrium",
+    "goal.grasp_weight": "it needs a grasp, which is searched first",
     "initial.friction_states": "initial.reached_by must be state",
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
 }
@@ -257,6 +298,11 @@ _MOST_PLACES = 12
 """Places of a key that are tried, those with a value first, each once before any again."""
 _NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
 """Values of what is none, or zero."""
+
+
+_SCENES = (Scene, ControlScene, GraspScene)
+_BEFORE = {ControlScene: (Scene,), **dict.fromkeys((PlanScene, MissionScene), _SCENES)}
+"""Kinds of scenes of which the classes are left out."""
 
 
 @dataclass(frozen=True)
@@ -304,7 +350,7 @@ def owner(kind: type[BaseModel], name: str) -> type[BaseModel]:
 def keys(root: type[BaseModel]) -> dict[str, set[str]]:
     """Fields by declaring class, without words that choose the class; of loops those that no simulated scene has."""
     found: dict[str, set[str]] = defaultdict(set)
-    for kind in classes(root) - (set() if root is Scene else classes(Scene)):
+    for kind in classes(root) - {one for of in _BEFORE.get(root, ()) for one in classes(of)}:
         for name, field in kind.model_fields.items():
             if not is_tag(field):
                 found[owner(kind, name).__name__].add(name)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -11,24 +12,44 @@ import casadi as ca
 import numpy as np
 from pydantic import BaseModel
 
+from continuum_grasp.accuracy.choose import resolve_fidelity
+from continuum_grasp.accuracy.motion import timing_of_comparison
+from continuum_grasp.accuracy.truth import load_cases
+from continuum_grasp.closed_loop import converged as converged_control
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.control.ocp.setpoints import Setpoints
+from continuum_grasp.closed_loop.converged import ShootingProblem
+from continuum_grasp.closed_loop.plant import Sensors
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.cost_terms import Outputs
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
 from continuum_grasp.environments.spaces import observed_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.fmu import finger, loop_plant, touching
+from continuum_grasp.export.fmu.variable import Count, Variable
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.export.ranges import input_fields
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.web.plant import plant_of_scene
+from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
+from continuum_grasp.mission import assignment
+from continuum_grasp.mission import plant as mission_plant
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.planning.search import Search
+from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.loads import Actuation, Samples
-from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import modes
+from continuum_grasp.simulation.signals import Signals
 
 _AROUND = tuple(Surroundings.model_fields)
 _INSTANTS = np.linspace(0.0, 2.0, 9)
@@ -42,8 +63,10 @@ def parts(made: Any) -> Iterator[object]:
         yield made.tobytes() if made.dtype != object else repr(made.tolist())
     elif isinstance(made, ca.Function):
         yield made.serialize()
-    elif isinstance(made, ca.SX):
+    elif isinstance(made, ca.SX | ca.MX):
         yield ca.Function("value", ca.symvar(made), [made]).serialize()
+    elif isinstance(made, Variable | Count):
+        yield repr(made)
     elif isinstance(made, Setpoints):
         yield from parts(made.rows(_INSTANTS))
     elif isinstance(made, FingerModel | System):
@@ -55,8 +78,10 @@ def parts(made: Any) -> Iterator[object]:
     elif isinstance(made, tuple | list | set | frozenset | Iterator):
         for one in sorted(made) if isinstance(made, set | frozenset) else made:
             yield from parts(one)
-    elif made is None or isinstance(made, str | int | float | bool | bytes | BaseModel | np.generic):
+    elif made is None or isinstance(made, str | int | float | complex | bool | bytes | np.generic):
         yield repr(made)
+    elif isinstance(made, BaseModel):
+        yield made.model_dump_json()
     elif not callable(made):
         yield from parts([value for name, value in sorted(vars(made).items()) if not name.startswith("_")])
 
@@ -128,13 +153,167 @@ def loop(scene: ControlScene) -> Iterator[object]:
     yield from (names_of(scene), Loop.of(scene, REALS["double"], ["mpc"]))
 
 
-MAKERS: dict[str, tuple[type[BaseModel], Callable[[Any], Iterator[object]], tuple[str, ...]]] = {
-    "export-mjcf": (Scene, chain_of_hinges, tuple(Scene.model_fields)),
-    "plant.guides": (Scene, chain_of_guides, ("finger", "gravity", "contacts", *_AROUND)),
-    "statics, modes": (Scene, equilibrium_and_modes, tuple(set(Scene.model_fields) - set(_AROUND))),
-    "export-c": (Scene, package, tuple(Scene.model_fields)),
-    "export-web": (Scene, page, tuple(Scene.model_fields)),
-    "environments": (ControlScene, lanes, tuple(ControlScene.model_fields)),
-    "export-c of closed loops": (ControlScene, loop, tuple(ControlScene.model_fields)),
-}
-"""By consumer the kind of scene, what it makes, and the keys that are its own."""
+def moved(scene: ControlScene) -> Iterator[object]:
+    """The plant of a closed loop, what its sensors show at rest, and what else a run of it has."""
+    model = PlantModel(scene)
+    sensors = Sensors(scene, model, Prediction(scene), None)
+    if isinstance(model.system, ChainSystem):
+        yield from (repr(model.system.chain.tendons), model.system.p_nominal)
+    else:
+        yield model.forward_dynamics
+    yield from (model.p, model.start, model.rest_input, model.forces(_INSTANTS))
+    yield from (sensors.names, sensors.delay, sensors.std, sensors.value)
+    yield sensors.read(model.start, model.rest_input, model.forces(0.0)[0])
+    yield from (scene.duration, scene.controller.deadline, scene.controller.step)
+
+
+def run(scene: ControlScene) -> Iterator[object]:
+    """What mpc runs."""
+    yield from loop(scene)
+    yield from moved(scene)
+
+
+def converged(scene: ControlScene) -> Iterator[object]:
+    """The problem that NMPC solves to convergence, given the state, and what it moves."""
+    known = scene.model_copy(update={"estimator": None})
+    model = Prediction(known)
+    stages = stages_of(known, model)
+    with patch.object(converged_control, "compiled", lambda function: function):
+        problem = ShootingProblem(stages).nlp
+    yield from (problem.f, problem.g, stages.u_min, stages.u_max, stages.c_min, stages.c_max)
+    yield setpoints(Outputs.of(known.controller.cost, model), known.reference)
+    yield from moved(known)
+
+
+def units_of_loop(scene: ControlScene) -> Iterator[object]:
+    """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
+    first = Loop.of(scene, REALS["double"], ["mpc"])
+    yield from (names_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
+    with patch.object(loop_plant, "moved_unit", _given):
+        yield {key: made for key, made in loop_plant.loop_plant_unit(scene, "unit").items() if key != "manifest"}
+
+
+def unit(scene: Scene) -> Iterator[object]:
+    """What a functional mock-up unit of a finger has; with an object as its simulation moves it."""
+    used = SimpleNamespace(statistics={"method": "ros2", "substeps": 4})
+    scene = resolve_fidelity(scene)[0]
+    if scene.object is not None:
+        with patch.object(touching, "moved_unit", _given), patch.object(touching, "simulate", return_value=used) as one:
+            made = touching.touching_unit(scene, "unit", step=None, substeps=None, ranges=None)
+        yield one.call_args.args[0].time.model_dump(exclude={"space_error"})
+        yield {key: value for key, value in made.items() if key != "manifest"}
+        return
+    with (
+        patch.object(finger, "library_of", _library),
+        patch.object(finger, "Unit", _given),
+        patch.object(finger, "variables_of", _variables),
+    ):
+        made = finger.finger_unit(scene, "unit", step=None, substeps=None, ranges=None)
+    yield {key: value for key, value in made.items() if key != "manifest"}
+    yield from package(scene)
+
+
+def _given(**given: Any) -> dict[str, Any]:
+    return given
+
+
+def _variables(*given: Any, **_: Any) -> tuple[Any, ...]:
+    return given
+
+
+def _library(*_: Any, **asked: Any) -> tuple[dict[str, str], dict[str, Any]]:
+    structs = {"input": [], "state": [], "rate": []}
+    return {}, {"structs": structs, "nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, **asked}
+
+
+def page_of_loop(scene: ControlScene) -> Iterator[object]:
+    """What a web page of a closed loop computes by."""
+    plant, sensors = plant_of_loop(scene)
+    yield from loop(scene)
+    yield from (plant.rate, plant.acting, plant.sensed, plant.start, plant.rest, plant.p, plant.x_names)
+    yield from (plant.signals.w(_INSTANTS), sensors.names, sensors.delay, sensors.std)
+
+
+def search(scene: PlanScene) -> Iterator[object]:
+    """The problem of a plan, and what its solver and its check are given."""
+    made, options = Search(scene), scene.solver
+    assembly = made.problem.assembly
+    yield from (assembly.nlp.f, assembly.nlp.g, assembly.low, assembly.high, made.x0, made.first, made.problem.before)
+    yield from ([(one.name, one.lower, one.upper, one.scale) for one in assembly.blocks], options.starts)
+    yield from (made.budget.left, options.time_limit, options.method, options.tolerance, options.max_iterations)
+    yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name)
+
+
+def model(scene: Scene) -> Iterator[object]:
+    """What operators and all else that takes the model of a finger know of a scene."""
+    made = FingerModel(scene)
+    yield from (made, made.tip, made.p_names)
+
+
+def measured_choices(scene: Scene) -> Iterator[object]:
+    """What accuracy measures against what: load cases of the exact rod, and models as they move, without an object."""
+    known = scene.replaced(**{name: getattr(Surroundings(), name) for name in _AROUND})
+    EXACT_ROD.check(known)
+    known = known.replaced(fidelity=Fidelity(bending_range=known.fidelity.bending_range, elements=3))
+    for case in load_cases(known):
+        yield from (case.name, read_problem(case.scene), case.scene.loads)
+    one = FingerModel(known)
+    signals = Signals(known, one)
+    yield from (one, [signals.u(at) for at in _INSTANTS], [signals.w(at) for at in _INSTANTS])
+    yield from (initial_state(known, one), known.name, known.time and timing_of_comparison(known))
+
+
+def carried_out(mission: MissionScene) -> Iterator[object]:
+    """What a mission asks of controller and plant, once its grasp has been found: of one middle contact."""
+    given = mission.grasp.setups[0].finger.replaced(tendons=mission.tendons or mission.grasp.setups[0].finger.tendons)
+    held = given if mission.drive_tension is None else given.with_tendons(max_tension=mission.drive_tension)
+    body = mission.grasp.object.replaced(free=None)
+    control = assignment._control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
+    one: Any = SimpleNamespace(mission=mission, control=control, pulls=[0])
+    with patch.object(mission_plant, "PlantModel", lambda *plant: plant[1:]):
+        yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)
+    asked = mission.controller
+    yield from (asked.retained, asked.held, asked.deadline, mission.pull_share, mission.beyond_certificate)
+    yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.trials, mission.turn)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A consumer of which all keys of a kind of scene are tried, by what it makes of them."""
+
+    consumer: str
+    root: type[BaseModel]
+    make: Callable[[Any], Iterator[object]]
+    but: tuple[str, ...] = ()
+    """Keys of the scene that are those of others."""
+
+    def __str__(self) -> str:
+        return f"{self.consumer}: {self.make.__name__}"
+
+
+_OF_TOUCH = ("finger.half_thickness", "finger.rod.samples.thickness", "finger.tendons.max_tension")
+"""Keys of contacts and commands, which a model without them has not."""
+WALKS = (
+    Walk("export-mjcf", Scene, chain_of_hinges),
+    Walk(
+        "plant.guides",
+        Scene,
+        chain_of_guides,
+        ("actuation", "initial", "loads", "time", "parameters", "fidelity", "name"),
+    ),
+    Walk("statics, modes", Scene, equilibrium_and_modes, _AROUND),
+    Walk("export-c, operators", Scene, package),
+    Walk("export-web", Scene, page),
+    Walk("export-fmu", Scene, unit),
+    Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND, *_OF_TOUCH)),
+    Walk("the exact rod (accuracy)", Scene, measured_choices, _AROUND),
+    Walk("environments", ControlScene, lanes),
+    Walk("export-c of closed loops", ControlScene, loop),
+    Walk("mpc", ControlScene, run),
+    Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
+    Walk("export-fmu", ControlScene, units_of_loop),
+    Walk("export-web", ControlScene, page_of_loop),
+    Walk("plan", PlanScene, search),
+    Walk("missions", MissionScene, carried_out),
+)
+"""All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""

@@ -22,7 +22,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.model.winches import Winch, winches_of
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -360,16 +360,13 @@ _GUIDES = Consumer(
         "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
     },
     unneeded={
+        **LIMITS_OF_BENDING,
         "finger.damping.per_arc": "the plant has as much material damping in its place",
         "finger.damping.friction_cells": "there is no dry friction",
-        "finger.strain_limit": "the controller keeps it",
-        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
         "finger.tendons.friction_cells": "each guide is a cell",
         "finger.tendons.presliding": "tendons slide or stick, and are elastic between guides",
         "finger.tendons.time_constant": "the plant's drives have it",
-        "finger.tendons.min_tension": "the controller keeps it",
-        "finger.tendons.max_tension": "the controller keeps it",
-        "supports.touch": "of grasps",
+        **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "the controller keeps it"),
     },
 )
 

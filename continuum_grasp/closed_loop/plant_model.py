@@ -15,7 +15,6 @@ from continuum_grasp.model import System
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.remade import Remade
-from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
@@ -29,10 +28,6 @@ from continuum_grasp.simulation.signals import Signals
 
 Array = NDArray[np.float64]
 
-_FIXED = Consumer(
-    "plants without an object that moves",
-    refused=dict.fromkeys(("plant.object_mass", "plant.object_friction"), "is of an object that moves: leave it out"),
-)
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""
 
@@ -60,8 +55,6 @@ def plant_scene(scene: ControlScene) -> Scene:
         elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
             # Friction that the plant alone has: the scene states no history.
             initial = initial.replaced(reached_by="pulling")
-    elif (given := plant.of_tendons) is not None:
-        raise InputError("is for a finger with tendons", key=f"plant.{given}")
     around = {name: getattr(scene, name) for name in Surroundings.model_fields}
     return Scene(
         **around,
@@ -134,8 +127,6 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
-        if given is None and not varies:
-            _FIXED.check(scene)
         if varies:
             object_parameters = ("object_mass", "friction_factor")
         finger = self.scene.finger

@@ -20,7 +20,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.parameters import nominal_values
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load, other_kind
 from continuum_grasp.scene.simulate import Scene
@@ -121,8 +121,8 @@ _LANES = Consumer(
         "plant.seed": "episodes draw their noise by the seed of reset()",
     },
     unneeded={
+        **LIMITS_OF_BENDING,
         "name": "a title alone",
-        "finger.strain_limit": "where fidelity.bending_range is not given it limits that, beyond which episodes end",
         **{
             f"controller.{key}": "of a controller: an agent is in its place"
             for key in (

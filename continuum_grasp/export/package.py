@@ -39,7 +39,7 @@ from continuum_grasp.export.source import (
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
 _ASKED_ERROR = 1e-2
@@ -47,20 +47,16 @@ _ASKED_ERROR = 1e-2
 _ARGUMENT = "an argument of the functions"
 _FINGER_ALONE = "the package moves the finger; contact takes where the object is"
 _PACKAGE = Consumer(
-    "export-c",
+    "export-c, operators",
     unneeded={
+        **LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
-        **dict.fromkeys(
-            ("time.duration", "time.method", "time.tolerance", "time.space_error"), "steps are the caller's"
-        ),
+        **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
         **dict.fromkeys(
             ("object.mass", "out_of_plane_gravity", "moment_of_inertia", "table", "supports", "object_moves"),
             _FINGER_ALONE,
         ),
-        "fidelity.frequencies": "of fidelity.tolerance",
         "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
-        "finger.strain_limit": "where fidelity.bending_range is not given it limits that, by which states are checked",
-        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
     },
 )
 _LOOP = Consumer(

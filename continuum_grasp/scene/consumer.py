@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +12,13 @@ from continuum_grasp.errors import InputError
 
 CONSUMERS: dict[str, Consumer] = {}
 """All declarations by name, in the order of their import."""
+LIMITS_OF_BENDING = {
+    "fidelity.frequencies": "of fidelity.tolerance",
+    "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
+    "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+    "supports.touch": "of grasps",
+}
+"""What motions do not need, by key, and why."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +39,15 @@ class Consumer:
     unneeded : mapping of str to str
         By key, or that of a whole part, why nothing is missing without it: in the documentation alone. ``*`` is any
         name.
+    where : callable
+        Whether it is about a scene: of what has no effect beside other keys.
     """
 
     name: str
     refused: Mapping[str, str] = field(default_factory=dict)
     otherwise: Mapping[str, str] = field(default_factory=dict)
     unneeded: Mapping[str, str] = field(default_factory=dict)
+    where: Callable[[Any], bool] = lambda scene: True
 
     def __post_init__(self) -> None:
         CONSUMERS[self.name] = self
@@ -57,6 +67,8 @@ class Consumer:
         InputError
             With the key of the first that is refused.
         """
+        if not self.where(scene):
+            return ()
         head = f"{at}." if at else ""
         for key, why in self.refused.items():
             if key.startswith(head) and (found := next(_given(scene, key.removeprefix(head)), None)):
@@ -64,6 +76,11 @@ class Consumer:
         return tuple(
             f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(scene, key.removeprefix(head)))
         )
+
+
+def beside(name: str, where: Callable[[Any], bool], keys: str, why: str) -> Consumer:
+    """Declare that keys, separated by spaces, have no effect in some scenes, where giving them is an error."""
+    return Consumer(name, dict.fromkeys(keys.split(), why), where=where)
 
 
 def _given(value: Any, key: str, where: str = "") -> Iterator[str]:

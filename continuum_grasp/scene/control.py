@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.controller import Controller, Plant
 from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
@@ -43,13 +43,29 @@ _LOOP = Consumer(
         "initial.motor_angles": "is for statics and simulations alone: command what motors do",
     },
 )
-_STATE_GIVEN = Consumer(
-    "mpc without an estimator",
-    refused={
-        "plant.noise": "the controller is given the exact state: add an estimator",
-        "plant.delay": "the controller is given the state at once: add an estimator",
-    },
-    unneeded={"plant.seed": "nothing has noise"},
+_EXACT = "needs an estimator: the controller is given the exact state at once"
+_POSITION = "estimator.disturbances.object_position"
+_TOUCHING = f"controller.cost.contact_force controller.cost.gap {_POSITION} estimator.disturbances.contact_friction"
+_POSE = "controller.cost.object_position controller.cost.object_angle estimator.measured.object"
+_MOVING = f"{_POSE} plant.object_mass plant.object_friction"
+_OBJECT, _MOVES = "needs an object that is touched", "needs an object that moves: set object_moves"
+_FORCE, _TENSION = "estimator.disturbances.contact_force", "estimator.measured.tension"
+_COMMAND = "needs a lag; without one the tension is the command itself"
+_OF_TENDONS = "plant.guides plant.tendon_friction plant.presliding plant.axial_stiffness plant.series_stiffness"
+_SET, _OF_COMMANDS = "has no effect where the tension is commanded", "is that of commanded tensions"
+_LOOPS = (
+    _LOOP,
+    beside("mpc without an estimator", lambda s: s.estimator is None, "plant.noise plant.delay", _EXACT),
+    beside("mpc without contacts", lambda s: not s.contacts, _FORCE, "needs contacts"),
+    beside("mpc without a lag", lambda s: s.lag is None and not s.finger.winches, _TENSION, _COMMAND),
+    beside("mpc without tendons", lambda s: s.finger.tendons is None, _OF_TENDONS, "is for a finger with tendons"),
+    beside("mpc of drives", lambda s: s.finger.winches, "plant.time_constant", _OF_COMMANDS),
+    beside("mpc of commanded tensions", lambda s: not s.finger.winches, "plant.series_stiffness", _SET),
+    beside("mpc of tensions", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
+    beside("plant.guides beside others", lambda s: s.plant.guides, "plant.presliding", "has no effect under guides"),
+    beside("mpc without an object", lambda s: s.object is None, _TOUCHING, _OBJECT),
+    beside("mpc without an object that moves", lambda s: not s.object_moves, _MOVING, _MOVES),
+    beside("mpc with an object that moves", lambda s: s.object_moves, _POSITION, "needs an object that stays"),
 )
 
 
@@ -81,11 +97,9 @@ class ControlScene(FingerScene):
     """How long the closed loop runs [s]."""
 
     def _check(self) -> None:
-        self.initial.check_history(self.finger)
         self.controller.input.check(self.finger, "controller.input")
-        _LOOP.check(self)
-        if self.estimator is None:
-            _STATE_GIVEN.check(self)
+        for one in _LOOPS:
+            one.check(self)
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
@@ -96,12 +110,7 @@ class ControlScene(FingerScene):
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
         given.check(cost, "controller.cost")
-        for key in ("object_position", "object_angle"):
-            if getattr(cost, key) is not None and not self.object_moves:
-                raise ValueError(f"controller.cost.{key} needs an object that moves: set object_moves")
         for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
-            if getattr(cost, key) is not None and self.object is None:
-                raise ValueError(f"controller.cost.{key} needs an object that is touched")
             for name in names:
                 if name not in self.contact_names:
                     known = ", ".join(self.contact_names)
@@ -144,26 +153,15 @@ class ControlScene(FingerScene):
             estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
             self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
-        if self.object_moves != (estimator.measured.object is not None):
-            raise ValueError(
-                "object_moves needs estimator.measured.object, by which the controller knows where it is"
-                if self.object_moves
-                else "estimator.measured.object needs an object that moves: set object_moves"
-            )
+        if self.object_moves and estimator.measured.object is None:
+            raise ValueError("object_moves needs estimator.measured.object, by which the controller knows where it is")
         for name in ("bending_stiffness", "tendon_friction"):
             if getattr(estimator.disturbances, name) is not None and name not in self.parameters:
                 raise ValueError(f"estimator.disturbances.{name} needs parameters: [{name}]")
         if estimator.adapt is not None:
             estimator.adapt.check(estimator.disturbances, self.parameters, self.lag, "estimator.adapt")
-        if estimator.disturbances.contact_force is not None and not self.contacts:
-            raise ValueError("estimator.disturbances.contact_force needs contacts")
-        if estimator.disturbances.object_position is not None and (self.object is None or self.object_moves):
-            raise ValueError("estimator.disturbances.object_position needs an object that does not move")
-        unknown_friction = estimator.disturbances.contact_friction is not None
-        if unknown_friction and (self.object is None or self.contact_law is None or self.contact_law.friction == 0.0):
-            raise ValueError("estimator.disturbances.contact_friction needs an object and contact_law.friction above 0")
-        if estimator.measured.tension is not None and self.lag is None and not self.finger.winches:
-            raise ValueError("estimator.measured.tension needs a lag; without one the tension is the command itself")
+        if estimator.disturbances.contact_friction is not None and not (self.contact_law and self.contact_law.friction):
+            raise ValueError("estimator.disturbances.contact_friction needs contact_law.friction above 0")
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
         periods = estimator.delay / self.controller.step
         if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):

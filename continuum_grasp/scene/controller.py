@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import default_family
@@ -322,23 +321,10 @@ class Plant(Value):
     def _check(self) -> None:
         if self.guides is not None and "fidelity" in self.model_fields_set:
             raise ValueError("guides and fidelity exclude each other: a chain of guides has no elements")
-        if self.guides is not None and self.presliding is not None:
-            raise ValueError("presliding has no effect under guides, at which tendons stick without any")
-
-    @property
-    def of_tendons(self) -> str | None:
-        """First of the given keys that are of tendons."""
-        keys = ("guides", "tendon_friction", "presliding", "axial_stiffness", "series_stiffness")
-        return next((key for key in keys if getattr(self, key) is not None), None)
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""
         own = {"friction": self.tendon_friction, "presliding": self.presliding, "time_constant": self.time_constant}
         if finger.winches:
-            if self.time_constant is not None:
-                raise InputError("is that of commanded tensions", key="plant.time_constant")
             own |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}
-        elif self.series_stiffness is not None or (self.axial_stiffness is not None and self.guides is None):
-            key = "series_stiffness" if self.series_stiffness is not None else "axial_stiffness"
-            raise InputError("has no effect where the tension is commanded", key=f"plant.{key}")
         return {key: value for key, value in own.items() if value is not None}

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits, Plant
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -165,6 +166,20 @@ class Trials(Value):
     """Seed of the random numbers; equal seeds give equal plants."""
 
 
+_OF_LOOPS = "is of closed loops: give object_mass, and contact_law.friction"
+_OF_TURNS = "estimator.measured.object phases.touch phases.stroke phases.leave controller.object_angle controller.gap"
+_NO_TABLE = "is of a table below the plane: it needs grasp.gravity.mode: out_of_plane"
+_MEASURED = "has no meaning with a turn: a camera measures it"
+_GIVEN = "has no effect beside tendons, which have a max_tension"
+_MISSIONS = (
+    beside("missions", lambda s: True, "plant.object_mass plant.object_friction", _OF_LOOPS),
+    beside("missions without a turn", lambda s: s.turn is None, _OF_TURNS, "needs a turn"),
+    beside("missions with a turn", lambda s: s.turn, "estimator.disturbances.object_position", _MEASURED),
+    beside("missions with gravity in the plane", lambda s: s.gravity == 0.0, "table_friction_radius turn", _NO_TABLE),
+    beside("missions with tendons of their own", lambda s: s.tendons, "drive_tension", _GIVEN),
+)
+
+
 class MissionScene(Value):
     """A grasp that is optimized first, and then carried out by a controller on a plant.
 
@@ -222,10 +237,8 @@ class MissionScene(Value):
             raise ValueError("grasp.gravity must be planar or out_of_plane: a mission lifts the object off a table")
         if any(finger.tip == "off" for finger in fingers):
             raise ValueError("grasp.contacts must have the tip: a mission closes with it")
-        if self.tendons is not None and self.drive_tension is not None:
-            raise ValueError("drive_tension has no effect beside tendons, which have a max_tension")
-        if self.table_friction_radius > 0.0 and self.gravity == 0.0:
-            raise ValueError("table_friction_radius is of a table below the plane: it needs gravity out of the plane")
+        for one in _MISSIONS:
+            one.check(self)
         self._check_turn()
         for finger in fingers:
             self._check_finger(finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{finger.name}")
@@ -240,25 +253,18 @@ class MissionScene(Value):
             raise ValueError(f"more_contacts must lie between base and tip of each finger, within {length} m")
 
     def _check_turn(self) -> None:
-        camera = self.estimator.measured.object is not None
         if self.turn is None:
-            if camera:
-                raise ValueError("estimator.measured.object needs a turn: otherwise a mission predicts no pose")
             return
-        if not camera:
+        if self.estimator.measured.object is None:
             raise ValueError("turn needs estimator.measured.object, by which the controller knows where the object is")
         for finger in self.grasp.setups:
             if finger.finger.base_free is None:
                 check_reach(finger.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
-        if self.gravity == 0.0:
-            raise ValueError("turn needs grasp.gravity.mode out_of_plane: the table is below the plane")
         if len(self.grasp.setups) > 1:
             raise ValueError(
                 "turn needs a grasp of one finger: a controller predicts what its own finger does to the object, not "
                 "what others do"
             )
-        if self.estimator.disturbances.object_position is not None:
-            raise ValueError("estimator.disturbances.object_position has no meaning with a turn: a camera measures it")
 
     @property
     def gravity(self) -> float:

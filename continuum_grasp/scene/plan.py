@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
@@ -193,6 +193,21 @@ _PLAN = Consumer(
         "loads.follows": "is not for plans, whose forces keep their directions in the world",
     },
 )
+_COLLOCATION = "solver.points solver.degree"
+_ITS_OWN = "has no effect on method: single_shooting, which has its own; leave it out"
+_PLANS = (
+    _PLAN,
+    beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
+    beside("plan by shooting", lambda s: s.transcription != "collocation", _COLLOCATION, "is of method: collocation"),
+    beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
+    beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
+    beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),
+    beside("plan without a grasp", lambda s: s.grasp is None, "goal.grasp_weight", "is of the forces of a grasp"),
+    beside("plan with a grasp", lambda s: s.grasp, "contacts goal.contact_force", "is that of the grasp: leave it out"),
+    beside("plan without an object", lambda s: s.object is None, "goal.contact_force grasp", "needs an object"),
+    beside("plan without a finer model", lambda s: not s.check.finer, "check.contact_law", "is of check.finer"),
+    beside("plan without drives", lambda s: not s.finger.winches, "bounds.least_tension", "is of winches and motors"),
+)
 
 
 class PlanScene(FingerScene):
@@ -254,10 +269,8 @@ class PlanScene(FingerScene):
                 "winches or motors, which need it: its explicit steps are too long for stiff contacts; plan without "
                 "the object"
             )
-        if self.transcription == "single_shooting" and self.solver.method != "ipopt":
-            raise ValueError("solver.method has no effect on method: single_shooting, which has its own; leave it out")
-        self.initial.check_history(self.finger)
-        _PLAN.check(self)
+        for one in _PLANS:
+            one.check(self)
         self.input.check(self.finger, "input")
         self._check_contact()
         self._check_inputs()
@@ -275,8 +288,8 @@ class PlanScene(FingerScene):
             raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
         if self.objective == "tracking" and free:
             raise ValueError("duration: tracking needs a number, since its reference runs in time")
-        if (self.cost is not None) != (self.objective == "tracking"):
-            raise ValueError("cost belongs to objective: tracking, which needs it")
+        if self.cost is None and self.objective == "tracking":
+            raise ValueError("cost is missing, which objective: tracking needs")
         if self.cost is not None:
             self.reference.check(self.cost, "cost")
             tracked = () if self.cost.shape is None else self.cost.shape.at
@@ -297,16 +310,8 @@ class PlanScene(FingerScene):
                 "contact_law: plans need friction that is a smooth function of the speed of slip: give slip_speed "
                 "(0.01 m/s, for example), or friction: 0; check.contact_law may be another one"
             )
-        if self.goal.contact_force is not None and self.object is None:
-            raise ValueError("goal.contact_force needs an object that is touched")
-        if self.grasp is None:
-            return
-        if self.object is None:
-            raise ValueError("grasp: give the object and its contact_law too")
-        if len(self.grasp.setups) != 1:
+        if self.grasp is not None and len(self.grasp.setups) != 1:
             raise ValueError(f"grasp: a plan is for one finger, the grasp has {len(self.grasp.setups)}")
-        if self.contacts or self.goal.contact_force is not None:
-            raise ValueError("contacts and goal.contact_force are those of the grasp: leave them out")
 
     def _check_inputs(self) -> None:
         aim = self.goal.input

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
@@ -37,17 +37,25 @@ else:
 _BEYOND_THE_ROD = {
     # Of what is at rest, quadratic damping and relaxation are no part.
     **unknown_to("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
+    "fidelity.residual": "belongs to one model: give its family and elements, and no tolerance",
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
 }
 EXACT_ROD = Consumer(
     "the exact rod (accuracy)",
     refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
+    unneeded={
+        **LIMITS_OF_BENDING,
+        **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
+        "finger.damping.friction_cells": "there is no dry friction",
+        "time": "motions are compared over a second at most, in steps of their own",
+    },
 )
-_TOLERANCE = Consumer("fidelity.tolerance", refused=_BEYOND_THE_ROD)
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer(
-    "accuracy, fidelity.tolerance", refused=dict.fromkeys(("initial.q", "initial.q_above_rest"), _TRIED)
+    "accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED, "initial.q_above_rest": _TRIED}
 )
+_NONE = "has no effect: neither tendons nor bending have friction"
+_HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
 
 
 class Fidelity(Value):
@@ -78,10 +86,6 @@ class Fidelity(Value):
     residual: LearnedResidual | None = None
     """Forces that this model misses, learned from logs by ``continuum-grasp identify``; they belong to one family and
     its elements. In a file also the path of the file that it wrote."""
-
-    def _check(self) -> None:
-        if self.residual is not None and self.tolerance is not None:
-            raise ValueError("residual belongs to one model: give its family and elements in place of a tolerance")
 
 
 class Initial(Value):
@@ -127,21 +131,15 @@ class Initial(Value):
             if hasattr(value, "times"):
                 raise ValueError(f"held_by[{k}] must be constant")
 
-    def check_history(self, finger: Finger) -> None:
-        """Refuse a history of a finger that has none."""
-        if self.reached_by is not None and not finger.has_friction:
-            raise ValueError("initial.reached_by has no effect: neither tendons nor bending have friction")
-
     def check_motors(self, finger: Finger) -> None:
         """Refuse angles of motors that a finger has not."""
         if self.motor_angles is None:
             return
         motors = [drive for drive in finger.winches if isinstance(drive, MotorDrive)]
-        if not motors:
-            raise ValueError("initial.motor_angles has no effect: no tendon has drive.kind: motor")
         if len(self.motor_angles) != len(motors):
             raise ValueError(
-                f"initial.motor_angles must have one entry per motor ({len(motors)}), got {len(self.motor_angles)}"
+                f"initial.motor_angles must have one entry per drive.kind: motor ({len(motors)}), got "
+                f"{len(self.motor_angles)}"
             )
 
     @property
@@ -208,6 +206,7 @@ class FingerScene(Surroundings):
     """Names of model parameters that stay run-time arguments of the generated functions."""
 
     def _check(self) -> None:
+        _HISTORY.check(self)
         length = self.finger.rod.length
         for k, at in enumerate(self.contacts):
             if at >= length:
@@ -236,14 +235,12 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
         if self.actuation is not None:
             self._check_actuation(self.actuation)
-        self.initial.check_history(self.finger)
         self.initial.check_motors(self.finger)
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.fidelity.tolerance is not None:
-            for one in (_TOLERANCE, SEVERAL_MODELS):
-                one.check(self)
+            SEVERAL_MODELS.check(self)
         lengths, length = self.fidelity.elements, self.finger.rod.length
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.supports import Peg, Support, Wall
@@ -18,15 +18,18 @@ _PRESLIDING = 1e-4
 """Displacement before slip by default [m]."""
 
 
-_OF_OBJECTS = ("moment_of_inertia", "out_of_plane_gravity", "table", "supports")
-_EMPTY = Consumer(
+_OF_OBJECTS = "moment_of_inertia out_of_plane_gravity table supports"
+_EMPTY = beside(
     "a scene without an object",
-    refused=dict.fromkeys(("contact_law", "object_moves", *_OF_OBJECTS), "has no meaning without an object"),
+    lambda scene: scene.object is None,
+    f"contact_law object_moves {_OF_OBJECTS}",
+    "has no meaning without an object",
 )
-_FIXED = Consumer(
+_FIXED = beside(
     "a fixed object",
-    refused=dict.fromkeys(_OF_OBJECTS, "has no meaning for a fixed object: set object_moves"),
-    unneeded={"object.mass": "nothing moves it"},
+    lambda scene: scene.object is not None and not scene.object_moves,
+    _OF_OBJECTS,
+    "has no meaning for a fixed object: set object_moves",
 )
 _PLACED = Consumer(
     "motions with an object",
@@ -134,19 +137,17 @@ class Surroundings(Value):
     each part by its area, for a union)."""
 
     def _check(self) -> None:
+        for one in (_EMPTY, _PLACED, _FIXED):
+            one.check(self)
         body = self.object
         if body is None:
-            _EMPTY.check(self)
             return
         if self.contact_law is None:
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
-        _PLACED.check(self)
         if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
         if self.table is not None and (self.table.wall is None) != (self.out_of_plane_gravity > 0.0):
             raise ValueError("table needs out_of_plane_gravity, or without it point and normal_angle")
-        if not self.object_moves:
-            _FIXED.check(self)
 
     @property
     def surroundings(self) -> Surroundings | None:

@@ -14,7 +14,7 @@ from continuum_grasp.arguments import check_arguments, choice, real_array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -193,26 +193,24 @@ _STATICS = Consumer(
     "statics, modes",
     refused={"object": "statics and modes know no contact: leave the object out"},
     unneeded={
+        **LIMITS_OF_BENDING,
         "name": "a title alone",
         "time": "inputs and loads are those at time zero",
-        "actuation.tensions.times": "inputs are those at time zero",
-        "actuation.tensions.interpolation": "inputs are those at time zero",
-        "loads.force.times": "loads are those at time zero",
+        **dict.fromkeys(
+            ("actuation.tensions.times", "actuation.tensions.interpolation", "loads.force.times"), "those at time zero"
+        ),
         "parameters": "they have their nominal values",
-        "fidelity.frequencies": "of fidelity.tolerance: modes keep it at two, statics at none",
         **{f"initial.{key}": "an equilibrium is sought" for key in ("pose", "q", "q_above_rest", "qd")},
         "initial.held_by": "released at time zero",
         **dict.fromkeys(
             ("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts, and of the strain limit"
         ),
-        "finger.strain_limit": "what is bent beyond it is reported; it limits a bending_range that is not given",
-        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",
-        "finger.tendons.min_tension": "a limit of commands, which actuation satisfies",
-        "finger.tendons.max_tension": "a limit of commands, which actuation satisfies",
-        "finger.tendons.time_constant": "commands are reached",
-        "finger.tendons.drive.time_constant": "commands are reached",
-        "finger.tendons.drive.rate_max": "commands are reached",
+        **{f"finger.tendons.{key}": "of commands, which actuation satisfies" for key in ("min_tension", "max_tension")},
+        **{
+            f"finger.tendons.{key}": "commands are reached"
+            for key in ("time_constant", "drive.time_constant", "drive.rate_max")
+        },
         **{
             f"finger.tendons.drive.{key}": "of initial.motor_angles: other motors are where commands lead, or free"
             for key in ("viscous_friction", "coulomb_friction", "presliding_angle", "rate_gain", "torque_max")

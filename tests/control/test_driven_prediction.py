@@ -90,7 +90,7 @@ def test_other_refusals():
         driven_scene(
             "winches", reference={"tip": (0.0, 0.18), "input": (0.0,)}, controller={"cost": {"tip": 1.0, "effort": 1.0}}
         )
-    with pytest.raises(InputError, match="reached_by has no effect"):
+    with pytest.raises(InputError, match="reached_by: has no effect"):
         driven_scene(
             "winches", finger=HAND, controller={"input": {}}, initial={"pose": "rest", "reached_by": "pulling"}
         )

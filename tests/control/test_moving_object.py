@@ -186,7 +186,7 @@ def test_steps_resolve_the_contact(stiffness, horizon, expected):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (["object_moves=false", "table=null", "out_of_plane_gravity=0"], "object_angle needs an object that moves"),
+        (["object_moves=false", "table=null", "out_of_plane_gravity=0"], "object_angle: needs an object that moves"),
         (["estimator.measured.object=null"], "object_moves needs estimator.measured.object"),
         (["controller.cost.gap.of=[finger.9]"], "controller.cost.gap.of: expected some of finger.tip"),
         (["reference.gap=null"], "reference.gap is needed"),

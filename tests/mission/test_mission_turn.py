@@ -115,14 +115,14 @@ def test_what_is_followed_changes_with_the_phase(table):
     ("change", "said"),
     [
         (["estimator.measured.object=null"], "turn needs estimator.measured.object"),
-        (["turn=null"], "estimator.measured.object needs a turn"),
+        (["turn=null"], "estimator.measured.object: needs a turn"),
         (["turn.angle=0.0"], "angle must not be zero"),
         (["turn.tolerance=40 deg"], "tolerance = 0.698132 rad is not less than the angle, 0.523599 rad"),
         (["turn.strokes=0"], "turn.strokes"),
         (["turn.stroke=2"], "turn.stroke"),
         (["estimator.disturbances.object_position=0.004"], "has no meaning with a turn"),
         (["grasp.gravity={mode: planar, vector: [0.0, -9.81]}", "table_friction_radius=0"], "out_of_plane"),
-        (["grasp.gravity={mode: planar, vector: [0.0, -9.81]}"], "table_friction_radius is of a table below"),
+        (["grasp.gravity={mode: planar, vector: [0.0, -9.81]}"], "table_friction_radius: is of a table below"),
     ],
 )
 def test_what_makes_no_turn_is_named(change, said):

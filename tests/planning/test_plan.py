@@ -336,7 +336,7 @@ def test_interrupt_gives_what_there_is():
         ({"goal": {}}, "goal: give tip"),
         ({"goal": {"bending": (0.1, 0.2, 0.3)}}, "expected 2 entries"),
         ({"objective": "least_time"}, "least_time needs a range"),
-        ({"objective": "tracking"}, "cost belongs to"),
+        ({"objective": "tracking"}, "cost is missing"),
         ({"input": {}}, "moment_max is needed"),
         ({"input": {"moment_max": 0.1, "initial": (0.2,)}}, "outside the limits"),
         ({"loads": (cg.ForceLoad(at=0.1, force=(1.0, 0.0)),)}, "expected one of contacts or the tip"),

@@ -17,11 +17,13 @@ from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import KINDS
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
-from tests.scene_products import MAKERS, parts
+from tests.scene_products import WALKS, Walk, parts
 
 FROM_OUTSIDE = {"Freedom", "LearnedResidual", "ResidualTraining"}
 """Classes of values that scenes of simulation refuse, or that belong to one model."""
@@ -93,26 +95,25 @@ QUICK = {"export-mjcf", "plant.guides"}
 
 
 @cache
-def of_base(name: str, base: str) -> tuple[object, ...] | None:
+def of_base(walk: Walk, base: str) -> tuple[object, ...] | None:
     """What a consumer makes of one of the scenes; None where it refuses that."""
-    root, make, _ = MAKERS[name]
     try:
-        return tuple(parts(make(bases(root)[base])))
+        return tuple(parts(walk.make(bases(walk.root)[base])))
     except InputError:
         return None
 
 
-def ignored(name: str, found: list[Place]) -> str:
+def ignored(walk: Walk, found: list[Place]) -> str:
     """What is wrong with a key, of which the places are given: empty where its value counts, or is declared."""
-    consumer, (root, make, own), key = CONSUMERS[name], MAKERS[name], found[0].key
+    consumer, key = CONSUMERS[walk.consumer], found[0].key
     heads = [".".join(key.split(".")[: k + 1]) for k in range(key.count(".") + 1)]
     declared = {**consumer.refused, **consumer.otherwise, **consumer.unneeded}
-    if heads[0] not in own or key in NOT_ALONE or any(fnmatchcase(head, one) for head in heads for one in declared):
+    if {*heads} & {*walk.but} or key in NOT_ALONE or any(fnmatchcase(head, one) for head in heads for one in declared):
         return ""
     taken = tried = False
     given = [place for place in found if place.value not in (None, ())]
     for place in found:
-        base, before = bases(root)[place.base], of_base(name, place.base)
+        base, before = bases(walk.root)[place.base], of_base(walk, place.base)
         if before is None:
             continue
         taken |= place in given or not given  # what is given in scenes alone that the consumer refuses cannot be tried
@@ -125,7 +126,7 @@ def ignored(name: str, found: list[Place]) -> str:
                 continue
             tried = True
             try:
-                if any(a != b for a, b in zip_longest(parts(make(scene)), before)):
+                if any(a != b for a, b in zip_longest(parts(walk.make(scene)), before)):
                     return ""
             except SolverError:
                 return ""
@@ -139,22 +140,23 @@ def ignored(name: str, found: list[Place]) -> str:
 
 
 def test_the_scenes_have_every_key():
-    for root, outside in ((Scene, FROM_OUTSIDE), (ControlScene, set())):
+    for root, outside in ((Scene, FROM_OUTSIDE), (ControlScene, set()), (PlanScene, set()), (MissionScene, set())):
         missing = {kind for kind, names in keys(root).items() if names - set(places(root).get(kind, ()))}
         assert missing == outside
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"),
+    ("walk", "kind"),
     [
-        pytest.param(name, kind, marks=() if name in QUICK and kind not in LONG else pytest.mark.deep)
-        for name, (root, *_) in MAKERS.items()
-        for kind in sorted(set(keys(root)) - FROM_OUTSIDE)
+        pytest.param(walk, kind, marks=() if walk.consumer in QUICK and kind not in LONG else pytest.mark.deep)
+        for walk in WALKS
+        for kind in sorted(set(keys(walk.root)) - FROM_OUTSIDE)
     ],
+    ids=str,
 )
-def test_no_key_is_ignored_in_silence(name, kind):
-    found = places(MAKERS[name][0])[kind]
-    wrong = [text for field in keys(MAKERS[name][0])[kind] if (text := ignored(name, found[field]))]
+def test_no_key_is_ignored_in_silence(walk, kind):
+    found = places(walk.root)[kind]
+    wrong = [text for field in keys(walk.root)[kind] if (text := ignored(walk, found[field]))]
     assert not wrong
 
 

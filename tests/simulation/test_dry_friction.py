@@ -286,7 +286,7 @@ def test_what_cannot_be_is_refused():
         Damping.model_validate({"dry_friction": [{"stiffness": 1.0, "moment": 0.0}]})
     with pytest.raises(ValueError, match="matched_clothoid cannot carry dry friction"):
         scene(family="matched_clothoid")
-    with pytest.raises(ValueError, match="reached_by has no effect"):
+    with pytest.raises(ValueError, match="reached_by: has no effect"):
         scene(finger=finger(()), initial={"pose": "rest", "reached_by": "pulling"})
     few = scene(initial={"pose": "rest", "reached_by": "state", "friction_states": [1.0]})
     with pytest.raises(InputError, match="expected 2 entries"):

@@ -100,9 +100,9 @@ def test_each_motor_of_two_stands_where_it_is():
 def test_what_is_refused():
     with pytest.raises(InputError, match="motor_angles needs pose: equilibrium"):
         standing(STEADY, [0.3], torques=[0.0]).replaced(initial={"motor_angles": [0.3], "pose": "rest"})
-    with pytest.raises(InputError, match=r"one entry per motor \(1\), got 2"):
+    with pytest.raises(InputError, match=r"one entry per drive.kind: motor \(1\), got 2"):
         standing(STEADY, [0.3, 0.1], torques=[0.0])
-    with pytest.raises(InputError, match=r"no tendon has drive\.kind: motor"):
+    with pytest.raises(InputError, match=r"one entry per drive\.kind: motor \(0\)"):
         standing({"kind": "length", "time_constant": 0.02}, [0.3], lengths=[0.0, 0.0])
     with pytest.raises(InputError, match="state how it got there"):
         cg.equilibrium(standing(STEADY, [0.3], friction=0.1, torques=[0.0]))

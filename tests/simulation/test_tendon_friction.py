@@ -303,7 +303,7 @@ def test_an_equilibrium_names_its_history():
         angle(reached_by="state", friction_states=[0.0])
     with pytest.raises(InputError, match=r"friction_states and reached_by: state need each other"):
         angle(reached_by="state")
-    with pytest.raises(InputError, match=r"initial.reached_by has no effect: neither tendons nor bending"):
+    with pytest.raises(InputError, match=r"initial.reached_by: has no effect: neither tendons nor bending"):
         cg.Scene(finger=finger(0.0), initial={"pose": "straight", "reached_by": "pulling"}, gravity=(0, 0))
 
 

@@ -13,11 +13,21 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.export.fmu.moved import labeled, moved_unit, shown
 from continuum_grasp.export.fmu.variable import Group, Unit
 from continuum_grasp.export.source import names_of
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
+_START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
-    "export-fmu", refused={"plant.guides": "a plant with guides decides its contacts in Python: leave them out"}
+    "export-fmu",
+    refused={"plant.guides": "a plant with guides decides its contacts in Python: leave them out"},
+    unneeded={
+        **LIMITS_OF_BENDING,
+        **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},
+        **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
+        "time.space_error": "of simulate",
+        "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
+        "controller.deadline": "the caller has the clock, and says whether the last command was late",
+    },
 )
 
 

@@ -22,7 +22,7 @@ from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Scene
@@ -61,17 +61,13 @@ _CHAIN = Consumer(
         "parameters": "they have their nominal values",
     },
     unneeded={
+        **LIMITS_OF_BENDING,
         "name": "the title of the file alone",
         "contacts": "all links of the finger touch",
         "fidelity": "the chain has hinges of its own; an initial pose and damping per arc are those of the model",
-        "finger.strain_limit": "nothing limits the bend of a hinge",
-        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
         "finger.damping.friction_cells": "each hinge is a cell",
-        "finger.tendons.friction_cells": "there is no tendon friction",
-        "finger.tendons.presliding": "there is no tendon friction",
-        "finger.tendons.conduit_bend": "there is no tendon friction",
+        **{f"finger.tendons.{key}": "of tendon friction" for key in ("friction_cells", "presliding", "conduit_bend")},
         "loads.input": "for the chain every moment is an input",
-        "supports.touch": "of grasps",
         "table.stays": "the table does not move",
         "time": "MuJoCo integrates, in whole parts of the output step; controls are written for the duration",
     },

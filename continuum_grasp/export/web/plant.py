@@ -27,7 +27,7 @@ from continuum_grasp.export.parts.seen import contact_kernel, shape_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import ForceLoad
@@ -234,16 +234,11 @@ _PAGE = Consumer(
     "export-web",
     refused={"plant.guides": "a page has no code that integrates a chain of guides: leave it out"},
     unneeded={
+        **LIMITS_OF_BENDING,
         "name": "the title of the page alone",
         "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
-        **dict.fromkeys(
-            ("time.step", "time.method", "time.tolerance", "time.space_error"), "a page has steps of its own"
-        ),
-        "fidelity.frequencies": "of fidelity.tolerance",
+        **{f"time.{key}": "a page has its own steps" for key in ("step", "method", "tolerance", "space_error")},
         "finger.tendons.min_tension": "a limit of commands: sliders begin at zero",
-        "supports.touch": "of grasps",
-        "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
-        "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
     },
 )
 
