@@ -215,7 +215,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "grasp/certificate/stability.py",
-        ("section[start + reach - 1] = 1.0", "section[start + reach - 1] = 1.01"),
+        ("section = np.eye(size)[start + node]", "section = 1.01 * np.eye(size)[start + node]"),
         tests="grasp/test_grasp_stability.py",
     ),
     *_in(

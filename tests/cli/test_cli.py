@@ -157,10 +157,6 @@ INVALID = {
         ["contacts=[0.3]", "fidelity={elements: 1}"],
         "fidelity.elements: 1 contacts need at least 2 elements",
     ),
-    "range": (
-        ["fidelity={bending_range: 7}"],
-        "fidelity.bending_range: an element of matched_clothoid that bends by up to 7 rad",
-    ),
     "load": (["loads=[{kind: moment, at: 0.7, moment: 0}]"], "loads[0].at: loads[0].at = 0.7 m is beyond"),
 }
 

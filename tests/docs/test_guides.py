@@ -73,6 +73,7 @@ PLACES = {
     "Rod": "finger.rod.",
     "Damping": "finger.damping.",
     "DryFriction": "finger.damping.dry_friction.",
+    "Relaxation": "finger.damping.relaxation.",
     "Softening": "finger.softening.",
     "PointMass": "finger.masses.",
     "Tendons": "finger.tendons.",

@@ -84,7 +84,7 @@ def test_an_interrupted_start_does_not_count():
         print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     """
-    done = python(code, CONFIGS / "mug_arcs.yaml")
+    done = python(code, CONFIGS / "mug.yaml")
     assert done.stdout.split() == ["feasible", "1", "True"], done.stderr
 
 
@@ -121,7 +121,7 @@ def test_ctrl_c_from_outside():
     """
     ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     script = ready + textwrap.dedent(PRESS) + textwrap.dedent(code)
-    command = [sys.executable, "-c", script, str(CONFIGS / "mug_arcs.yaml")]
+    command = [sys.executable, "-c", script, str(CONFIGS / "mug.yaml")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         for _ in range(3):
             assert process.stdout.readline() == "start\n"

@@ -238,7 +238,7 @@ def steps_once(slope):
 
 
 def says_nothing(excess):
-    """Whether nothing is said of a grasp so far above a bound, where starts were left out."""
+    """A grasp so far above a bound, where starts were left out, has no warning."""
     search = Some(best=None, fallback=None, proven=True, excess=excess, left_out=1, exploration=Some(open=0, modes=1))
     verdict = Some(search=search, _before=None, budget=Some(cut=None), interrupted=False)
     return not list(_Verdict._notes(verdict, Some(acceptable=True, attempt=Some(optimal=True))))

@@ -185,13 +185,13 @@ def test_the_table_sinks_and_every_pull_is_whole(table, assignment):
 @pytest.mark.parametrize("most", [60.0, 40.0])
 def test_what_is_held_is_held_with_most_of_the_grasps_tension(most, table, assignment):
     """As far as the drive has it; before and after all limits are those of the drive."""
-    said = {}
+    said, plant = {}, SimpleNamespace(command=np.full(2, 1.0))
     stages = SimpleNamespace(
         r_names=("tension_1 [N]",), weights=np.ones(1), stage=0.01, u_min=np.full(2, 1.0), u_max=np.full(2, most)
     )
     for phase in table.phases(stages):
         if phase.begin is not None:
-            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), None)
+            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), plant)
     pulling = int(np.argmax(assignment.tensions))
     least = min(0.85 * assignment.tensions[pulling], most)
     assert said["lift"]["u_min"][pulling] == pytest.approx(least)

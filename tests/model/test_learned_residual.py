@@ -163,7 +163,7 @@ def test_numbers_that_do_not_fit_are_refused(scene, change, message):
 
 
 def test_a_tolerance_and_grasps_take_none(scene):
-    with pytest.raises(InputError, match="belongs to one model"):
+    with pytest.raises(InputError, match="tolerance: is not for controllers"):
         scene.changed({"fidelity.tolerance": 0.01})
     grasp = load(GRASPS / "mug.yaml")
     with pytest.raises(InputError, match="not for grasps"):
