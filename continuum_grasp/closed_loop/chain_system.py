@@ -223,7 +223,7 @@ class ChainSystem:
         """Position, velocity, angle and spin of a point of the chain."""
         n, (x, *_), base, place = self.chain.hinges, self._symbols, self.scene.finger.base, self.chain.place(at)
         angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
-        start = 0.5 * self.chain.pitch if place.bar >= 0 else place.along
+        start = float(self.chain.links.at[0]) if place.bar >= 0 else place.along
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
         velocity = ca.SX(2, 1)
         for i in range(place.bar + 1):
@@ -291,7 +291,7 @@ class ChainSystem:
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)
         along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
-        inside = [k for k in range(own.guides - first) if start <= self.chain.hinge_at[k] <= end]
+        inside = [k for k in range(own.guides - first) if start <= self.chain.links.at[k] <= end]
         if not inside or own.friction == 0.0:
             return ca.SX(0.0)
         loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])

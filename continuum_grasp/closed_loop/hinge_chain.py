@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.closed_loop.links import Links, lump
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
@@ -17,7 +17,6 @@ from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[np.float64]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """What of the finger may be changed without compiling anew."""
 
@@ -53,7 +52,7 @@ class Guided:
 
 
 class HingeChain:
-    """The numbers of a chain of N hinges, evenly spread, each in the middle of the part whose bend it has.
+    """The numbers of a chain of N hinges in equal parts of the finger, each with the bend of its part.
 
     Parameters
     ----------
@@ -69,78 +68,34 @@ class HingeChain:
         self.tendons = [self._guided(tendon, axial_stiffness) for tendon in finger.tendon_list]
 
     @cached_property
-    def hinge_at(self) -> Array:
-        """Positions of the hinges (N) [m]."""
-        return np.asarray(self.pitch * (np.arange(self.hinges) + 0.5))
+    def links(self) -> Links:
+        """The rod, lumped into hinges and what is between them."""
+        return lump(self.finger, self.hinges, even=True)
 
     def place(self, at: float) -> Place:
         """Return the point at a position along the finger [m]."""
-        bar = int(np.floor(at / self.pitch - 0.5 + 1e-9))
-        bar = min(max(bar, -1), self.hinges - 1)
-        return Place(bar, at - (self.hinge_at[bar] if bar >= 0 else 0.0))
+        bar = self.links.link_of(at + 1e-9 * self.pitch)
+        return Place(bar, at - (self.links.at[bar] if bar >= 0 else 0.0))
 
     @cached_property
     def bars(self) -> Array:
         """Lengths of the bars after each hinge (N) [m]."""
-        lengths = np.full(self.hinges, self.pitch)
-        lengths[-1] = 0.5 * self.pitch
-        return lengths
-
-    def _integral(self, low: float, high: float, *powers: int) -> list[float]:
-        """Integrals of the density times powers of the distance from ``low``, then of the rotary inertia."""
-        s, weights = self._nodes(low, high)
-        density = self.finger.profile.linear_density(s)
-        found = [weights @ (density * (s - low) ** k) for k in powers]
-        return [float(v) for v in (*found, weights @ self.finger.profile.rotary_inertia(s))]
-
-    def _nodes(self, low: float, high: float) -> tuple[Array, Array]:
-        """Places and weights of integrals over a part, between the places where the finger changes at once."""
-        inner = [low, *[at for at in self.finger.profile.breaks if low < at < high], high]
-        places = [0.5 * (a + b) + 0.5 * (b - a) * _NODES for a, b in pairwise(inner)]
-        return np.concatenate(places), np.concatenate([0.5 * (b - a) * _WEIGHTS for a, b in pairwise(inner)])
+        return self.links.ends - self.links.at
 
     @cached_property
     def inertia(self) -> tuple[Array, Array]:
         """Weights (N, N) [kg m2] of the products of the bars' turning, and first moments (N) [kg m] of their weight."""
-        n, finger = self.hinges, self.finger
-        mass, first, second = np.zeros(n), np.zeros(n), np.zeros(n)
-        for i, start in enumerate(self.hinge_at):
-            own = self._integral(start, start + self.bars[i], 0, 1, 2)
-            mass[i], first[i], second[i] = own[0], own[1], own[2] + own[3]
-        points = [(self.place(one.at), one.mass) for one in finger.masses]
-        if finger.tip_body is not None:
-            body, tip = finger.tip_body, self.place(self.length)
-            points.append((Place(tip.bar, tip.along + body.center_of_mass[1]), body.mass))
-            second[-1] += body.rotary_inertia
-        for place, own_mass in points:
-            if place.bar >= 0:
-                mass[place.bar] += own_mass
-                first[place.bar] += own_mass * place.along
-                second[place.bar] += own_mass * place.along**2
-        beyond = np.append(np.cumsum(mass[::-1])[::-1], 0.0)[1:]
-        carried = first + self.bars * beyond
-        weights = np.zeros((n, n))
+        n, links, lever = self.hinges, self.links, self.links.center - self.links.at
+        beyond = np.append(np.cumsum(links.mass[::-1])[::-1], 0.0)[1:]
+        carried = links.mass * lever + self.bars * beyond
+        weights = np.diag(links.inertia + links.mass * lever**2 + self.bars**2 * beyond)
         for i in range(n):
-            weights[i, i] = second[i] + self.bars[i] ** 2 * beyond[i]
             weights[i, i + 1 :] = weights[i + 1 :, i] = self.bars[i] * carried[i + 1 :]
         return weights, carried
 
-    @cached_property
-    def elasticity(self) -> tuple[Array, Array, Array]:
-        """Stiffness [N m], bend at rest [rad] and damping [N m s] of the hinges (N) each."""
-        profile, n = self.finger.profile, self.hinges
-        soft, rest = np.zeros(n), np.zeros(n)
-        for i in range(n):
-            s, weights = self._nodes(i * self.pitch, (i + 1) * self.pitch)
-            soft[i] = weights @ (1.0 / profile.bending_stiffness(s))
-            rest[i] = weights @ profile.rest_curvature(s)
-        # Kelvin-Voigt: the damping is that at the base, and goes with the stiffness of the section.
-        viscosity = self.finger.damping.material / float(profile.bending_stiffness(0.0))
-        return 1.0 / soft, rest, viscosity / soft
-
     def _guided(self, tendon: Tendon, axial_stiffness: float | None) -> Guided:
         to = self.length if tendon.to is None else tendon.to
-        at = self.hinge_at[self.hinge_at < to]
+        at = self.links.at[self.links.at < to]
         first, last = ends(tendon.offset)
         # The constant cosine between a tendon and the backbone.
         arms = np.zeros(self.hinges)
@@ -157,17 +112,20 @@ class HingeChain:
 
     def numbers(self, gravity: tuple[float, float], places: Sequence[float], factors: Mapping[str, float]) -> Array:
         """All that the C of the motion needs to know of it: ``factors`` on what ``OF_FINGER`` names."""
-        stiffness, rest, damping = self.elasticity
+        links = self.links
         weights, carried = self.inertia
         # Material damping follows from the stiffness of the section as it is described.
-        scaled = factors.get("bending_stiffness", 1.0) * stiffness, factors.get("material_damping", 1.0) * damping
+        scaled = (
+            factors.get("bending_stiffness", 1.0) * links.stiffness,
+            factors.get("material_damping", 1.0) * links.damping,
+        )
         base = self.finger.base
         points = [self.place(at) for at in places]
         parts: list[ArrayLike] = [
-            [*base.position, base.angle, 0.5 * self.pitch, *gravity],
+            [*base.position, base.angle, links.at[0], *gravity],
             weights.ravel(),
             scaled[0],
-            rest,
+            links.rest,
             scaled[1],
             carried,
             self.bars,

@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.export.mjcf.chain import Links
+from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.export.mjcf.surroundings import numbers
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import __version__
-from continuum_grasp.export.mjcf.chain import Links
+from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.export.mjcf.controls import Control, drawn_in, offset_at
 from continuum_grasp.export.mjcf.sliders import Sliders
 from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.links import Links, lump, rounded_step
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.destination import check_file, is_marked
-from continuum_grasp.export.mjcf.chain import Links, lump, rounded_step
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
 from continuum_grasp.export.mjcf.sliders import Sliders, states_at
 from continuum_grasp.export.mjcf.text import written
@@ -125,7 +125,7 @@ def export_mjcf(
     """Write the finger of a scene as a chain of hinges for MuJoCo, with spatial tendons and the scene's loads.
 
     Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
-    rule; see `continuum_grasp.export.mjcf.chain`), between links with the masses of the rod: shapes and frequencies
+    rule; see `continuum_grasp.closed_loop.links`), between links with the masses of the rod: shapes and frequencies
     are of second order in the number of hinges. The chain lies in MuJoCo's x-y plane. Tensions pull where they are
     positive. An object that moves slides along x and y and turns. Keyframe ``start`` has the scene's state and controls
     at time zero.

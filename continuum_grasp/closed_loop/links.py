@@ -95,15 +95,18 @@ class Links:
         return least
 
 
-def lump(finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Sequence[float] = ()) -> Links:
+def lump(
+    finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Sequence[float] = (), even: bool = False
+) -> Links:
     """Lump a finger into hinges.
 
     ``marks`` are places where the bending moment jumps [m]: ends of elements, as a hinge inside would take all of the
-    jump or nothing. ``per_arc`` are the lengths [m] of the elements that have the damping per arc.
+    jump or nothing. ``per_arc`` are the lengths [m] of the elements that have the damping per arc. ``even``: all of one
+    length.
     """
     profile = finger.profile
     length = profile.length
-    edges = _edges(profile, count, marks)
+    edges = np.linspace(0.0, length, count + 1) if even else _edges(profile, count, marks)
     compliance, first = _moments(finger, edges, lambda s: 1.0 / profile.bending_stiffness(s))
     at = first / compliance
     rest, _ = _moments(finger, edges, profile.rest_curvature)
