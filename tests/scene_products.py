@@ -195,7 +195,7 @@ def units_of_loop(scene: ControlScene) -> Iterator[object]:
 
 def unit(scene: Scene) -> Iterator[object]:
     """What a functional mock-up unit of a finger has; with an object as its simulation moves it."""
-    used = SimpleNamespace(statistics={"method": "ros2", "substeps": 4})
+    used = SimpleNamespace(statistics={"method": "ros2", "substeps": 4, "start_substeps": 8})
     scene = resolve_fidelity(scene)[0]
     if scene.object is not None:
         with patch.object(touching, "moved_unit", _given), patch.object(touching, "simulate", return_value=used) as one:

@@ -47,6 +47,8 @@ EXACT_ROD = Consumer(
         **LIMITS_OF_BENDING,
         **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
         "finger.damping.friction_cells": "there is no dry friction",
+        "finger.tendons.min_tension": "limits of commands",
+        "finger.tendons.max_tension": "limits of commands",
         "time": "motions are compared over a second at most, in steps of their own",
     },
 )
