@@ -99,6 +99,23 @@ FAULTS: tuple[Fault, ...] = (
     ),
     # model
     *_in(
+        "model/laws/limits.py",
+        ("(s * s / root)", "(s * s / (1.01 * root))"),
+        ("sign * (bend.curvature + bend.rest if", "sign * (bend.curvature - bend.rest if"),
+        tests="scene/test_stops.py model/test_softening.py model/test_section_laws.py",
+    ),
+    *_in(
+        "model/laws/relaxation.py",
+        ("points(family, family.degree + 1)", "points(family, 1)"),
+        ("bend.rate, 1.0 / time)", "bend.rate, 1.01 / time)"),
+        tests="model/test_section_laws.py",
+    ),
+    *_in(
+        "model/memory.py",
+        ("return [clipped(z + self.moved * slid)", "return [clipped(z + 1.01 * self.moved * slid)"),
+        tests="simulation/test_tendon_friction.py simulation/test_dry_friction.py",
+    ),
+    *_in(
         "model/body.py",
         ("self.arm.perp().scaled(self.omega)", "self.arm.perp().scaled(-self.omega)"),
         tests="model/test_system.py model/test_model_structure.py",
