@@ -313,7 +313,21 @@ WALKS = (
     Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
     Walk("export-fmu", ControlScene, units_of_loop),
     Walk("export-web", ControlScene, page_of_loop),
-    Walk("plan", PlanScene, search),
+    # Not tried: keys of which the scenes have no other value, and those that only a solver's run would show.
+    Walk(
+        "plan",
+        PlanScene,
+        search,
+        (
+            "bounds.curvature",
+            "bounds.penalty",
+            "parameters",
+            "input",
+            "solver",
+            "moment_of_inertia",
+            "out_of_plane_gravity",
+        ),
+    ),
     Walk("missions", MissionScene, carried_out),
 )
 """All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""

@@ -45,13 +45,17 @@ _CONVERGED = Consumer(
         "estimator": "NMPC to convergence is given the state: leave the estimator out",
         "controller.scenarios": "NMPC to convergence is for one plant: leave scenarios out",
     },
-    unneeded=dict.fromkeys(
-        [
-            f"controller.{key}"
-            for key in ("iterations", "sqp_iterations", "start_calls", "start_iterations", "supervisor")
-        ],
-        "of the real-time iteration, in whose place every problem is solved to convergence",
-    ),
+    unneeded={
+        **dict.fromkeys(
+            [
+                f"controller.{key}"
+                for key in ("iterations", "sqp_iterations", "start_calls", "start_iterations", "supervisor")
+            ],
+            "of the real-time iteration, in whose place every problem is solved to convergence",
+        ),
+        **dict.fromkeys(("plant.noise", "plant.seed", "plant.delay"), "the state is given exactly, and at once"),
+        "name": "a title alone",
+    },
 )
 
 

@@ -88,12 +88,12 @@ MOST_INSTRUCTIONS = 45_000
 _SHOWN = {"SQ": "*", "MUL": "*", "ADD": "+", "SUB": "-", "TWICE": "+", "DIV": "/", "INV": "/"}
 
 
-def check_size(name: str, count: int) -> None:
+def check_size(name: str, count: int, most: int = MOST_INSTRUCTIONS) -> None:
     """Refuse a function of so many instructions, before its C is written."""
-    if count > MOST_INSTRUCTIONS:
+    if count > most:
         raise InputError(
             f"{name} is code without loops of about {count} instructions, for which compilers take minutes: expected "
-            f"{MOST_INSTRUCTIONS} at most; take fewer elements, or leave out the part that needs it",
+            f"{most} at most; take fewer elements, or leave out the part that needs it",
             key="what",
         )
 

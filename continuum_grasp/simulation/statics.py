@@ -205,6 +205,8 @@ _STATICS = Consumer(
         **dict.fromkeys(
             ("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts, and of the strain limit"
         ),
+        "finger.damping.quadratic": "of rates alone, and smaller than small motions",
+        "finger.damping.relaxation.time": "what is at rest has relaxed; of small motions all or nothing has",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",
         **{f"finger.tendons.{key}": "of commands, which actuation satisfies" for key in ("min_tension", "max_tension")},
         **{

@@ -69,8 +69,8 @@ def test_the_shipped_residual_is_what_its_log_gives_and_halves_one_step_errors_o
 def test_from_a_plant_that_is_the_model_nothing_is_learned(scene):
     from continuum_grasp.closed_loop import run_closed_loop
 
-    plain = scene.changed({"fidelity.residual": None, "duration": 6.0, "plant.guides": None})
-    plain = plain.changed({"plant": {"fidelity": {"family": "matched_clothoid", "elements": 2}, "seed": 1}})
+    own = {"fidelity": {"family": "matched_clothoid", "elements": 2}, "seed": 1}
+    plain = scene.changed({"fidelity.residual": None, "duration": 6.0, "plant": own})
     fit = learn_residual(plain, [run_closed_loop(plain).log])
     assert fit.status == "nothing_learned"
     assert fit.residual is None

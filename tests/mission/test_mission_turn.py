@@ -94,13 +94,13 @@ def test_setpoints_lead_to_the_object_turn_it_and_leave_it(table, assignment):
 @pytest.mark.deep
 def test_what_is_followed_changes_with_the_phase(table):
     names = ("bending_1 [rad]", "contact_force_finger.tip [N]", "gap_finger.tip [m]", "object_angle [rad]")
-    said = {}
+    said, plant = {}, SimpleNamespace(command=np.full(2, 1.0))
     stages = SimpleNamespace(
         r_names=names, weights=np.ones(4), stage=0.01, u_min=np.full(2, 1.0), u_max=np.full(2, 95.0)
     )
     for phase in table.phases(stages):
         if phase.begin is not None:
-            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), None)
+            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), plant)
     followed = {name: {names[k].split("_")[0] for k in np.flatnonzero(new["weights"])} for name, new in said.items()}
     expected = {
         ("touch 1", "leave 1", "touch 2"): {"gap"},
