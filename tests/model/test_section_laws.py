@@ -150,3 +150,15 @@ def test_identify_finds_what_relaxes_from_a_path_of_the_closed_form():
     fit = cg.identify(scene, data, parameters=["relaxation_1_share", "relaxation_1_time"])
     assert fit.values == pytest.approx([true["share"], true["time"]], rel=5e-3)
     assert fit.apply().finger.damping.relaxation[0].time == fit["relaxation_1_time"]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_links_touch_at_a_curvature_of_the_finger_itself(side):
+    """Curved at rest by k0, bent evenly to k: E I (k - k0) + (ratio - 1) E I (k - c), c where links touch."""
+    at_rest, touch, ratio, bent = 5.0, 10.0, 20.0, 11.0
+    made = finger(rest_curvature=side * at_rest, stops=Stops(curvature=touch, stiffness_ratio=ratio))
+    model = cg.FingerModel(made, family="arc", elements=2, tip_force=False, gravity=(0.0, 0.0))
+    moment = side * STIFFNESS * (bent - at_rest + (ratio - 1.0) * (bent - touch))
+    q = [side * (bent - at_rest) * LENGTH / 2.0] * 2
+    missing = model.statics(q, [moment], [], [])[0].full().ravel()
+    assert missing == pytest.approx(0.0, abs=1e-3 * abs(moment))
