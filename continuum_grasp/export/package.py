@@ -167,7 +167,7 @@ def export_c(
 
 
 class Asked(NamedTuple):
-    """How a package is to be, as the arguments of ``export_c`` say."""
+    """Options of a package: the arguments of ``export_c``."""
 
     real: str | None = None
     what: Sequence[str] | None = None

@@ -366,7 +366,7 @@ class Equations:
 
     @cached_property
     def sections_at_rest(self) -> SectionForces:
-        """The same of a finger at rest, by ``history``."""
+        """Laws of the sections, of a finger at rest, by ``history``."""
         return self._sections(self.history, self._remembered)
 
     @property
@@ -626,7 +626,7 @@ class Equations:
         return [*sections.rates("relaxation"), *self.tendons.state_rates, *sections.rates("friction")]
 
     def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
-        """The same as a step takes it that is implicit in ``part`` [s] where laws with states make the finger stiff."""
+        """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
         n = self._structure.n
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
         own = self._section_rates(self._sections(self.z, Memory(part=part), ahead))

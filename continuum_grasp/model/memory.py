@@ -78,4 +78,4 @@ class Memory:
 
 
 IN_MOTION = Memory()
-"""That of a finger that moves."""
+"""Memory of a finger that moves."""

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 _SAME_PLACE = 1e-9
 """Distance per length below which two places are one [1]: far above rounding, far below any distance that matters."""
+_PER_PANEL = 5
+"""Gauss points per panel."""
 
 
 def with_places(fixed: ArrayLike, others: Iterable[float]) -> Array:
@@ -142,7 +144,7 @@ class DenseRod:
     leading axes, one for each of several rods, and may be complex, for derivatives by complex steps.
 
     ``joints`` are the ends of the elements from base to tip [m], ``panel`` the greatest length of a panel as a part of
-    the finger's, with ``nodes`` Gauss points. ``base`` is world x, y [m] and angle [rad], the finger's where not given;
+    the finger's. ``base`` is world x, y [m] and angle [rad], the finger's where not given;
     ``marks`` are further panel edges [m], point masses where not given.
     """
 
@@ -154,14 +156,13 @@ class DenseRod:
         base: Sequence[float] | Array | None = None,
         *,
         marks: Sequence[float] | None = None,
-        nodes: int = 5,
     ) -> None:
         pose = (*finger.base.position, finger.base.angle) if base is None else base
         self.start, self.start_angle = np.asarray(pose[:2], dtype=float), float(pose[2])
         self.joints = np.asarray(joints, dtype=float)
         marks = [mass.at for mass in finger.masses] if marks is None else marks
         inner = [at for at in (*marks, *finger_breaks(finger)) if at < self.joints[-1]]
-        self.mesh = Mesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), nodes)
+        self.mesh = Mesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), _PER_PANEL)
         self.nodes, self.edges, self.weights = self.mesh.nodes, self.mesh.edges, self.mesh.weights
 
     def angle(self, curvature: Array) -> Array:

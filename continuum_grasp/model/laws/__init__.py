@@ -11,10 +11,10 @@ _LAWS = limits, drag, dry_friction, relaxation
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> tuple[SectionLaw, ...]:
-    """Those that a finger has, in the order in which their states follow one another."""
+    """Laws that a finger has, in the order of their states."""
     return tuple(law for each in _LAWS for law in each.laws_of(finger, family, numbers))
 
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
-    """Each number of theirs that may be a run-time argument, by name."""
+    """Numbers of the laws that may be run-time arguments, by name."""
     return {name: number for each in _LAWS for name, number in each.numbers_of(finger).items()}

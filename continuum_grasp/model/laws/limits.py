@@ -53,7 +53,7 @@ class Limit(SectionLaw):
 
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
-    """Those of a material that softens."""
+    """Stiffness ratio and curvature of a material that softens; none without one."""
     soft = finger.softening
     if soft is None:
         return {}

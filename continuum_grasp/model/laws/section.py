@@ -110,7 +110,7 @@ def _clean(shapes: Array) -> Array:
 
 @dataclass(frozen=True)
 class Bend:
-    """What a law knows at a port."""
+    """Curvature, its rate and the states of a law at a port."""
 
     curvature: Scalar  # above that at rest [1/m]
     rest: Scalar  # that at rest [1/m]
@@ -144,7 +144,7 @@ class SectionLaw(ABC):
         return []
 
     def travel(self, bend: Bend) -> list[Scalar]:
-        """How far friction has moved since the finger was straight, per that from which on it slides."""
+        """Travel of each friction state since the finger was straight, per the travel at which it slides [1]."""
         return []
 
     def energy(self, bend: Bend) -> Scalar:
@@ -173,7 +173,7 @@ class SectionForces:
     full, rates : sequence of Scalar
         Full coordinates and their rates.
     states : mapping
-        By kind those of all laws of it.
+        States of the laws, by kind.
     rest : Scalar, optional
         Curvature at rest [1/m] where it is a run-time argument.
     memory : Memory
@@ -234,7 +234,7 @@ class SectionForces:
         return total
 
     def force(self, *kinds: Kind) -> list[Scalar]:
-        """The same on all coordinates."""
+        """Generalized forces of the laws of kinds on all coordinates, against the bending."""
         total: list[Scalar] = [0.0] * self._family.size
         for k, forces in enumerate(self.on_elements(*kinds)):
             for a, force in zip(self._family.local(k), forces, strict=True):
@@ -247,7 +247,7 @@ class SectionForces:
 
     @property
     def travel(self) -> list[Scalar]:
-        """How far each state of friction has moved since the finger was straight."""
+        """Travel of all friction states since the finger was straight, per the travel at which each slides [1]."""
         return [way for law, _, bend in self._acting for way in law.travel(bend)]
 
     @property
