@@ -288,10 +288,10 @@ def sensor_expressions(scene: ControlScene, plant: PlantModel) -> dict[str, dict
             found[sensor] = own
     if measured.torque is not None or measured.current is not None:
         felt = found["torque" if measured.current is None else "current"] = {}
-        for k, winch in enumerate(plant.system.finger_model.structure.winches):
-            position, rate = (states[name] for name in winch.names(k + 1)[:2])
-            torque = ca.SX(winch.torque(plant.command[k], position, rate))
-            felt[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, winch)
+        for k, motor in enumerate(plant.system.finger_model.structure.motors):
+            position, rate = (states[name] for name in motor.names(k + 1)[:2])
+            torque = ca.SX(motor.torque(plant.command[k], position, rate))
+            felt[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, motor)
     if measured.bending is not None:
         angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
         found["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}

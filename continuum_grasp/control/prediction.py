@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from functools import cached_property
@@ -18,9 +17,9 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.system_equations import friction_parameter
-from continuum_grasp.model.winches import Winch
+from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
@@ -183,20 +182,16 @@ class Prediction(Remade):
 
     def _wound(self, number: int, winch: Winch, state: int) -> DriveState:
         """Position of a winch: commanded, or as far as a motor turns when it bends the finger over its range."""
-        drive, (least, most) = winch.drive, self.scene.input_limits
-        follows = tuple(float(k == number) for k in range(self.nu)) if drive.key in ("lengths", "angles") else ()
+        least, most = self.scene.input_limits
+        follows = tuple(float(k == number) for k in range(self.nu)) if winch.drive.limit is None else ()
         reach = max(-least[number], most[number])
-        if isinstance(drive, LengthDrive):
-            return DriveState(state, follows, reach, drive.time_constant)
-        # The frequency of the motor on its servo and on cables that are held.
-        lag = math.sqrt(drive.inertia / ((drive.position_gain or 0.0) + winch.held_stiffness))
-        if not follows:
+        if isinstance(winch, Motor) and not follows:
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)
             paths = [max(map(abs, ends(finger.tendon_list[k].offset))) * bend for k in winch.tendons]
-            elongation = drive.torque_max / (winch.radius * float(winch.stiffness))
+            elongation = winch.drive.torque_max / (winch.radius * float(winch.stiffness))
             reach = (max(paths) + elongation + abs(float(winch.start))) / winch.radius
-        return DriveState(state, follows or (0.0,) * self.nu, reach, lag)
+        return DriveState(state, follows or (0.0,) * self.nu, reach, winch.time_constant)
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 

@@ -205,7 +205,7 @@ class JointRange:
     @staticmethod
     def _of_tensions(model: FingerModel, equations: Equations) -> JointRange:
         tendons = model.finger.tendon_list
-        uses = zip(equations.tendons.tensions, tendons, strict=True)
+        uses = zip(equations.moving.tendons.tensions, tendons, strict=True)
         use = ca.SX(0.0)
         for tension, tendon in uses:
             use = ca.fmax(use, (1.0 / tendon.max_tension) * tension)

@@ -133,7 +133,7 @@ class VibrationBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        if any(not winch.follows for winch in self._shapes.model.structure.winches):
+        if self._shapes.model.structure.motors:
             raise InputError(
                 "frequencies of a finger on motors are not predicted, since their inertia swings along: give a "
                 "trajectory",

@@ -9,7 +9,7 @@ import casadi as ca
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.model.winches import Motor
 
 _Function = Callable[..., ca.SX]
 
@@ -102,7 +102,7 @@ def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, state
     winch, own = winches[number], states[start : start + winches[number].states]
     if one.quantity == "length":
         return winch.radius * own[0]
-    if not isinstance(winch.drive, MotorDrive):
+    if not isinstance(winch, Motor):
         raise InputError(f"{one.quantity} is that of a motor; this drive has kind: {winch.drive.kind}", key="measured")
     if one.quantity == "motor_angle":
         return own[0]

@@ -138,9 +138,9 @@ class Backbone:
         """
         eq = self._eq
         m = ca.SX.sym("m", 2, masses)
-        elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.actuation_at_rest))
+        elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.resting.actuation))
         force = elastic - driven - ca.gradient(self._work(m), eq.q)
-        force += column(eq.sections_at_rest.force("friction")[: eq.q.numel()])
+        force += column(eq.resting.sections.force("friction")[: eq.q.numel()])
         history = [eq.history] if eq.history.numel() else []
         return self._function("missing", [eq.w, m, *history], [force])
 
@@ -149,7 +149,7 @@ class Backbone:
         """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
         eq, lengths = self._eq, column(self._eq.lengths)
         found: list[Scalar] = []
-        for cells, passed in zip(eq.structure.cell_sets, eq.tendons_at_rest.shares, strict=True):
+        for cells, passed in zip(eq.structure.cell_sets, eq.resting.tendons.shares, strict=True):
             # Of all tendons of the set; cells are equal parts of their elements.
             spans = [eq.lengths[cell.element] * (len(eq.lengths) / len(cells.cells)) for cell in cells.cells]
             for mean in passed.mean:

@@ -13,19 +13,20 @@ from functools import cached_property, reduce
 
 import casadi as ca
 
+from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.actuation import Drive
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.family import Rod
-from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
+from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.learned_residual import distance, residual_force
 from continuum_grasp.model.link import EndBody, Section
-from continuum_grasp.model.memory import IN_MOTION, Memory
+from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.tendon_forces import Pulls, TendonForces
-from continuum_grasp.model.winches import soft
+from continuum_grasp.model.tendon_forces import Held
+from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -301,13 +302,13 @@ class Equations:
     def elastic(self) -> list[Scalar]:
         """Gradient of the elastic energy; equation (32), and what laws add to it."""
         bent = _product(self._family.stiffness(self.lengths), self.full, self._par["bending_stiffness"])
-        return self._with(bent, self.sections, "elastic")
+        return self._with(bent, self.moving, "elastic")
 
-    def _with(self, forces: list[Scalar], sections: SectionForces, *kinds: Kind) -> list[Scalar]:
+    def _with(self, forces: list[Scalar], acting: Acting, *kinds: Kind) -> list[Scalar]:
         """Forces on coordinates, and those of the laws of these kinds."""
         if not self._structure.has_law(*kinds):
             return forces
-        return [f + own for f, own in zip(forces, sections.force(*kinds), strict=False)]
+        return [f + own for f, own in zip(forces, acting.sections.force(*kinds), strict=False)]
 
     @property
     def viscosity(self) -> Scalar:
@@ -321,7 +322,7 @@ class Equations:
         """Damping forces, positive against the motion."""
         rates, per_arc = self.full_rates, self._par["per_arc_damping"]
         force = _product(self._family.stiffness(self.lengths), rates, self.viscosity)
-        force = self._with(force, self.sections, "damping")
+        force = self._with(force, self.moving, "damping")
         if isinstance(per_arc, float) and per_arc == 0.0:
             return force
         # Equation (39): a moment per arc against the rate of its bending angle.
@@ -332,169 +333,97 @@ class Equations:
         return force
 
     @cached_property
-    def tendons(self) -> TendonForces:
-        """Tendons that have a tension of their own, of a finger that moves."""
-        moving = list(zip(self._structure.winches, self._winch_states, strict=True))
-        pulls = Pulls(winches=moving) if moving else Pulls(self._own_tensions(self.drives))
-        return self._tendons(pulls, self._of_tendons(self.z))
+    def moving(self) -> Acting:
+        """What acts on a finger that moves."""
+        return self._acting(self.drives, self._winches, self.z, self._relaxing)
 
     @cached_property
-    def tendons_at_rest(self) -> TendonForces:
-        """The same of a finger at rest under what is commanded."""
+    def resting(self) -> Acting:
+        """What acts on a finger at rest under what is commanded, with friction by ``history``."""
         winches = self._structure.winches
-        commands = list(zip(winches, ca.vertsplit(self.u)[: len(winches)], strict=True))
-        pulls = Pulls(self._own_tensions(self.commanded))
-        if any(winch.follows for winch in winches):
-            pulls = Pulls(winches=[(winch, [command]) for winch, command in commands])
-        elif winches:
-            pulls = Pulls(
-                lambda c, paths: [
-                    tension
-                    for winch, command in commands
-                    for tension in winch.tensions_at_rest(command, winch.of_its(c), winch.of_its(paths))
-                ]
-            )
-        return self._tendons(pulls, self._of_tendons(self.history), self._remembered)
+        return self._at_rest([Held(winch, command=self.u[k]) for k, winch in enumerate(winches)])
 
-    def _of_tendons(self, states: ca.SX) -> list[Scalar]:
-        return [states[k] for k in range(self._structure.tendon_friction_states)]
-
-    @cached_property
-    def sections(self) -> SectionForces:
-        """Laws of the sections, of a finger that moves."""
-        return self._sections(self.z)
-
-    @cached_property
-    def sections_at_rest(self) -> SectionForces:
-        """Laws of the sections, of a finger at rest, by ``history``."""
-        return self._sections(self.history, self._remembered)
-
-    @property
-    def _remembered(self) -> Memory:
+    def _at_rest(self, held: Sequence[Held]) -> Acting:
         count = self.z.numel()
-        return Memory(self.history[count] if count else 0.0)
+        memory = Memory(self.history[count] if count else 0.0)
+        return self._acting(self.commanded, held, self.history, [0.0] * len(self._relaxing), memory)
+
+    def _acting(
+        self,
+        drives: Sequence[Drive],
+        held: Sequence[Held],
+        friction: ca.SX,
+        fading: Sequence[Scalar],
+        memory: Memory = IN_MOTION,
+        rates: Sequence[Scalar] | None = None,
+    ) -> Acting:
+        at = Instant(self.lengths, self.full, self.full_rates if rates is None else rates, memory)
+        return Acting(
+            self._structure, at, drives, held, ca.vertsplit(friction)[: self._structure.friction_states], fading
+        )
 
     @cached_property
     def _relaxing(self) -> list[Scalar]:
-        """States of laws that fade to zero, which come last."""
+        """States of laws that fade to zero, which come last of those of the drives."""
         count, last = len(self._structure.section_states("relaxation")), self.lag.numel()
         return [self.lag[k] for k in range(last - count, last)]
 
-    def _sections(self, z: ca.SX, memory: Memory = IN_MOTION, rates: Sequence[Scalar] | None = None) -> SectionForces:
-        made = self._structure
-        states: dict[Kind, list[Scalar]] = {
-            "friction": [z[k] for k in range(made.tendon_friction_states, made.friction_states)],
-            "relaxation": self._relaxing if memory.moved is None else [0.0] * len(self._relaxing),
-        }
-        rest = self._par["rest_curvature"] if self._par.is_runtime("rest_curvature") else None
-        moving = self.full_rates if rates is None else rates
-        return SectionForces(made.laws, made.family, self.lengths, self.full, moving, states, rest, memory)
-
-    @property
-    def slid(self) -> list[Scalar]:
-        """Per friction state what ``history`` counts: sliding of tendons, bending with dry friction."""
-        tendons = self.tendons_at_rest.slid if self._structure.cell_sets else []
-        return [*tendons, *self.sections_at_rest.travel]
-
-    def _own_tensions(self, drives: Sequence[Drive]) -> list[Scalar]:
-        sources = zip(self._structure.sources, drives, strict=True)
-        return [drive.moment for source, drive in sources if source.tendon is not None]
-
-    def _tendons(self, pulls: Pulls, states: Sequence[Scalar], memory: Memory = IN_MOTION) -> TendonForces:
-        return TendonForces(self._structure, self.lengths, self.full, self.full_rates, pulls, states, memory)
-
     @cached_property
-    def _winch_states(self) -> list[list[Scalar]]:
-        """States of each winch."""
-        found: list[list[Scalar]] = []
+    def _winches(self) -> list[Held]:
+        """Each winch with its states."""
+        found: list[Held] = []
         at = self.lag.numel() - len(self._relaxing) - sum(winch.states for winch in self._structure.winches)
         for winch in self._structure.winches:
-            found.append([self.lag[at + k] for k in range(winch.states)])
+            found.append(Held(winch, [self.lag[at + k] for k in range(winch.states)]))
             at += winch.states
         return found
 
-    @cached_property
+    @property
     def drives_at_rest(self) -> list[Scalar]:
         """States of the drives of a finger at rest under what is commanded."""
         sources = zip(self._structure.sources, self.commanded, strict=True)
-        found: list[Scalar] = []
-        for source, command in sources:
-            found += [command.moment, 0.0] if source.time_constant is not None else []
-        for k, winch in enumerate(self._structure.winches):
-            at_rest = self.tendons_at_rest
-            tensions = winch.of_its(at_rest.tensions)
-            drawn = [at_rest.drawn(tendon, pull) for tendon, pull in zip(winch.tendons, tensions, strict=True)]
-            position = winch.position_at_rest(self.u[k], drawn, tensions, winch.of_its(at_rest.compliances))
-            found += winch.at(position, tensions, self.u[k])
-        return [*found, *[0.0] * len(self._relaxing)]
+        lagged = [v for source, command in sources if source.time_constant is not None for v in (command.moment, 0.0)]
+        return [*lagged, *self.resting.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
 
     @property
     def drives_drawn(self) -> list[Scalar]:
         """States of winches where (the first of) their tendons have the tension ``pulled``."""
-        found: list[Scalar] = []
-        at_rest = self.tendons_at_rest
-        for winch in self._structure.winches:
-            position = winch.position([at_rest.drawn(winch.tendons[0], self.pulled)], [1.0])
-            slacks = [y - at_rest.drawn(k, 0.0) for k, y in zip(winch.tendons, winch.wound(position), strict=True)]
-            pulls = [soft(y) / c for y, c in zip(slacks, winch.of_its(at_rest.compliances), strict=True)]
-            found += winch.at(position, pulls, None)
-        return [*found, *[0.0] * len(self._relaxing)]
+        drawn = self._at_rest([Held(winch, pulled=self.pulled) for winch in self._structure.winches])
+        return [*drawn.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
 
-    @cached_property
+    @property
     def _winch_rates(self) -> list[Scalar]:
-        """Their rates."""
+        """Rates of the states of winches."""
         found: list[Scalar] = []
-        for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
-            found += winch.rates(states, self.u[k], winch.of_its(self.tendons.tensions))
+        for k, held in enumerate(self._winches):
+            found += held.winch.rates(held.states, self.u[k], held.winch.of_its(self.moving.tendons.tensions))
         return found
 
     @property
     def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[Scalar]]:
         """Angles of motors, their rates, torques without dry friction [N m], inertias [kg m2]."""
         angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[Scalar]()
-        for k, (winch, states) in enumerate(zip(self._structure.winches, self._winch_states, strict=True)):
-            if winch.follows:
-                continue
-            angles.append(states[0])
-            rates.append(states[1])
-            torques.append(winch.balance(states, self.u[k], winch.of_its(self.tendons.tensions)))
-            inertias.append(winch.inertia)
+        for k, held in enumerate(self._winches):
+            winch, states = held.winch, held.states
+            if isinstance(winch, Motor):
+                angles.append(states[0])
+                rates.append(states[1])
+                torques.append(winch.balance(states, self.u[k], winch.of_its(self.moving.tendons.tensions)))
+                inertias.append(winch.inertia)
         return angles, rates, torques, inertias
 
-    def _actuation(self, tendons: TendonForces) -> list[Scalar]:
-        total: list[Scalar] = [0.0] * self._family.size
-        if self._structure.own_tendons:
-            total = list(tendons.actuation)
-        for source, drive in zip(self._structure.sources, self.drives, strict=True):
-            driven = drive.couple if source.tendon is not None else drive.total
-            if source.tendon is not None and not source.couples:
-                continue
-            shapes = [self._family.work(k, self.lengths, source.shape) for k in range(len(self.lengths))]
-            whole = [sum(column) for column in zip(*shapes, strict=True)]
-            total = [t + g * driven for t, g in zip(total, whole, strict=True)]
-        return total
-
-    @cached_property
-    def actuation(self) -> list[Scalar]:
-        """Generalized forces of the input's moments: their work with the curvature shapes."""
-        return self._actuation(self.tendons)
-
-    @cached_property
-    def actuation_at_rest(self) -> list[Scalar]:
-        """The same with friction of tendons by ``history``."""
-        return self._actuation(self.tendons_at_rest) if self._structure.own_tendons else self.actuation
-
-    def _bending_force(self, actuation: Sequence[Scalar], sections: SectionForces) -> list[Scalar]:
-        """Elastic force and friction less actuation."""
+    def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
+        """Elastic force and friction less actuation, where it is ``driven``."""
         n, nodal = self._structure.n, self._family.nodal
         if nodal is None:
+            actuation = acting.actuation if driven else [0.0] * self._family.size
             bent = [e - a for e, a in zip(self.elastic, actuation, strict=True)][:n]
-            return self._with(bent, sections, *STATEFUL)
+            return self._with(bent, acting, *STATEFUL)
         # What the input bends is subtracted from the coordinates: the same, with fewer products and less cancellation.
         amplitudes = [drive.total for drive in self.drives]
         above = [self.full[k] - self.per_stiffness(nodal[k].tolist(), amplitudes) for k in range(n)]
         matrix = [row[:n] for row in self._family.stiffness(self.lengths)[:n]]
-        return self._with(_product(matrix, above, self._par["bending_stiffness"]), sections, *STATEFUL)
+        return self._with(_product(matrix, above, self._par["bending_stiffness"]), acting, *STATEFUL)
 
     # -- motion --------------------------------------------------------------------------------------------------
 
@@ -531,23 +460,9 @@ class Equations:
         """Generalized forces of ``w``; equation (41)."""
         return self.chain.motion_forces(None, ZERO, self.loads)[: self._structure.n]
 
-    @cached_property
-    def net_force(self) -> list[Scalar]:
-        """M qdd."""
-        return self._net_force(self.actuation, self.sections)
-
-    @property
-    def force_but_tendons(self) -> list[Scalar]:
-        """M qdd without what tendons and couples exert."""
-        return self._net_force([0.0] * self._family.size, self.sections)
-
-    @property
-    def net_force_by_history(self) -> list[Scalar]:
-        """The same with friction by ``history``."""
-        return self._net_force(self.actuation_at_rest, self.sections_at_rest)
-
-    def _net_force(self, actuation: Sequence[Scalar], sections: SectionForces) -> list[Scalar]:
-        bending = self._bending_force(actuation, sections)
+    def net_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
+        """M qdd under what acts; with what tendons and couples exert where it is ``driven``."""
+        bending = self._bending_force(acting, driven=driven)
         motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
         net = []
         for k in range(self._structure.n):
@@ -582,7 +497,7 @@ class Equations:
     def force_at_rest(self) -> list[Scalar]:
         """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
         acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        bending = self._bending_force(self.actuation_at_rest, self.sections_at_rest)
+        bending = self._bending_force(self.resting)
         net = [acting[k] - bending[k] for k in range(self._structure.n)]
         if self._structure.residual is not None:
             still = ca.substitute([ca.SX(r) for r in self.residual_force], [self.qd], [ca.SX.zeros(self.qd.numel())])
@@ -593,7 +508,7 @@ class Equations:
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
-        return [*rates, *solve_ldl(self.mass_matrix, self.net_force), *self.drive_rates]
+        return [*rates, *solve_ldl(self.mass_matrix, self.net_force(self.moving)), *self.drive_rates]
 
     def implicit_rate(self, part: ca.SX) -> list[Scalar]:
         """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
@@ -607,7 +522,7 @@ class Equations:
             slowed += part**2 * held * block
         slow = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
         pull = part * ca.mtimes(stiffness, self.qd)
-        found = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force)])
+        found = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force(self.moving))])
         return [
             *[self.qd[k] + part * rate for k, rate in enumerate(found)],
             *found,
@@ -619,18 +534,16 @@ class Equations:
         """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
         lagged = zip(self.drives, self._structure.sources, strict=True)
         lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
-        return [*lag, *self._winch_rates, *self._section_rates(self.sections)]
-
-    def _section_rates(self, sections: SectionForces) -> list[Scalar]:
-        """Rates of what relaxes, and of friction."""
-        return [*sections.rates("relaxation"), *self.tendons.state_rates, *sections.rates("friction")]
+        return [*lag, *self._winch_rates, *self.moving.state_rates]
 
     def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
         """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
         n = self._structure.n
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
-        own = self._section_rates(self._sections(self.z, Memory(part=part), ahead))
-        return [*self.drive_rates[: len(self.drive_rates) - len(own)], *own]
+        acting = self._acting(self.drives, self._winches, self.z, self._relaxing, Memory(part=part), ahead)
+        own = acting.sections
+        rates = [*own.rates("relaxation"), *self.moving.tendons.state_rates, *own.rates("friction")]
+        return [*self.drive_rates[: len(self.drive_rates) - len(rates)], *rates]
 
     @property
     def held_stiffness(self) -> Scalar:
@@ -656,8 +569,7 @@ class Equations:
     @cached_property
     def kinetic_energy(self) -> Scalar:
         """Kinetic energy [J], with what moves with the input, and that of motors."""
-        winches = zip(self._structure.winches, self._winch_states, strict=True)
-        turning = sum((winch.kinetic_energy(states) for winch, states in winches), 0.0)
+        turning = sum((held.winch.kinetic_energy(held.states) for held in self._winches), 0.0)
         return turning + 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
 
     @cached_property
@@ -668,8 +580,8 @@ class Equations:
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         elastic = self._par["bending_stiffness"] * _dot(product, self.full)
         if self._structure.winches:
-            elastic += self.tendons.stored_energy
-        elastic += self.sections.stored_energy
+            elastic += self.moving.tendons.stored_energy
+        elastic += self.moving.sections.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._par.vector("base_position")

@@ -71,6 +71,15 @@ def nodes_of(parts: Sequence[tuple[float, float]]) -> Iterator[tuple[Array, Arra
         yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
 
 
+def gathered(family: Family, on_elements: Sequence[Sequence[Scalar]]) -> list[Scalar]:
+    """Forces on all coordinates of those on the local ones of every element."""
+    total: list[Scalar] = [0.0] * family.size
+    for k, forces in enumerate(on_elements):
+        for a, force in zip(family.local(k), forces, strict=True):
+            total[a] += force
+    return total
+
+
 def mean(mesh: Mesh, element: int, curve: Curve) -> float:
     """Mean of a curve over an element."""
     found = mesh.constant(curve, element)

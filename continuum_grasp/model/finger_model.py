@@ -173,7 +173,7 @@ class FingerModel(Functions):
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
     inverse_dynamics = named(
         "q qd qdd u w p",
-        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force_by_history),
+        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.resting)),
         history=True,
     )
     mass_matrix = named("q u p", M=lambda eq: matrix(eq.mass_matrix))  # (37)
@@ -181,7 +181,7 @@ class FingerModel(Functions):
     gravity = named("q u p", G=lambda eq: eq.gravity)  # (29)
     elastic = named("q u p", K=lambda eq: eq.elastic[: eq.q.numel()])  # (32)
     damping = named("q qd u p", D=lambda eq: eq.damping[: eq.q.numel()])  # (39), and of the material
-    actuation = named("q u p", Q=lambda eq: eq.actuation_at_rest[: eq.q.numel()], history=True)  # (42)
+    actuation = named("q u p", Q=lambda eq: eq.resting.actuation[: eq.q.numel()], history=True)  # (42)
     external_force = named("q u w p", Q=lambda eq: eq.external_force)  # (41)
     position = named("q u s p", r=lambda eq: eq.section_position)
     orientation = named("q u s p", angle=lambda eq: eq.section_angle)
@@ -258,19 +258,19 @@ class FingerModel(Functions):
         """
         eq = self._equations
         angles, rates, torques, inertias = eq.motors
-        places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force, *torques])
+        places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force(eq.moving), *torques])
         return self._function(
             "stiffness_of_drives",
             "x u w p",
             K=-_slope(force, places),
             D=-_slope(column(torques), ca.vertcat(*rates)),
             inertia=inertias,
-            passive=-_slope(column(eq.force_but_tendons), eq.q),
+            passive=-_slope(column(eq.net_force(eq.moving, driven=False)), eq.q),
         )
 
     @cached_property
     def _tensions(self) -> ca.Function:
-        own = self._equations.tendons
+        own = self._equations.moving.tendons
         along = [tension for tensions in own.along for tension in tensions]
         return self._function("tensions", "x u p", tensions=list(own.tensions), along=along)
 
@@ -285,7 +285,7 @@ class FingerModel(Functions):
     def _tensions_at_rest(self) -> ca.Function:
         eq = self._equations
         names = "q u p history" if eq.history.numel() else "q u p"
-        return self._function("tensions_at_rest", names, tensions=list(eq.tendons_at_rest.tensions))
+        return self._function("tensions_at_rest", names, tensions=list(eq.resting.tendons.tensions))
 
     def tensions_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
@@ -303,7 +303,7 @@ class FingerModel(Functions):
 
     @cached_property
     def _sliding(self) -> ca.Function:
-        return self._function("sliding", "q u p", slid=self._equations.slid)
+        return self._function("sliding", "q u p", slid=self._equations.resting.travel)
 
     def sliding(self) -> ca.Function:
         """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].

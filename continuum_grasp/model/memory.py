@@ -79,3 +79,22 @@ class Memory:
 
 IN_MOTION = Memory()
 """Memory of a finger that moves."""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """How a finger is known where laws act on it.
+
+    Attributes
+    ----------
+    lengths : sequence of Scalar
+        Of the elements [m].
+    full, rates : sequence of Scalar
+        Full coordinates and their rates.
+    memory : Memory
+    """
+
+    lengths: Sequence[Scalar]
+    full: Sequence[Scalar]
+    rates: Sequence[Scalar]
+    memory: Memory = IN_MOTION

@@ -20,7 +20,7 @@ from continuum_grasp.model.layout import element_lengths, element_ranges, open_l
 from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
-from continuum_grasp.model.winches import winches_of
+from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
@@ -295,6 +295,11 @@ class Structure:
             else:
                 found.append(Source(shape, (0.0,) * drives, (k,), None))
         return tuple(found)
+
+    @property
+    def motors(self) -> tuple[Motor, ...]:
+        """Those of the winches that are motors."""
+        return tuple(winch for winch in self.winches if isinstance(winch, Motor))
 
     @property
     def channels(self) -> tuple[Channel, ...]:

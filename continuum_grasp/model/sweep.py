@@ -198,22 +198,6 @@ class Builder:
         return ca.Function(f"{name}_{_digest(ca.Function(name, *arguments).serialize().encode())}", *arguments)
 
     @property
-    def _on_elements(self) -> list[list[Scalar]]:
-        """Forces on the coordinates of every link that act like loads: of tendons with a tension of their own, and
-        friction.
-        """
-        made, eq = self._made, self.equations
-        found = list(eq.tendons.on_elements) if made.own_tendons else []
-        if made.has_law(*STATEFUL):
-            friction = [[-1.0 * force for force in own] for own in eq.sections.on_elements(*STATEFUL)]
-            found = (
-                friction
-                if not found
-                else [[a + b for a, b in zip(*both, strict=True)] for both in zip(found, friction, strict=True)]
-            )
-        return found
-
-    @property
     def _loaded(self) -> tuple[int, ...]:
         made = self._made
         every = range(len(made.lengths) if made.own_tendons or made.has_law(*STATEFUL) else 0)
@@ -346,7 +330,7 @@ class Builder:
             forces += [force.y, -force.x, section.position.cross(force) + load.couple]
             for arm, angle in zip(section.arms, section.angles, strict=True):
                 forces.append(arm.cross(force) + angle * load.couple)
-        for local in self._on_elements:
+        for local in eq.moving.on_elements:
             forces += [0.0, 0.0, 0.0, *local]
         return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
 

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from continuum_grasp.model.family import nodes_of
-from continuum_grasp.model.memory import IN_MOTION, Memory, direction
+from continuum_grasp.model.family import gathered, nodes_of
+from continuum_grasp.model.memory import Instant, direction
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import (
@@ -27,14 +27,27 @@ _LITTLE = 1e-3
 
 
 @dataclass(frozen=True)
-class Pulls:
-    """What drives give the tendons: tensions at the base [N], or the cable that winches with their states wind up.
+class Held:
+    """A winch, and by what its drum is known: its states; a command, at rest; or the tension of its first tendon."""
 
-    Tensions may be a function of the compliances of the tendons [m/N] and of their paths, drawn in by the bend [m].
-    """
+    winch: Winch
+    states: Sequence[Scalar] = ()
+    command: Scalar | None = None
+    pulled: Scalar | None = None
 
-    tensions: Sequence[Scalar] | Callable[[Sequence[Scalar], Sequence[Scalar]], Sequence[Scalar]] = ()
-    winches: Sequence[tuple[Winch, Sequence[Scalar]]] = ()
+    def drum(self, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Position of what winds up, by compliances [m/N] and paths [m] of all tendons."""
+        gives, drawn = self.winch.of_its(compliances), self.winch.of_its(paths)
+        if self.pulled is not None:
+            return self.winch.position([drawn[0] + gives[0] * self.pulled], [1.0])
+        if self.command is not None:
+            return self.winch.drum_at_rest(self.command, gives, drawn)
+        return self.winch.drum(self.states, gives, drawn)
+
+    def tensions(self, slack: Callable[[], Sequence[Scalar]], compliances: Sequence[Scalar]) -> list[Scalar]:
+        """Tensions of its tendons [N], by the cable of all tendons wound up beyond taut [m]."""
+        given = [] if self.command is None else self.winch.given_at_rest(self.command)
+        return given or [soft(slack()[k]) / compliances[k] for k in self.winch.tendons]
 
 
 class TendonForces:
@@ -43,29 +56,20 @@ class TendonForces:
     Parameters
     ----------
     structure : Structure
-    lengths : sequence of Scalar
-        Of the elements [m].
-    full, rates : sequence of Scalar
-        Full coordinates and their rates.
-    pulls : Pulls
-        Of each tendon, at its drive.
+    at : Instant
+    pulls : sequence of Scalar, or of Held
+        Tension of each tendon at its drive [N], or the winches that hold them.
     states : sequence of Scalar
         Friction states.
-    memory : Memory
     """
 
     def __init__(
-        self,
-        structure: Structure,
-        lengths: Sequence[Scalar],
-        full: Sequence[Scalar],
-        rates: Sequence[Scalar],
-        pulls: Pulls,
-        states: Sequence[Scalar],
-        memory: Memory = IN_MOTION,
+        self, structure: Structure, at: Instant, pulls: Sequence[Scalar] | Sequence[Held], states: Sequence[Scalar]
     ) -> None:
-        self._made, self._par, self._lengths = structure, structure.parameters, lengths
-        self._full, self._rates, self._pulls, self._states, self._memory = full, rates, pulls, states, memory
+        self._made, self._par, self._lengths = structure, structure.parameters, at.lengths
+        self._full, self._rates, self._memory, self._states = at.full, at.rates, at.memory, states
+        self.held = [pull for pull in pulls if isinstance(pull, Held)]
+        self._given = [pull for pull in pulls if not isinstance(pull, Held)]
 
     # -- geometry -------------------------------------------------------------------------------------------------
 
@@ -216,26 +220,22 @@ class TendonForces:
     @cached_property
     def drums(self) -> list[Scalar]:
         """Position of what winds up, per winch."""
-        return [
-            winch.drum(states, winch.of_its(self.compliances), winch.of_its(self._paths))
-            for winch, states in self._pulls.winches
-        ]
+        return [held.drum(self.compliances, self._paths) for held in self.held]
 
     @cached_property
     def _wound_rates(self) -> list[Scalar]:
         """Rate of the cable wound up, per tendon [m/s]."""
         path_rates = [self._path(tendon, self._rates, rest=False) for tendon in self._made.own_tendons]
         found: list[Scalar] = []
-        for (winch, states), drum in zip(self._pulls.winches, self.drums, strict=True):
-            own = [winch.of_its(values) for values in (self.compliances, self._paths, path_rates)]
-            found += winch.wound_rates(winch.drum_rate(states, drum, *own))
+        for held, drum in zip(self.held, self.drums, strict=True):
+            own = [held.winch.of_its(values) for values in (self.compliances, self._paths, path_rates)]
+            found += held.winch.wound_rates(held.winch.drum_rate(held.states, drum, *own))
         return found
 
     @cached_property
     def _slack(self) -> list[Scalar]:
         """Cable wound up beyond taut, per tendon [m]."""
-        turned = zip(self._pulls.winches, self.drums, strict=True)
-        wound = [y for (winch, _), drum in turned for y in winch.wound(drum)]
+        wound = [y for held, drum in zip(self.held, self.drums, strict=True) for y in held.winch.wound(drum)]
         return [y - path for y, path in zip(wound, self._paths, strict=True)]
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
@@ -266,14 +266,15 @@ class TendonForces:
     @cached_property
     def tensions(self) -> Sequence[Scalar]:
         """Of each tendon at its drive [N]."""
-        given = self._pulls.tensions
-        if callable(given):
-            return given(self.compliances, self._paths)
-        return given or [soft(slack) / c for slack, c in zip(self._slack, self.compliances, strict=True)]
+        return self._given or [t for held in self.held for t in held.tensions(lambda: self._slack, self.compliances)]
 
-    def drawn(self, tendon: int, tension: Scalar) -> Scalar:
-        """Cable that a taut tendon of a tension [N] is drawn in [m]."""
-        return self._paths[tendon] + self.compliances[tendon] * tension
+    @property
+    def drives_at_rest(self) -> list[Scalar]:
+        """States of the winches where they are held at rest."""
+        found: list[Scalar] = []
+        for held, drum in zip(self.held, self.drums, strict=True):
+            found += held.winch.at(drum, held.winch.of_its(self.tensions), held.command)
+        return found
 
     @cached_property
     def along(self) -> list[list[Scalar]]:
@@ -287,12 +288,8 @@ class TendonForces:
     @cached_property
     def stored_energy(self) -> Scalar:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
-        slacks, turned = (
-            zip(self._slack, self.compliances, strict=True),
-            zip(self._pulls.winches, self.drums, strict=True),
-        )
-        gears = sum((winch.gear_energy(states, drum) for (winch, states), drum in turned), 0.0)
-        return sum((soft_integral(slack) / c for slack, c in slacks), gears)
+        gears = [held.winch.gear_energy(held.states, drum) for held, drum in zip(self.held, self.drums, strict=True)]
+        return sum((soft_integral(y) / c for y, c in zip(self._slack, self.compliances, strict=True)), sum(gears, 0.0))
 
     @cached_property
     def _pulled(self) -> list[list[list[Scalar]]]:
@@ -327,7 +324,7 @@ class TendonForces:
         """Rates of the friction states [1/s]."""
         sliding: list[Scalar] = []
         for cells, pulled in zip(self._made.cell_sets, self._pulled, strict=True):
-            grown = self._elongating(cells, pulled) if self._pulls.winches else ()
+            grown = self._elongating(cells, pulled) if self.held else ()
             sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
         return [self._memory.rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
 
@@ -364,8 +361,4 @@ class TendonForces:
     @cached_property
     def actuation(self) -> list[Scalar]:
         """Generalized forces on all coordinates."""
-        total: list[Scalar] = [0.0] * self._made.family.size
-        for k, forces in enumerate(self.on_elements):
-            for a, force in zip(self._made.family.local(k), forces, strict=True):
-                total[a] += force
-        return total
+        return gathered(self._made.family, self.on_elements)

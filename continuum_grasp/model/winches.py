@@ -14,6 +14,7 @@ the place of phi there, and no state: it is the root of k (phi - d - clip(phi - 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -35,13 +36,16 @@ _LOOSE = 1e-6
 _DRUM_STEPS = 3
 """Steps of Newton's method that find the drum behind a play: torques are off by 2e-6 N m in one of a thousand states
 that are drawn around the corners of gear and tendons (two steps: 1e-4 N m)."""
-
+_RESTING_STEPS = 1
+"""The same of a motor at rest: torques are off by 7e-5 N m at most, where a tendon begins to pull."""
+_TINY = 1e-12
+"""Keeps a root differentiable at zero [1]."""
 _ROUNDING = 1e-9
 """Relative error of a torque at rest that is none [1]: above that of an equilibrium's residual."""
 
 
 @dataclass(frozen=True)
-class Winch:
+class Winch(ABC):
     """One drive, and what it winds up."""
 
     drive: LengthDrive | MotorDrive
@@ -58,108 +62,26 @@ class Winch:
         return _number(self.drive, key, self.parameters)
 
     @property
+    @abstractmethod
     def radius(self) -> float:
         """Cable per position [m or 1]."""
-        return self.drive.winch_radius if isinstance(self.drive, MotorDrive) else 1.0
-
-    @property
-    def follows(self) -> bool:
-        """Whether it goes where it is commanded, whatever the tensions."""
-        return isinstance(self.drive, LengthDrive)
 
     @property
     def sides(self) -> tuple[float, ...]:
         """Whether it winds up or pays out each tendon."""
         return (1.0, -1.0)[: len(self.tendons)]
 
-    @property
-    def has_play(self) -> bool:
-        """Whether a gear leaves it a play."""
-        return self._gear is not None
-
-    @property
-    def held_stiffness(self) -> float:
-        """Torque per angle of a motor whose taut cables are held, in series with its gear [N m/rad]."""
-        cables = len(self.tendons) * self.radius**2 * float(self.stiffness)
-        return cables if self._gear is None else 1.0 / (1.0 / cables + 1.0 / self._gear[0])
-
     def of_its(self, values: Sequence[Scalar]) -> list[Scalar]:
         """Those of its tendons, of values per tendon."""
         return [values[k] for k in self.tendons]
 
-    def names(self, number: int) -> list[str]:
-        """Name and unit of each state; ``number`` counts the drives from one."""
-        if isinstance(self.drive, LengthDrive):
-            return [f"length_{number} [m]", f"length_{number}_rate [m/s]"]
-        own = [f"motor_angle_{number} [rad]", f"motor_angle_{number}_rate [rad/s]"]
-        return own + [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
-
-    @property
-    def states(self) -> int:
-        """Number of states."""
-        return len(self.names(1))
-
-    @property
-    def _gear(self) -> tuple[float, float] | None:
-        """Stiffness [N m/rad] and half the play [rad] of a gear; None without a play."""
-        drive = self.drive
-        if not isinstance(drive, MotorDrive) or drive.gear_stiffness is None:
-            return None
-        return drive.gear_stiffness, 0.5 * drive.backlash
-
-    def drum(self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Position of what winds up tendons of compliances [m/N] that the bend draws in by paths [m].
-
-        A drum behind a play is first where it were if tendons had a sharp onset.
-        """
-        if self._gear is None:
-            return states[0]
-        (stiffness, half), drum = self._gear, self.drum_of_sharp_tendons(states, compliances, paths)
-        for _ in range(_DRUM_STEPS):
-            slacks = self._slacks(drum, paths)
-            tensions = [soft(slack) / c for slack, c in zip(slacks, compliances, strict=True)]
-            missing = stiffness * _beyond(states[0] - drum, half) - self._pull(tensions)
-            drum += missing / (self._bearing(states[0] - drum) + sum(self._slopes(slacks, compliances)))
-        return drum
-
-    def drum_of_sharp_tendons(
-        self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
-    ) -> Scalar:
-        """Position of what winds up tendons that pull as soon as they are taut."""
-        return states[0] if self._gear is None else self._balanced(self._gear, states[0], compliances, paths)[0]
-
-    def drum_rate(
-        self,
-        states: Sequence[Scalar],
-        drum: Scalar,
-        compliances: Sequence[Scalar],
-        paths: Sequence[Scalar],
-        path_rates: Sequence[Scalar],
-    ) -> Scalar:
-        """Rate of what winds up, where paths change [m/s]: that of the root, by the implicit function theorem."""
-        if self._gear is None:
-            return states[1]
-        bearing, slopes = self._bearing(states[0] - drum), self._slopes(self._slacks(drum, paths), compliances)
-        drawn = zip(self.sides, slopes, path_rates, strict=True)
-        turned = (1.0 / self.radius) * sum(side * slope * rate for side, slope, rate in drawn)
-        return (bearing * states[1] + turned) / (bearing + sum(slopes))
-
-    def _bearing(self, twist: Scalar) -> Scalar:
-        """Stiffness of a gear where it is twisted [N m/rad]."""
-        stiffness, half = self._gear or (0.0, 0.0)
-        return ca.if_else(ca.fabs(twist) > half, stiffness, _LOOSE * stiffness)
-
-    def _slacks(self, drum: Scalar, paths: Sequence[Scalar]) -> list[Scalar]:
-        """Cable wound up beyond taut [m]."""
-        return [y - path for y, path in zip(self.wound(drum), paths, strict=True)]
-
-    def _slopes(self, slacks: Sequence[Scalar], compliances: Sequence[Scalar]) -> list[Scalar]:
-        """Torque of each tendon per angle of the drum [N m/rad]."""
-        return [self.radius**2 * soft_slope(y) / c for y, c in zip(slacks, compliances, strict=True)]
-
     def wound(self, position: Scalar) -> list[Scalar]:
         """Cable wound up of each tendon [m] at a position of what winds up."""
         return [self.start + (side * self.radius) * position for side in self.sides]
+
+    def wound_rates(self, speed: Scalar) -> list[Scalar]:
+        """Rate of it [m/s]."""
+        return [(side * self.radius) * speed for side in self.sides]
 
     def position(self, drawn: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:
         """Position of what winds up where cables [m] are drawn in by tensions [N]; between them if both are slack."""
@@ -169,31 +91,196 @@ class Winch:
         middle, second = (drawn[0] - drawn[1]) / (2.0 * self.radius), (self.start - drawn[1]) / self.radius
         return ca.if_else(ca.SX(tensions[0]) > 0.0, first, ca.if_else(ca.SX(tensions[1]) > 0.0, second, middle))
 
-    def position_at_rest(
-        self, command: Scalar, drawn: Sequence[Scalar], tensions: Sequence[Scalar], compliances: Sequence[Scalar]
+    # -- what a drive is ----------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def names(self, number: int) -> list[str]:
+        """Name and unit of each state; ``number`` counts the drives from one."""
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return len(self.names(1))
+
+    @property
+    @abstractmethod
+    def time_constant(self) -> float:
+        """Time in which it gets where it is sent while its cables are held [s]."""
+
+    @abstractmethod
+    def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
+        """Rates of the states under a command and the tensions of its tendons [N]."""
+
+    @abstractmethod
+    def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Position of what winds up, of a drive at rest under a command; see `drum`."""
+
+    def given_at_rest(self, command: Scalar) -> list[Scalar]:
+        """Tensions that a command alone gives its tendons at rest [N]; none where they depend on where the drum is."""
+        return []
+
+    def drum(self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Position of what winds up tendons of compliances [m/N] that the bend draws in by paths [m]."""
+        return states[0]
+
+    def drum_of_sharp_tendons(
+        self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
     ) -> Scalar:
-        """Position of what winds up under a command, of tendons whose paths and elongation [m] draw cable in."""
-        if self.follows:
-            return command
-        found, drive = self.position(drawn, tensions), self.drive
-        if not isinstance(drive, MotorDrive) or drive.position_gain is None:
-            return found
-        paths = [y - c * tension for y, c, tension in zip(drawn, compliances, tensions, strict=True)]
-        angle, torque = self._balanced(self._servo, command, compliances, paths)
-        return ca.if_else(ca.fabs(torque) < drive.torque_max, angle, found)
+        """The same, of tendons that pull as soon as they are taut."""
+        return states[0]
+
+    def drum_rate(
+        self,
+        states: Sequence[Scalar],
+        drum: Scalar,
+        compliances: Sequence[Scalar],
+        paths: Sequence[Scalar],
+        path_rates: Sequence[Scalar],
+    ) -> Scalar:
+        """Rate of what winds up, where paths change [m/s]."""
+        return states[1]
 
     def at(self, position: Scalar, tensions: Sequence[Scalar], command: Scalar | None) -> list[Scalar]:
         """States at rest where what winds up is, under tensions [N] and a command; None: one that leads there."""
-        angle = position
-        if self._gear is not None:
-            (stiffness, half), torque = self._gear, self._pull(tensions)
-            angle += torque / stiffness
-            if command is None or getattr(self.drive, "position_gain", None) is None:
-                angle += half * ca.sign(torque)
-            else:
-                # Between the flanks a servo is where it is commanded; otherwise it is on the flank that bears.
-                angle += _within(command - position, half)
-        return [angle, *[0.0] * (self.states - 1)]
+        return [position, *[0.0] * (self.states - 1)]
+
+    def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
+        """Kinetic energy [J]."""
+        return 0.0
+
+    def gear_energy(self, states: Sequence[Scalar], drum: Scalar) -> Scalar:
+        """Elastic energy of a gear [J]."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class LengthServo(Winch):
+    """A winch that follows a commanded length, whatever the tensions."""
+
+    drive: LengthDrive
+
+    @property
+    def radius(self) -> float:
+        return 1.0
+
+    def names(self, number: int) -> list[str]:
+        return [f"length_{number} [m]", f"length_{number}_rate [m/s]"]
+
+    @property
+    def time_constant(self) -> float:
+        return self.drive.time_constant
+
+    def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
+        pole, (position, speed), most = 1.0 / self._own("time_constant"), states, self.drive.rate_max
+        wanted = (0.5 * pole) * (command - position)
+        if most is not None:
+            wanted = most * tanh((1.0 / most) * wanted)
+        return [speed, (2.0 * pole) * (wanted - speed)]
+
+    def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        return command
+
+
+@dataclass(frozen=True)
+class _Spring:
+    """What turns a drum: a torque towards an angle from beyond a play on, up to a greatest one; or a torque alone."""
+
+    angle: Scalar
+    stiffness: float = 0.0  # [N m/rad]; 0: the torque alone
+    half: float = 0.0  # of the play [rad]
+    most: float = math.inf  # [N m]
+    torque: Scalar = 0.0  # [N m]
+
+    def pull(self, drum: Scalar) -> Scalar:
+        """Torque on the drum [N m]."""
+        if not self.stiffness:
+            return self.torque
+        return self._limited(self.stiffness * _beyond(self.angle - drum, self.half))
+
+    def _limited(self, torque: Scalar) -> Scalar:
+        return torque if math.isinf(self.most) else ca.fmin(ca.fmax(torque, -self.most), self.most)
+
+    def bearing(self, drum: Scalar) -> Scalar:
+        """Stiffness where it is twisted [N m/rad]."""
+        twist = ca.fabs(self.angle - drum)
+        if math.isinf(self.most):
+            return ca.if_else(twist > self.half, self.stiffness, _LOOSE * self.stiffness)
+        bears = twist < self.half + self.most / self.stiffness
+        if self.half:
+            bears = ca.logic_and(bears, twist > self.half)
+        return ca.if_else(bears, self.stiffness, _LOOSE * self.stiffness)
+
+
+@dataclass(frozen=True)
+class Motor(Winch):
+    """A motor that turns a drum, with or without a gear that has a play."""
+
+    drive: MotorDrive
+
+    @property
+    def radius(self) -> float:
+        return self.drive.winch_radius
+
+    def names(self, number: int) -> list[str]:
+        own = [f"motor_angle_{number} [rad]", f"motor_angle_{number}_rate [rad/s]"]
+        return own + [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
+
+    @property
+    def gear(self) -> tuple[float, float] | None:
+        """Stiffness [N m/rad] and half the play [rad] of a gear; None without a play."""
+        stiffness = self.drive.gear_stiffness
+        return None if stiffness is None else (stiffness, 0.5 * self.drive.backlash)
+
+    @property
+    def held_stiffness(self) -> float:
+        """Torque per angle of a motor whose taut cables are held, in series with its gear [N m/rad]."""
+        cables = len(self.tendons) * self.radius**2 * float(self.stiffness)
+        return cables if self.gear is None else 1.0 / (1.0 / cables + 1.0 / self.gear[0])
+
+    @property
+    def time_constant(self) -> float:
+        return math.sqrt(self.drive.inertia / ((self.drive.position_gain or 0.0) + self.held_stiffness))
+
+    @property
+    def inertia(self) -> Scalar:
+        """Moment of inertia [kg m2]."""
+        return self._own("inertia")
+
+    # -- torques ------------------------------------------------------------------------------------------------------
+
+    def torque(self, command: Scalar, angle: Scalar = 0.0, rate: Scalar = 0.0) -> Scalar:
+        """Torque at the drum [N m] under a command, where it is and how it turns."""
+        drive = self.drive
+        if drive.position_gain is not None:
+            wanted = drive.position_gain * (command - angle) - drive.rate_gain * rate
+        else:
+            wanted = command if drive.torque_constant is None else drive.torque_constant * command
+        return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
+
+    def balance(
+        self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
+    ) -> Scalar:
+        """Torque that turns it [N m], without dry friction but for what is ``slowed`` by it [N m s].
+
+        The drum behind a play has no inertia: what the tensions exert on it the motor feels.
+        """
+        position, speed = states[0], states[1]
+        driven = self.torque(command, position, speed) - (self._own("viscous_friction") + slowed) * speed
+        return driven - self._pull(tensions)
+
+    def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
+        drive, (_, speed, *rest) = self.drive, states
+        dry: Scalar = self._own("coulomb_friction")
+        slowed: Scalar = 0.0
+        if drive.presliding_angle is None and (not isinstance(dry, float) or dry > 0.0):
+            slowed = dry / ca.sqrt(speed * speed + SLOW**2)
+        torque = self.balance(states, command, tensions, slowed)
+        if drive.presliding_angle is not None:
+            torque -= dry * direction(rest[0])
+        found = [speed, (1.0 / self.inertia) * torque]
+        if drive.presliding_angle is not None:
+            found.append(IN_MOTION.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
+        return found
 
     def holding(
         self, states: Sequence[float], tensions: Sequence[float], friction: float | None = None
@@ -203,8 +290,6 @@ class Winch:
         ``friction`` is that of the drive where not given.
         """
         drive = self.drive
-        if not isinstance(drive, MotorDrive):
-            raise TypeError("a winch that follows a length is where it is commanded")
         pull, most = float(self._pull(tensions)), drive.torque_max
         dry = drive.coulomb_friction if friction is None else friction
         least, greatest = pull - dry, pull + dry
@@ -220,136 +305,167 @@ class Winch:
             angle + greatest / drive.position_gain if greatest < most else math.inf,
         )
 
-    def wound_rates(self, speed: Scalar) -> list[Scalar]:
-        """Rate of it [m/s]."""
-        return [(side * self.radius) * speed for side in self.sides]
-
-    def torque(self, command: Scalar, angle: Scalar = 0.0, rate: Scalar = 0.0) -> Scalar:
-        """Torque at the drum [N m] of a motor under a command, where it is and how it turns."""
-        drive = self.drive
-        if not isinstance(drive, MotorDrive):
-            raise TypeError("a winch that follows a length has no torque")
-        if drive.position_gain is not None:
-            wanted = drive.position_gain * (command - angle) - drive.rate_gain * rate
-        else:
-            wanted = command if drive.torque_constant is None else drive.torque_constant * command
-        return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
-
     def _pull(self, tensions: Sequence[Scalar]) -> Scalar:
         """Torque of the tensions on the drum [N m]."""
         return self.radius * sum((side * tension for side, tension in zip(self.sides, tensions, strict=True)), 0.0)
 
-    @property
-    def inertia(self) -> Scalar:
-        """Moment of inertia of a motor [kg m2]."""
-        return self._own("inertia")
+    # -- the drum, which has no inertia of its own --------------------------------------------------------------------
 
-    def balance(
-        self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar], slowed: Scalar = 0.0
+    def drum(self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        if self.gear is None:
+            return states[0]
+        return self._balanced(_Spring(states[0], *self.gear), compliances, paths, _DRUM_STEPS)
+
+    def drum_of_sharp_tendons(
+        self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
     ) -> Scalar:
-        """Torque that turns a motor [N m], without dry friction but for what is ``slowed`` by it [N m s].
+        return states[0] if self.gear is None else self._of_sharp(_Spring(states[0], *self.gear), compliances, paths)
 
-        The drum behind a play has no inertia: what the tensions exert on it the motor feels.
-        """
-        position, speed = states[0], states[1]
-        driven = self.torque(command, position, speed) - (self._own("viscous_friction") + slowed) * speed
-        return driven - self._pull(tensions)
-
-    def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
-        """Rates of the states under a command and the tensions of its tendons [N]."""
-        drive, (position, speed, *rest) = self.drive, states
-        if isinstance(drive, LengthDrive):
-            pole = 1.0 / self._own("time_constant")
-            wanted = (0.5 * pole) * (command - position)
-            if drive.rate_max is not None:
-                wanted = drive.rate_max * tanh((1.0 / drive.rate_max) * wanted)
-            return [speed, (2.0 * pole) * (wanted - speed)]
-        dry: Scalar = self._own("coulomb_friction")
-        slowed: Scalar = 0.0
-        if drive.presliding_angle is None and (not isinstance(dry, float) or dry > 0.0):
-            slowed = dry / ca.sqrt(speed * speed + SLOW**2)
-        torque = self.balance(states, command, tensions, slowed)
-        if drive.presliding_angle is not None:
-            torque -= dry * direction(rest[0])
-        found = [speed, (1.0 / self.inertia) * torque]
-        if drive.presliding_angle is not None:
-            found.append(IN_MOTION.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
-        return found
-
-    def tensions_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> list[Scalar]:
-        """Tensions [N] under a motor that is at rest without dry friction of its own, of tendons drawn in by paths [m].
-
-        On a pulley they are (y_0 + a) / C1 and (y_0 - a) / C2, with a such that their difference balances the torque;
-        where that leaves the one slack, the other bears the torque alone.
-        """
-        pull = self._torque_at_rest(command, compliances, paths) / self.radius
-        if len(self.tendons) == 1:
-            return [ca.fmax(pull, 0.0)]
-        first, second = compliances
-        released = ca.fmax(ca.fmax((2.0 * self.start - first * pull) / (first + second), -pull), 0.0)
-        return [released + pull, released]
-
-    def _torque_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Torque of a motor at rest [N m]."""
+    def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
         drive = self.drive
-        if not isinstance(drive, MotorDrive) or drive.position_gain is None:
-            return self.torque(command)
-        wanted = self._balanced(self._servo, command, compliances, paths)[1]
-        return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
+        if drive.position_gain is None:
+            for pull in self.given_at_rest(command):
+                return self._balanced(_Spring(0.0, torque=self.radius * pull), compliances, paths, _DRUM_STEPS)
+            return self._balanced(_Spring(0.0, torque=self.torque(command)), compliances, paths)
+        # A servo is a spring, and a gear one in series with it.
+        stiffness, half = self.gear or (math.inf, 0.0)
+        servo = 1.0 / (1.0 / drive.position_gain + 1.0 / stiffness)
+        return self._balanced(_Spring(command, servo, half, drive.torque_max), compliances, paths)
 
-    @property
-    def _servo(self) -> tuple[float, float]:
-        """Torque of a servo at rest, gear included, per angle of the drum [N m/rad], and half its play [rad]."""
-        drive = self.drive
-        if not isinstance(drive, MotorDrive) or drive.position_gain is None:
-            raise TypeError("a drive without a servo has no gain")
-        yields = 1.0 / drive.position_gain + (1.0 / drive.gear_stiffness if drive.gear_stiffness else 0.0)
-        return 1.0 / yields, 0.5 * drive.backlash
+    def given_at_rest(self, command: Scalar) -> list[Scalar]:
+        if self.drive.position_gain is not None or len(self.tendons) > 1:
+            return []
+        # A cable pulls: a torque the other way has nothing to balance it.
+        return [ca.fmax(self.torque(command), 0.0) / self.radius]
 
     def _balanced(
-        self, gear: tuple[float, float], command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]
-    ) -> tuple[Scalar, Scalar]:
-        """Angle [rad] at which the tensions balance a torque towards a command, and that torque [N m].
+        self, spring: _Spring, compliances: Sequence[Scalar], paths: Sequence[Scalar], steps: int = _RESTING_STEPS
+    ) -> Scalar:
+        """Angle of the drum at which the tensions balance what turns it [rad].
 
-        It has a gain [N m/rad] beyond half a play [rad]; within, the drum is where the tensions balance.
+        It is first where it were if tendons had a sharp onset.
         """
-        (gain, half), flank = gear, command
-        away = -self._short(0.0, command, compliances, paths) if half else 0.0
-        flank += _within(away, half)
-        short = self._short(gain, flank, compliances, paths)
-        if half:  # no torque in the play, nor its rounding
-            short = ca.if_else(ca.fabs(away) < half, 0.0, short)
-        return flank - short, gain * short
+        drum = self._of_sharp(spring, compliances, paths)
+        loose = 0.0 if spring.stiffness else _LOOSE * self.radius**2 * self.stiffness
+        for _ in range(steps):
+            slacks = self._slacks(drum, paths)
+            tensions = [soft(slack) / c for slack, c in zip(slacks, compliances, strict=True)]
+            missing = spring.pull(drum) - self._pull(tensions)
+            drum += missing / (spring.bearing(drum) + loose + sum(self._slopes(slacks, compliances)))
+        return drum
 
-    def _short(self, gain: float, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Angle short of a command [rad] at which the tensions balance a torque of a gain [N m/rad] towards it.
+    def drum_rate(
+        self,
+        states: Sequence[Scalar],
+        drum: Scalar,
+        compliances: Sequence[Scalar],
+        paths: Sequence[Scalar],
+        path_rates: Sequence[Scalar],
+    ) -> Scalar:
+        if self.gear is None:
+            return states[1]
+        # That of the root, by the implicit function theorem.
+        bearing = _Spring(states[0], *self.gear).bearing(drum)
+        slopes = self._slopes(self._slacks(drum, paths), compliances)
+        drawn = zip(self.sides, slopes, path_rates, strict=True)
+        turned = (1.0 / self.radius) * sum(side * slope * rate for side, slope, rate in drawn)
+        return (bearing * states[1] + turned) / (bearing + sum(slopes))
 
-        Their torque grows with the angle by straight pieces, with one tendon taut, both or none.
-        """
-        radius, slopes = self.radius, [self.radius**2 / c for c in compliances]
-        taut_at = [side * (path - self.start) / radius for side, path in zip(self.sides, paths, strict=True)]
-        pulled = [slope * (command - angle) for slope, angle in zip(slopes, taut_at, strict=True)]
-        alone = [pull / (gain + slope) for pull, slope in zip(pulled, slopes, strict=True)]
-        if len(alone) == 1:
-            return ca.fmax(alone[0], 0.0)
-        low, high = ca.fmin(*taut_at), ca.fmax(*taut_at)
-        both = sum(pulled) / (gain + sum(slopes))
-        # None taut: all of the torque is that towards the command; without any, the command as far as none is, nor
-        # begins to be.
-        edge = ca.fmin(SOFT / radius, 0.5 * (high - low))
-        none = 0.0 if gain else command - ca.fmin(ca.fmax(command, low + edge), high - edge)
-        short = ca.if_else(ca.SX(taut_at[0]) < taut_at[1], both, none)
-        angle = command - short
-        return ca.if_else(angle < low, alone[1], ca.if_else(angle > high, alone[0], short))
+    def _slacks(self, drum: Scalar, paths: Sequence[Scalar]) -> list[Scalar]:
+        """Cable wound up beyond taut [m]."""
+        return [y - path for y, path in zip(self.wound(drum), paths, strict=True)]
+
+    def _slopes(self, slacks: Sequence[Scalar], compliances: Sequence[Scalar]) -> list[Scalar]:
+        """Torque of each tendon per angle of the drum [N m/rad]."""
+        return [soft_slope(y) * (self.radius**2 / c) for y, c in zip(slacks, compliances, strict=True)]
+
+    def _of_sharp(self, spring: _Spring, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+        """Angle of the drum under tendons that pull as soon as they are taut [rad]."""
+        taut = _Taut.of(self, compliances, paths)
+        if not spring.stiffness:
+            return taut.under(spring.torque)
+        flank = spring.angle
+        if spring.half:
+            away = taut.towards(0.0, spring.angle) - spring.angle
+            flank += _within(away, spring.half)
+        drum = taut.towards(spring.stiffness, flank)
+        if spring.half:  # no torque in the play, nor its rounding
+            drum = ca.if_else(ca.fabs(away) < spring.half, flank, drum)
+        if math.isinf(spring.most):
+            return drum
+        torque = spring.stiffness * (flank - drum)
+        return ca.if_else(ca.fabs(torque) < spring.most, drum, taut.under(spring.most * ca.sign(torque)))
+
+    # -- at rest, and energies ----------------------------------------------------------------------------------------
+
+    def at(self, position: Scalar, tensions: Sequence[Scalar], command: Scalar | None) -> list[Scalar]:
+        angle = position
+        if self.gear is not None:
+            (stiffness, half), torque = self.gear, self._pull(tensions)
+            angle += torque / stiffness
+            if command is None or self.drive.position_gain is None:
+                angle += half * ca.sign(torque)
+            else:
+                # Between the flanks a servo is where it is commanded; otherwise it is on the flank that bears.
+                angle += _within(command - position, half)
+        return super().at(angle, tensions, command)
 
     def kinetic_energy(self, states: Sequence[Scalar]) -> Scalar:
-        """Kinetic energy [J]."""
-        return 0.5 * self.inertia * states[1] ** 2 if isinstance(self.drive, MotorDrive) else 0.0
+        return 0.5 * self.inertia * states[1] ** 2
 
     def gear_energy(self, states: Sequence[Scalar], drum: Scalar) -> Scalar:
-        """Elastic energy of a gear [J]."""
-        stiffness, half = self._gear or (0.0, 0.0)
-        return 0.5 * stiffness * _beyond(states[0] - drum, half) ** 2 if stiffness else 0.0
+        if self.gear is None:
+            return 0.0
+        stiffness, half = self.gear
+        return 0.5 * stiffness * _beyond(states[0] - drum, half) ** 2
+
+
+@dataclass(frozen=True)
+class _Taut:
+    """Tendons of a drum that pull as soon as they are taut: at which angle each is [rad], and its slope [N m/rad].
+
+    Their torque grows with the angle by straight pieces, with one tendon taut, both or none.
+    """
+
+    at: tuple[Scalar, ...]
+    slopes: tuple[Scalar, ...]
+    edge: float  # angle in which a tendon goes from slack to taut [rad]
+
+    @classmethod
+    def of(cls, winch: Motor, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> _Taut:
+        radius = winch.radius
+        at = tuple(side * (path - winch.start) / radius for side, path in zip(winch.sides, paths, strict=True))
+        return cls(at, tuple(radius**2 / c for c in compliances), SOFT / radius)
+
+    def towards(self, gain: float, angle: Scalar) -> Scalar:
+        """Angle at which they balance a torque of a gain [N m/rad] towards an angle."""
+        alone = [angle - slope * (angle - at) / (gain + slope) for slope, at in zip(self.slopes, self.at, strict=True)]
+        if len(alone) == 1:
+            return ca.fmin(angle, alone[0])
+        low, high = ca.fmin(*self.at), ca.fmax(*self.at)
+        pulled = sum(slope * (angle - at) for slope, at in zip(self.slopes, self.at, strict=True))
+        both = angle - pulled / (gain + sum(self.slopes))
+        # None taut: all of the torque is that towards the angle; without any, the angle as far as none is, nor begins
+        # to be.
+        edge = ca.fmin(self.edge, 0.5 * (high - low))
+        none = angle if gain else ca.fmin(ca.fmax(angle, low + edge), high - edge)
+        found = ca.if_else(ca.SX(self.at[0]) < self.at[1], both, none)
+        return ca.if_else(found < low, alone[1], ca.if_else(found > high, alone[0], found))
+
+    def under(self, torque: Scalar) -> Scalar:
+        """Angle at which they balance a torque [N m]; where none pulls, between them, or short of where it begins."""
+        alone = [at + torque / slope for slope, at in zip(self.slopes, self.at, strict=True)]
+        if len(alone) == 1:
+            # About where a soft one begins to: e - u + 2 sqrt(u w) - w of u = min(e, w).
+            beyond = torque / self.slopes[0]
+            within = ca.fmin(beyond, self.edge)
+            begun = 2.0 * ca.sqrt(self.edge * within + _TINY * self.edge**2)
+            return self.at[0] + (beyond - within) + (begun - self.edge)
+        pulls = ca.SX(torque) > 0.0
+        both = (torque + sum(slope * at for slope, at in zip(self.slopes, self.at, strict=True))) / sum(self.slopes)
+        middle = ca.if_else(ca.SX(self.at[0]) < self.at[1], both, 0.5 * (self.at[0] + self.at[1]))
+        further = ca.if_else(pulls, ca.fmax(middle, alone[0]), ca.fmin(middle, alone[1]))
+        return ca.if_else(ca.SX(torque) == 0.0, middle, further)
 
 
 def _within(angle: Scalar, half: float) -> Scalar:
@@ -378,8 +494,8 @@ def soft(length: Scalar) -> Scalar:
 
 def soft_slope(length: Scalar) -> Scalar:
     """Derivative of ``soft`` [1]."""
-    v = clipped((1.0 / SOFT) * length)
-    return (0.25 * (v + 1.0)) * ((v + 1.0) * (2.0 - v))
+    within = ca.fmin(ca.fmax(length + SOFT, 0.0), 2.0 * SOFT)
+    return (within * within) * (0.75 / SOFT**2 - (0.25 / SOFT**3) * within)
 
 
 def soft_integral(length: Scalar) -> Scalar:
@@ -401,7 +517,10 @@ def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters 
         own = (0, 1) if drive.arrangement == "one_pulley" else (k,)
         given = compliance(tendon, length, parameters)
         start = _number(drive, "pretension", parameters) * given - _number(drive, "slack", parameters)
-        found.append(Winch(drive, own, start, 1.0 / given, parameters))
+        if isinstance(drive, MotorDrive):
+            found.append(Motor(drive, own, start, 1.0 / given, parameters))
+        else:
+            found.append(LengthServo(drive, own, start, 1.0 / given, parameters))
     return tuple(found)
 
 

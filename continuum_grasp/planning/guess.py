@@ -127,7 +127,7 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
 
 def _without_play(model: Prediction, scene: PlanScene) -> Prediction:
     """The model with rigid gears: within a play the finger feels nothing of an input, which leaves no slopes."""
-    if not any(winch.has_play for winch in model.system.finger_model.structure.winches):
+    if not any(motor.gear for motor in model.system.finger_model.structure.motors):
         return model
     drive = scene.finger.winches[0].replaced(backlash=0.0, gear_stiffness=None)
     return Prediction(scene.replaced(finger=scene.finger.with_tendons(drive=drive)))

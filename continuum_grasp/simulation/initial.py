@@ -100,14 +100,13 @@ def _standing(
     """States of motors that stand at angles [rad] where ``at_rest`` balances the tensions, under a command ``u``: their
     dry friction bears the difference, as far as it does.
     """
-    found, at = list(drives), len(drives) - sum(winch.states for winch in model.structure.winches)
-    for k, winch in enumerate(model.structure.winches):
+    found, at = list(drives), len(drives) - sum(motor.states for motor in model.structure.motors)
+    for k, motor in enumerate(model.structure.motors):
         found[at] = angles[k]
-        friction = getattr(winch.drive, "coulomb_friction", 0.0)
-        if getattr(winch.drive, "presliding_angle", None) is not None:
-            torque, needed = (float(winch.torque(command, found[at])) for command in (u[k], at_rest[k]))
-            (found[at + 2],) = state_of(np.clip([(torque - needed) / friction], -1.0, 1.0))
-        at += winch.states
+        if motor.drive.presliding_angle is not None:
+            torque, needed = (float(motor.torque(command, found[at])) for command in (u[k], at_rest[k]))
+            (found[at + 2],) = state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
+        at += motor.states
     return found
 
 

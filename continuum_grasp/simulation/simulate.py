@@ -159,8 +159,8 @@ class _Run:
         asked = self._time.method
         # Implicit steps are stable whatever the finger does, but must resolve the springs of contacts to meet them, and
         # those of gears to meet their flanks.
-        flanks = [winch for winch in self._model.structure.winches if winch.has_play]
-        met = [math.sqrt(winch.held_stiffness / float(winch.inertia)) for winch in flanks]
+        flanks = [motor for motor in self._model.structure.motors if motor.gear]
+        met = [math.sqrt(motor.held_stiffness / float(motor.inertia)) for motor in flanks]
         self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
         if self._model.friction_names:
             self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))

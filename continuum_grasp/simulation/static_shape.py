@@ -122,16 +122,16 @@ class Equilibrium(Result):
         Where a motor cannot hold (``torque_max``), both are nan; where a servo gives all its torque and holds, the
         angle has no bound on that side.
         """
-        winches = self.model.structure.winches
-        if self.tensions is None or not winches or any(winch.follows for winch in winches):
+        motors = self.model.structure.motors
+        if self.tensions is None or not motors:
             return None
         drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
         own = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
-        found, at = [], len(drives) - sum(winch.states for winch in winches)
-        for winch in winches:
-            tensions = [float(self.tensions[k]) for k in winch.tendons]
-            found.append(winch.holding(drives[at : at + winch.states], tensions, own))
-            at += winch.states
+        found, at = [], len(drives) - sum(motor.states for motor in motors)
+        for motor in motors:
+            tensions = [float(self.tensions[k]) for k in motor.tendons]
+            found.append(motor.holding(drives[at : at + motor.states], tensions, own))
+            at += motor.states
         return np.array(found)
 
     @cached_property

@@ -171,8 +171,9 @@ class Search:
             core.actuation(q, u, p, *self._friction),
             core.external_force(q, u, w, p),
         ]
-        # Where nothing loads the finger: what a bend of a part in 1e9 of the range would ask for.
-        floor = 1e-9 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
+        # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e6 of the range, whose share of the
+        # tolerance is rounding.
+        floor = 1e-6 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
         return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:
@@ -270,9 +271,9 @@ def equilibrium_held(
     """
     tendons = scene.finger.tendons
     locked_tendons = tuple(_locked(tendon) for tendon in tendons) if isinstance(tendons, tuple) else _locked(tendons)
-    winches = model.structure.winches
+    motors = model.structure.motors
     finger = scene.finger.replaced(tendons=locked_tendons)
-    wound = tuple(winch.radius * angle for winch, angle in zip(winches, angles, strict=True))
+    wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
     given = {finger.input_key: wound if finger.input_key == "lengths" else tuple(angles)}
     initial = scene.initial.replaced(motor_angles=None)
     same = scene.replaced(finger=finger, actuation=given, initial=initial)
@@ -283,8 +284,8 @@ def equilibrium_held(
     found = equilibrium_under(locked, u, w, guess=guess, stable=stable, side=side, **friction)
     tensions = [] if found.tensions is None else found.tensions.tolist()
     held = u.copy()
-    for k, (winch, angle) in enumerate(zip(winches, angles, strict=True)):
-        least, greatest = winch.holding([angle], [tensions[j] for j in winch.tendons], 0.0)
+    for k, (motor, angle) in enumerate(zip(motors, angles, strict=True)):
+        least, greatest = motor.holding([angle], [tensions[j] for j in motor.tendons], 0.0)
         if not math.isfinite(least + greatest):
             raise SolverError(
                 "no equilibrium found",

@@ -20,7 +20,7 @@ from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.winches import SLOW, Winch, winches_of
+from continuum_grasp.model.winches import SLOW, Motor, Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Measured
@@ -150,7 +150,7 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
 def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) -> tuple[ca.Function, tuple[str, ...]]:
     count = len(winches)
     names = [position_name(winch, k + 1) for k, winch in enumerate(winches)]
-    if winches[0].follows:
+    if not isinstance(winches[0], Motor):
         names += [f"tension_{k + 1} [N]" for k in range(len(scene.finger.tendon_list))]
     elif asked.torque is not None or asked.current is not None:
         names += [torque_name(asked, k + 1)[1] for k in range(count)]
@@ -160,8 +160,7 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
     lengths, pulls = [], list[Scalar]()
     for k, winch in enumerate(winches):
         lengths.append(winch.radius * y[k])
-        drive = winch.drive
-        if not isinstance(drive, MotorDrive):
+        if not isinstance(winch, Motor):
             pulls.append(
                 sum((side * y[count + j] for side, j in zip(winch.sides, winch.tendons, strict=True)), ca.SX(0))
             )

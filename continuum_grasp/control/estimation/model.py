@@ -16,7 +16,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.winches import Winch
+from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Estimator, Measured
@@ -300,12 +300,13 @@ def _of_drives(asked: Measured, model: Prediction, winches: tuple[Winch, ...], p
         for k in range(tensions.numel()):
             add("tension", f"tension_{k + 1} [N]", tensions[k])
     moving = list(enumerate(zip(winches, model.driven, strict=True)))
-    sensor = "length" if winches[0].follows else "angle"
+    sensor = "angle" if isinstance(winches[0], Motor) else "length"
     if getattr(asked, sensor) is not None:
         for k, (winch, driven) in moving:
             add(sensor, position_name(winch, k + 1), model.x[driven.state])
     if asked.torque is not None or asked.current is not None:
-        for k, (winch, driven) in moving:
+        motors = [(k, winch, driven) for k, (winch, driven) in moving if isinstance(winch, Motor)]
+        for k, winch, driven in motors:
             torque = winch.torque(model.u[k], model.x[driven.state], model.x[driven.state + 1])
             add(*torque_name(asked, k + 1), ca.SX(torque) / torque_per_reading(asked, winch))
     return found
@@ -313,7 +314,7 @@ def _of_drives(asked: Measured, model: Prediction, winches: tuple[Winch, ...], p
 
 def position_name(winch: Winch, number: int) -> str:
     """Name and unit of a measured position of a winch."""
-    return f"length_{number} [m]" if winch.follows else f"motor_angle_{number} [rad]"
+    return winch.names(number)[0]
 
 
 def torque_name(asked: Measured, number: int) -> tuple[str, str]:

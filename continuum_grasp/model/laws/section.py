@@ -19,8 +19,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from continuum_grasp.model.family import Array, Family, nodes_of
-from continuum_grasp.model.memory import IN_MOTION, Memory
+from continuum_grasp.model.family import Array, Family, gathered, nodes_of
+from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.value import Value
@@ -168,30 +168,22 @@ class SectionForces:
     ----------
     laws : sequence of SectionLaw
     family : Family
-    lengths : sequence of Scalar
-        Of the elements [m].
-    full, rates : sequence of Scalar
-        Full coordinates and their rates.
+    at : Instant
     states : mapping
         States of the laws, by kind.
     rest : Scalar, optional
         Curvature at rest [1/m] where it is a run-time argument.
-    memory : Memory
     """
 
     def __init__(
         self,
         laws: Sequence[SectionLaw],
         family: Family,
-        lengths: Sequence[Scalar],
-        full: Sequence[Scalar],
-        rates: Sequence[Scalar],
+        at: Instant,
         states: Mapping[Kind, Sequence[Scalar]],
         rest: Scalar | None = None,
-        memory: Memory = IN_MOTION,
     ) -> None:
-        self._family, self._lengths, self._full, self._rates = family, lengths, full, rates
-        self._rest, self._memory = rest, memory
+        self._family, self._rest, self._at = family, rest, at
         self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
         left = {kind: iter(own) for kind, own in states.items()}
         for law in laws:
@@ -200,10 +192,10 @@ class SectionForces:
 
     def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
         """Measure of a port, and that times its shapes; its element may have another length at run time."""
-        h, nominal, weights = self._lengths[port.element], self._family.mesh.lengths, port.measure * port.shapes
+        h, nominal, weights = self._at.lengths[port.element], self._family.mesh.lengths, port.measure * port.shapes
         if isinstance(h, float):
             return port.measure, weights.tolist()
-        own, usual = (self._family.work(port.element, lengths) for lengths in (self._lengths, nominal))
+        own, usual = (self._family.work(port.element, lengths) for lengths in (self._at.lengths, nominal))
         local = self._family.local(port.element)
         ratios = [own[a] * (w / float(usual[a])) for a, w in zip(local, weights.tolist(), strict=True)]
         return port.measure * (h / nominal[port.element]), ratios
@@ -212,9 +204,9 @@ class SectionForces:
     def _acting(self) -> list[tuple[SectionLaw, Port, Bend]]:
         found = []
         for law, port, states in self._ports:
-            curvature, rate = (self._mean(port, values) for values in (self._full, self._rates))
+            curvature, rate = (self._mean(port, values) for values in (self._at.full, self._at.rates))
             rest = port.rest if self._rest is None else self._rest
-            found.append((law, port, Bend(curvature, rest, rate, port.own, states, self._memory)))
+            found.append((law, port, Bend(curvature, rest, rate, port.own, states, self._at.memory)))
         return found
 
     def _mean(self, port: Port, values: Sequence[Scalar]) -> Scalar:
@@ -235,11 +227,7 @@ class SectionForces:
 
     def force(self, *kinds: Kind) -> list[Scalar]:
         """Generalized forces of the laws of kinds on all coordinates, against the bending."""
-        total: list[Scalar] = [0.0] * self._family.size
-        for k, forces in enumerate(self.on_elements(*kinds)):
-            for a, force in zip(self._family.local(k), forces, strict=True):
-                total[a] += force
-        return total
+        return gathered(self._family, self.on_elements(*kinds))
 
     def rates(self, kind: Kind) -> list[Scalar]:
         """Rates of the states of a kind."""

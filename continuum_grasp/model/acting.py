@@ -1,0 +1,84 @@
+"""All that the drives, the tendons and the laws of the sections exert on a finger at an instant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+from continuum_grasp.model.actuation import Drive
+from continuum_grasp.model.family import gathered
+from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
+from continuum_grasp.model.memory import Instant
+from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.structure import Structure
+from continuum_grasp.model.tendon_forces import Held, TendonForces
+
+
+class Acting:
+    """Generalized forces of drives, tendons and sections, and the rates of their states.
+
+    A finger that moves and one at rest differ in how states are known, and in nothing else.
+
+    Parameters
+    ----------
+    structure : Structure
+    at : Instant
+    drives : sequence of Drive
+        Amplitudes of the moments of each source.
+    held : sequence of Held
+        The winches, if there are any.
+    friction, fading : sequence of Scalar
+        States of friction, and of laws whose states fade to zero.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        at: Instant,
+        drives: Sequence[Drive],
+        held: Sequence[Held],
+        friction: Sequence[Scalar],
+        fading: Sequence[Scalar],
+    ) -> None:
+        self._made, self._drives, self._lengths = structure, drives, at.lengths
+        count, par = structure.tendon_friction_states, structure.parameters
+        sources = zip(structure.sources, drives, strict=True)
+        tensions = [drive.moment for source, drive in sources if source.tendon is not None]
+        self.tendons = TendonForces(structure, at, held or tensions, friction[:count])
+        rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
+        states: dict[Kind, Sequence[Scalar]] = {"friction": friction[count:], "relaxation": fading}
+        self.sections = SectionForces(structure.laws, structure.family, at, states, rest)
+
+    @cached_property
+    def actuation(self) -> list[Scalar]:
+        """Generalized forces of tendons and of couples that are inputs, equation (42): their work with the shapes."""
+        family = self._made.family
+        total: list[Scalar] = [0.0] * family.size
+        if self._made.own_tendons:
+            total = gathered(family, self.tendons.on_elements)
+        for source, drive in zip(self._made.sources, self._drives, strict=True):
+            driven = drive.couple if source.tendon is not None else drive.total
+            if source.tendon is not None and not source.couples:
+                continue
+            shapes = [family.work(k, self._lengths, source.shape) for k in range(len(self._lengths))]
+            whole = [sum(column) for column in zip(*shapes, strict=True)]
+            total = [t + g * driven for t, g in zip(total, whole, strict=True)]
+        return total
+
+    @property
+    def on_elements(self) -> list[list[Scalar]]:
+        """Forces on the local coordinates of each element of what acts by states: none where nothing does."""
+        acting = [self.tendons.on_elements] if self._made.own_tendons else []
+        if self._made.has_law(*STATEFUL):
+            acting.append([[-1.0 * f for f in own] for own in self.sections.on_elements(*STATEFUL)])
+        return [[sum(forces) for forces in zip(*parts, strict=True)] for parts in zip(*acting, strict=True)]
+
+    @property
+    def state_rates(self) -> list[Scalar]:
+        """Rates of what fades, and of friction."""
+        return [*self.sections.rates("relaxation"), *self.tendons.state_rates, *self.sections.rates("friction")]
+
+    @property
+    def travel(self) -> list[Scalar]:
+        """What moves each friction state, since the finger was straight: sliding of tendons, bending [1]."""
+        return [*self.tendons.slid, *self.sections.travel]
