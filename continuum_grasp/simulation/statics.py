@@ -150,9 +150,9 @@ class Search:
             mass = self._core.mass_matrix(q, self._u, self._p)
             weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
             shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
-            if after_size > 2.0 * before_size:  # too far: back towards the damped motion
-                shift = min(10.0 * max(shift, 1e-6 * rate), rate)
             scale = self._scale(q)
+            if after_size > max(2.0 * before_size, _TOLERANCE * scale):  # too far: back towards the damped motion
+                shift = min(10.0 * max(shift, 1e-6 * rate), rate)
         raise SolverError(
             "no equilibrium found",
             status="iteration limit",
