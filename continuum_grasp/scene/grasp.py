@@ -405,11 +405,6 @@ class GraspScene(Value):
                 f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
                 "offset and the second with the same offset on the other side, that end at the same place"
             )
-        if setup.graded and finger.has_tendon_friction:
-            raise ValueError(
-                f"{where}.tendons.friction must be zero here: friction along a finger that changes along its length is "
-                "not modeled in grasps"
-            )
         if finger.tendons_used != "both" and any(finger.tension_limits[0]):
             raise ValueError(
                 f"{where}.tendons.min_tension keeps the antagonist taut; with tendons_used: {finger.tendons_used} "

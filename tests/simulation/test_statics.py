@@ -353,8 +353,17 @@ class TestTendonFriction:
 
 @pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
 def test_an_absurd_load_says_so(family):
+    """A finger that follows its load to rounding, by a bend at the base that its elements do not resolve."""
+    found = equilibrium(pushed(1e9, family))
+    assert found.warnings[0].startswith("element 1 is bent beyond its declared range")
+    assert found.space_error > 0.1
+
+
+@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
+def test_an_equilibrium_that_is_not_found_says_what_is_missing(family, monkeypatch):
+    monkeypatch.setattr("continuum_grasp.simulation.statics._MAX_ITERATIONS", 1)
     with pytest.raises(SolverError, match="no equilibrium found") as caught:
-        equilibrium(pushed(1e9, family))
+        equilibrium(pushed(1e3, family))
     assert caught.value.status == "iteration limit"
     assert "generalized force missing" in caught.value.violated[0]
     assert "lower them" in caught.value.advice

@@ -21,6 +21,7 @@ Array = NDArray[Any]
 
 _PRESLIDING = 1e-3
 """Bend beyond a friction cell from which on it slides [rad]: that of the law that is verified."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 class TendonFriction:
@@ -42,22 +43,33 @@ class TendonFriction:
 
     @cached_property
     def _halves(self) -> tuple[Array, Array]:
-        """Turn of the finger along the halves of each cell: the curvature is linear within an element."""
-        places = (self.edges[:-1] + part * self._widths for part in (0.25, 0.75))
-        early, late = (0.5 * self._widths * self._shape.curvature(place) for place in places)
-        return early, late
+        """Along the halves of each cell (K, 2) the turn of the finger where the tendons run, and what it draws in of
+        them per offset at the base.
+        """
+        channel, profile = self._shape.channels[0], self._shape.profile
+        ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
+        # Between all places where something may have a kink, to rounding.
+        places = np.unique(np.concatenate([ends, profile.breaks, channel.shape.breaks]))
+        middle, half = 0.5 * (places[1:] + places[:-1])[:, None], 0.5 * np.diff(places)[:, None]
+        s, drawn = middle + half * _NODES, channel.shape((middle + half * _NODES).ravel()).reshape(-1, _NODES.size)
+        bent = self._shape.curvature(s.ravel()).reshape(s.shape) * (half * _WEIGHTS)
+        part = np.searchsorted(ends, middle.ravel()) - 1
+        sums = [np.bincount(part, each.sum(axis=1), ends.size - 1) for each in (bent * (drawn != 0.0), bent * drawn)]
+        return sums[0].reshape(-1, 2), sums[1].reshape(-1, 2)
 
     @cached_property
     def pulled(self) -> Array:
-        """States (K,) of tendons that slid from the straight finger on: by the turn beyond the middle of each cell."""
-        early, late = self._halves
+        """States (K,) of tendons that slid from the straight finger on: by what is drawn in beyond the middle of each
+        cell.
+        """
+        early, late = self._halves[1].T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
         return np.clip(beyond / _PRESLIDING, -1.0, 1.0)
 
     @cached_property
     def losses(self) -> Array:
         """Change (K,) of the logarithm of the tension across each cell, of a tendon on the -X side."""
-        turned = sum(self._halves)
+        turned = self._halves[0].sum(axis=1)
         # The law of the model that is verified: of a constant curvature in a cell, without sign, and rounded off.
         rounding = 1e-3 * self._widths / self.edges[-1]
         return np.asarray(self._setup.tendons.friction * turned**2 / np.sqrt(turned**2 + rounding**2) * self.states)

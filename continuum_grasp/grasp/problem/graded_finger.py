@@ -13,7 +13,7 @@ from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.graded_curves import GradedCurves, GradedSpec
 from continuum_grasp.grasp.problem.graded_model import GradedModel
 from continuum_grasp.grasp.problem.structure import ContactSpec
-from continuum_grasp.grasp.problem.unit_finger import ACCURACY, UnitFinger
+from continuum_grasp.grasp.problem.unit_finger import ACCURACY, PRESLIDING, UnitFinger
 from continuum_grasp.scene.families import FAMILIES
 
 
@@ -29,6 +29,8 @@ class GradedUnitFinger(UnitFinger):
             matched=FAMILIES[spec.family].matches_tip,
             bending_range=spec.bending_range,
             accuracy=spec.accuracy or ACCURACY,
+            friction_cells=spec.friction_cells,
+            presliding=PRESLIDING,
         )
         self._curves = GradedCurves(self._graded, self.number("curves", self._graded.size))
         return self.statics.n
@@ -48,6 +50,7 @@ class GradedUnitFinger(UnitFinger):
             self.number("node stiffness", nodes),
             self.number("node shapes", channels * nodes),
             self.number("arms", 2 * channels),
+            *([self.number("tendon_friction")] if self.spec.friction_cells else []),
         )
 
     @cached_property
@@ -77,6 +80,14 @@ class GradedUnitFinger(UnitFinger):
     def loads_size(self) -> int:
         return self.statics.nw
 
+    @property
+    def friction_states(self) -> int:
+        return self.spec.elements * self.spec.friction_cells
+
+    def mean_shares(self) -> ca.SX:
+        means: ca.SX = self.statics.mean_shares(self.q, self.u, *self.history, self.p)
+        return means
+
     def places(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
         picks, elements, start = [], [], 0
         for element, count in enumerate(self.statics.waypoint_counts):
@@ -97,7 +108,7 @@ class GradedUnitFinger(UnitFinger):
         return ca.vertcat(pulls, couple)
 
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
-        return self.statics.missing(q, u, w, self.p)
+        return self.statics.missing(q, u, w, *(self.history or [ca.SX(0, 1)]), self.p)
 
     def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         at, bends = self.statics.curvatures(self.q, self.u, self.p)

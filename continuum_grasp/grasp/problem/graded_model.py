@@ -6,6 +6,7 @@ k*(s) + m(s) / EI(s), and the generalized force that is missing is the gradient 
 
     V = int (m / 2 - K) m / EI ds - int (mass beyond s) g . t ds - forces . positions - couples . angles
 
+where tendons with friction have no K: what they exert is their tensions times what a bend draws in of each cell,
 by Gauss-Legendre collocation in every part of an element between two breaks of the curves. Elements move along the
 finger, so a part without length stands for each break that is elsewhere: exact, and smooth where a contact passes one.
 """
@@ -22,8 +23,10 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.grasp.problem.graded_curves import GradedCurves, GradedSpec
-from continuum_grasp.model.planar import column
+from continuum_grasp.model.memory import Memory
+from continuum_grasp.model.planar import Scalar, column
 from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.model.tendon_friction import Shares, rounded, shares
 
 _GRADED_NODES = 2
 """Nodes beside those of a uniform element: a taper of 1:4 in four elements is then within 1e-7 (tests measure it)."""
@@ -56,21 +59,28 @@ class GradedModel:
         bending_range: float,
         accuracy: float,
         arms: int = 2,
+        friction_cells: int = 0,
+        presliding: float = 1.0,
     ) -> None:
         self.elements, self.matched, self._contacts = elements, matched, tuple(contacts)
         self.n = elements if matched else elements + 1
         nodes, channels = elements + 1, spec.channels
         self.nw = 3 * len(contacts) + 2
-        sizes = (elements, 2, spec.size, nodes, channels * nodes, channels * arms)
+        self._cells, self._presliding = friction_cells, presliding
+        sizes = (elements, 2, spec.size, nodes, channels * nodes, channels * arms, int(friction_cells > 0))
+        # As of `FingerModel`: states of the cells, and whether the finger was bent from straight.
+        self.history = ca.SX.sym("history", (elements * friction_cells + 1) * (friction_cells > 0))
         self.q, self.u, self.w = ca.SX.sym("q", self.n), ca.SX.sym("u", arms + 1), ca.SX.sym("w", self.nw)
         self.p = ca.SX.sym("p", sum(sizes))
-        lengths, self._weight, numbers, self._scales, known, arm = ca.vertsplit(self.p, np.cumsum([0, *sizes]).tolist())
+        parts = ca.vertsplit(self.p, np.cumsum([0, *sizes]).tolist())
+        lengths, self._weight, numbers, self._scales, known, arm, self._friction = parts
         self.curves = GradedCurves(spec, numbers)
         ends = [ca.SX(0.0)]
         for k in range(elements):
             ends.append(ends[-1] + lengths[k])
         self.ends = ends
-        self._amplitudes = ca.reshape(arm, channels, arms) @ self.u[:arms]
+        self._arms = ca.reshape(arm, channels, arms)
+        self._amplitudes = self._arms @ self.u[:arms]
         self._known = ca.reshape(known, channels, nodes)
         self._couple = self.u[arms]
         self._channels = channels
@@ -131,7 +141,7 @@ class GradedModel:
                 moment = self._linear(k, s) + (drive if self.matched else 0.0)
                 bent = moment / curves.on("stiffness", panel, s)
                 elastic.append(bent)
-                work.append((0.5 * moment - drive) * bent)
+                work.append((0.5 * moment - (0.0 if self._cells else drive)) * bent)
                 turned.append(curves.on("rest", panel, s) + bent)
             angles = angle + width * (ca.DM(rule.running) @ column(turned))
             tangents = ca.horzcat(-ca.sin(angles), ca.cos(angles))
@@ -171,16 +181,80 @@ class GradedModel:
         points, angles = ca.horzcat(*(s.point for s in states)), ca.vertcat(*(s.angle for s in states))
         return self._function("joints", [self.q, self.u, self.p], [points, angles])
 
+    # -- tendons with friction -------------------------------------------------------------------------------------
+
+    def _drawn(self, k: int, a: Any, b: Any) -> ca.SX:
+        """Of a part of an element: its bend along the tendons (1), with their shape (1), and with its place too (1)."""
+        edges = [a, *(ca.fmin(ca.fmax(at, a), b) for at in self.curves.breaks), b]
+        total = ca.SX.zeros(3)
+        for panel, (low, high) in enumerate(pairwise(edges)):
+            width = high - low
+            for u, weight in zip(self._rule.nodes, self._rule.weights, strict=True):
+                s = low + width * float(u)
+                shape = self.curves.on("channel_0", panel, s)
+                bent = self.curves.on("rest", panel, s) + self._linear(k, s) / self.curves.on("stiffness", panel, s)
+                own = (width * float(weight)) * bent
+                total += ca.vertcat(ca.if_else(shape != 0.0, own, 0.0), shape * own, shape * own * s)
+        return total
+
+    @cached_property
+    def _halves(self) -> list[tuple[Any, Any, ca.SX, ca.SX]]:
+        """Both ends of each friction cell, and what is drawn in along its halves."""
+        found = []
+        for k, (start, end) in enumerate(pairwise(self.ends)):
+            places = [start + (j / (2 * self._cells)) * (end - start) for j in range(2 * self._cells)] + [end]
+            for j in range(0, 2 * self._cells, 2):
+                a, middle, b = places[j : j + 3]
+                found.append((a, b, self._drawn(k, a, middle), self._drawn(k, middle, b)))
+        return found
+
+    @cached_property
+    def _shares(self) -> Shares:
+        """Shares of the tensions along the cells, by the capstan law of ``model.tendon_friction``."""
+        beyond, travel = ca.SX(0.0), list[Scalar]()
+        for *_, early, late in reversed(self._halves):
+            travel.insert(0, (beyond + late[1]) * (1.0 / self._presliding))
+            beyond += early[1] + late[1]
+        states, moved = ca.vertsplit(self.history)[:-1], self.history[-1]
+        ways = Memory(moved).ways(states, lambda: travel)
+        halves = [
+            0.5 * self._friction * (way * rounded(early[0] + late[0], b - a))
+            for way, (a, b, early, late) in zip(ways, self._halves, strict=True)
+        ]
+        return shares(halves, None, (1.0, -1.0))
+
+    @cached_property
+    def mean_shares(self) -> ca.Function:
+        """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
+        spans = [b - a for a, b, *_ in self._halves]
+        means = [sum((h * share for h, share in zip(spans, mean, strict=True)), ca.SX(0)) for mean in self._shares.mean]
+        return self._function("mean_shares", [self.q, self.u, self.history, self.p], [column(means) / self.ends[-1]])
+
+    @cached_property
+    def _pulled(self) -> ca.SX:
+        """Generalized force of the tendons: mean tensions times what a cell draws in, and their loss times its lean."""
+        ports, forces = [], []
+        for k, (a, b, early, late) in enumerate(self._halves):
+            whole = early + late
+            lean = (whole[2] - 0.5 * (a + b) * whole[1]) / (b - a)
+            pulls = [self._arms[0, j] * self.u[j] * self._shares.mean[j][k] for j in (0, 1)]
+            ports += [whole[1], lean]
+            forces += [pulls[0] + pulls[1], -2.0 * self._shares.halves[k] * (pulls[0] - pulls[1])]
+        return ca.jtimes(ca.vertcat(*ports), self.q, ca.vertcat(*forces), True)
+
     @cached_property
     def missing(self) -> ca.Function:
-        """``(q, u, w, p)``: generalized force that is missing for rest."""
+        """``(q, u, w, history, p)``: generalized force that is missing for rest."""
         states, potential, _ = self._chain
         count = len(self._contacts)
         for j, element in enumerate((*self._contacts, self.elements)):
             potential -= ca.dot(self.w[2 * j : 2 * j + 2], states[element].point)
             couple = self.w[2 * count + 2 + j] if j < count else self._couple
             potential -= couple * states[element].angle
-        return self._function("missing", [self.q, self.u, self.w, self.p], [ca.gradient(potential, self.q)])
+        force = ca.gradient(potential, self.q)
+        if self._cells:
+            force -= self._pulled
+        return self._function("missing", [self.q, self.u, self.w, self.history, self.p], [force])
 
     @cached_property
     def waypoints(self) -> ca.Function:

@@ -210,14 +210,23 @@ class UnitFinger:
     @property
     def history(self) -> list[ca.SX]:
         """Friction states of tendons and bending, where there are any."""
-        states = 0 if self.spec.graded is not None else self.model.structure.friction_states
-        return [self.number("friction_history", states + 1)] if states else []
+        return [self.number("friction_history", self.friction_states + 1)] if self.friction_states else []
+
+    @property
+    def friction_states(self) -> int:
+        """Number of states of friction."""
+        return self.model.structure.friction_states
+
+    def mean_shares(self) -> ca.SX:
+        """Mean along the finger of the tension of each tendon, per that at the base."""
+        means: ca.SX = self._backbone.mean_shares(self.q, self.u, *self.history, self.p)
+        return means
 
     def compliances(self) -> list[ca.SX]:
         """Elongation of each tendon, per length, per pull at the drive."""
         means: list[Any] = [1.0, 1.0]
         if self.spec.friction_cells:
-            means = ca.vertsplit(self._backbone.mean_shares(self.q, self.u, *self.history, self.p))
+            means = ca.vertsplit(self.mean_shares())
         return [self.number("series") + self.number("axial") * mean for mean in means]
 
     def drive_rows(self) -> ca.SX:
