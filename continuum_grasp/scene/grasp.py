@@ -390,11 +390,6 @@ class GraspScene(Value):
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
         self._check_drive(setup, where)
-        if setup.graded and finger.has_dry_friction:
-            raise ValueError(
-                f"{where}.damping.dry_friction: in grasps it is modeled along uniform fingers alone, and this one "
-                "changes along its length; leave it out, or give one cross section"
-            )
         if self.closing is not None and finger.has_dry_friction:
             raise ValueError(
                 f"closing: its path knows no dry friction, which {where}.damping.dry_friction gives the bending; leave "

@@ -171,7 +171,7 @@ class Search:
             core.actuation(q, u, p, *self._friction),
             core.external_force(q, u, w, p),
         ]
-        # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e4 of the range, whose share of the
+        # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e4 of the range, of which the
         # tolerance is rounding.
         floor = 1e-4 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
         return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))

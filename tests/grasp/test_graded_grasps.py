@@ -5,9 +5,12 @@ import pytest
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.grasp.problem.graded_curves import GradedSpec
+from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
+from continuum_grasp.grasp.problem.graded_model import GradedModel
+from continuum_grasp.grasp.problem.unit_finger import PRESLIDING
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.profile import Curve
 
@@ -37,10 +40,26 @@ def tapered():
     return optimize_grasp(mug(TAPER, TAPERED_TENDONS, **TAPERED_MUG))
 
 
+DRY = {
+    "dry_friction": [{"stiffness": 2e-3, "moment": 8e-3}, {"stiffness": 1e-3, "moment": 2e-3}],
+    "friction_cells": 2,
+}
+FREE_TIP = {"fidelity.family": "clothoid"}
+
+
 @pytest.mark.deep
-def test_equal_sections_give_the_uniform_fingers_grasp():
+@pytest.mark.parametrize(
+    "friction",
+    [{}, FREE_TIP | {"tendons.friction": 0.05}, FREE_TIP | {"tendons.friction": 0.02, "damping": DRY}],
+    ids=["none", "of tendons", "of tendons and in bending"],
+)
+def test_equal_sections_give_the_uniform_fingers_grasp(friction):
     """Sections that differ by less than rounding matters take the graded statics, cut at both jumps."""
-    uniform = load(PINCH).changed({"fidelity.accuracy": 1e-10, "fidelity.elements": 2})
+    scene = load(PINCH)
+    own = {key: value for key, value in friction.items() if key in FREE_TIP}
+    for name in scene.named_fingers:
+        own |= {f"fingers.{name}.{key}": value for key, value in friction.items() if key not in FREE_TIP}
+    uniform = scene.changed({"fidelity.accuracy": 1e-10, "fidelity.elements": 2, "friction_states": "pulled", **own})
     changes = {}
     for name, finger in uniform.named_fingers.items():
         rod = finger.rod
@@ -59,6 +78,59 @@ def test_equal_sections_give_the_uniform_fingers_grasp():
         np.testing.assert_allclose(
             other.arrays[key], one.arrays[key], rtol=1e-9, atol=1e-9 * np.abs(one.arrays[key]).max()
         )
+
+
+@pytest.mark.parametrize("cells", [1, 3])
+def test_friction_is_that_of_the_model_of_motion(cells):
+    """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling."""
+    offset = 0.006 * np.cos(np.arctan2(0.0015, LENGTH))  # of tendons that are inclined
+    more = {"friction": 0.3, "friction_cells": cells, "presliding": offset * PRESLIDING, "max_tension": 60.0}
+    tendons = [{"offset": own, **more} for own in TAPERED_TENDONS]
+    scene = mug(TAPER, **TAPERED_MUG, **FREE_TIP, **{"finger.tendons": tendons, "finger.damping": DRY})
+    (setup,), lengths, rng = scene.setups, LENGTH * np.array([0.2, 0.3, 0.22, 0.28]), np.random.default_rng(cells)
+    finger, stiffness, nodes = setup.finger, setup.stiffness, np.cumsum([0.0, *lengths])
+    moving = FingerModel(
+        finger, family="clothoid", elements=tuple(lengths.tolist()), gravity=(0.0, 0.0), accuracy=1e-10, tip_force=True
+    )
+    resting = GradedModel(
+        GradedSpec.of(setup, False), 4, (), matched=False, bending_range=2.0, accuracy=1e-10,
+        friction_cells=cells, presliding=PRESLIDING, bending_cells=2, branches=2,
+    )  # fmt: skip
+    (channel,) = finger.channels
+    branches = [
+        value / stiffness for each in DRY["dry_friction"] for value in (each["stiffness"], each["moment"] * LENGTH)
+    ]
+    p = [
+        *(*lengths / LENGTH, 0.0, 0.0, *curve_numbers(setup, False)),
+        *(*finger.profile.bending_stiffness(nodes) / stiffness, *channel.shape(nodes), 1.0, -1.0, 0.3, *branches),
+    ]
+    for moved in (0.0, 1.0):
+        q, pulls = 8.0 * rng.normal(size=5), rng.uniform(1.0, 30.0, 2)
+        history = [*(1.0 - moved) * rng.uniform(-1.0, 1.0, 4 * cells + 16), moved]
+        u = [*pulls * offset * LENGTH / stiffness, 0.0]
+        found = stiffness * np.array(resting.missing(q * LENGTH, u, [0.0, 0.0], history, p)).ravel()
+        true = np.array(moving.statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
+        assert found == pytest.approx(true, abs=1e-12 * np.abs(true).max())
+
+
+MOTOR = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 1.0}
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    "drive", [None, {"kind": "length", "time_constant": 0.02}, MOTOR | {"pretension": 2.0, "position_gain": 2.0}]
+)
+def test_a_tapered_finger_with_friction_of_both_kinds_is_held_and_certified(drive):
+    """Whatever its friction becomes; tendons at changing distances where no drive locks them."""
+    wound = {} if drive is None else {"drive": drive, "axial_stiffness": 1e4, "series_stiffness": 33e3}
+    offsets = TAPERED_TENDONS if drive is None else ((0.0045, 0.0045), (-0.0045, -0.0045))
+    more = {"friction": 0.02, "friction_cells": 2, "max_tension": 60.0, **wound}
+    tendons = [{"offset": offset, **more} for offset in offsets]
+    scene = mug(TAPER, **TAPERED_MUG, **FREE_TIP, **{"finger.tendons": tendons, "finger.damping": DRY})
+    grasp = optimize_grasp(scene)
+    assert grasp.certificate.passed
+    assert grasp.robustness.robust.holds
+    assert grasp.certificate.model_error.greatest < 2e-3 * LENGTH
 
 
 @pytest.mark.deep

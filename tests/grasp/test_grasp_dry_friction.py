@@ -61,11 +61,8 @@ def held():
     [
         ({"fidelity.family": "matched_clothoid"}, "dry friction in bending"),
         ({"closing": {}}, "closing: its path knows no dry friction"),
-        ({"finger.rod": {"length": L, "density": 1100.0, "youngs_modulus": 1e8,
-                         "sections": [{"to": L, "diameter": [0.006, 0.004]}]}},
-         "uniform fingers alone"),
     ],
-)  # fmt: skip
+)
 def test_what_is_refused_says_why(changes, said):
     with pytest.raises(InputError, match=said):
         mug(TWO, **changes)

@@ -1,8 +1,9 @@
 """What dry friction in bending exerts along a finger of a grasp, from its stored shape alone.
 
 Each branch of a cell resists the bending by its moment M times a state z from -1 to 1, the same all along the cell: its
-virtual work is that of a moment on the turn of the cell. A finger that was bent from its shape at rest on has
-z = k kappa / M, kappa being the mean curvature of the cell above rest, as far as that is within the range.
+virtual work is that of a moment on the turn of the cell. Along a finger that changes along its length k and M are
+those at the base, and go with its stiffness. A finger that was bent from its shape at rest on has z = k kappa / M,
+kappa being the mean curvature of the cell above rest by this stiffness, as far as that is within the range.
 """
 
 from __future__ import annotations
@@ -14,13 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.cells import cell_nodes
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import FingerSetup
 
 Array = NDArray[Any]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-"""Exact for the curvatures of all families, polynomials of the second degree at most within a cell."""
+_PARTS = 4
+"""Parts of a cell of a finger that changes along its length, in each of which the couples of an exact rod take its
+friction as the same: its moment is then off by an eighth of what it changes along the cell."""
 
 
 class DryBending:
@@ -31,7 +34,7 @@ class DryBending:
 
     def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
         branches = setup.finger.damping.dry_friction
-        self._shape = shape
+        self._shape, self._profile = shape, setup.finger.profile
         self._stiffness = np.array([branch.stiffness for branch in branches])
         self._most = np.array([branch.moment for branch in branches])
         parts = [np.linspace(a, b, setup.bending_cells + 1)[:-1] for a, b in pairwise(shape.joints)]
@@ -41,10 +44,15 @@ class DryBending:
     @cached_property
     def _bent(self) -> Array:
         """Mean curvature (C, 1) above rest of each cell [1/m]."""
-        middle, half = 0.5 * (self.edges[1:] + self.edges[:-1]), 0.5 * np.diff(self.edges)
-        places = middle[:, None] + half[:, None] * _NODES
-        curvatures = self._shape.elastic(places.ravel()).reshape(places.shape)
-        return np.asarray(0.5 * curvatures @ _WEIGHTS)[:, None]
+        s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
+        measure = weights * self.per_base(s)
+        drawn = np.bincount(cell, measure * self._shape.elastic(s)) / np.bincount(cell, measure)
+        return np.asarray(drawn)[:, None]
+
+    def per_base(self, s: Array) -> Array:
+        """Bending stiffness (G,) at positions [m] per that at the base [1]."""
+        stiffness = self._profile.bending_stiffness
+        return np.asarray(stiffness(s) / stiffness(np.zeros(1)))
 
     @cached_property
     def pulled(self) -> Array:
@@ -53,22 +61,28 @@ class DryBending:
 
     @property
     def moments(self) -> Array:
-        """Moment (C,) of each cell against the bending [N m]."""
+        """Moment (C,) of each cell against the bending, per that of the stiffness at the base [N m]."""
         return np.asarray(np.reshape(self.states, (-1, self._most.size)) @ self._most)
 
     def moment(self, s: Array) -> Array:
         """Moment (G,) against the bending at positions [m]."""
         cell = np.clip(np.searchsorted(self.edges, s) - 1, 0, self.edges.size - 2)
-        return np.asarray(self.moments[cell])
+        return np.asarray(self.moments[cell] * self.per_base(s))
 
     @property
     def couples(self) -> list[tuple[float, float]]:
         """Places [m] and couples [N m] that exert on an elastic rod what this friction does."""
-        against = np.append(self.moments, 0.0)
-        return list(zip(self.edges[1:].tolist(), np.diff(against).tolist(), strict=True))
+        parts = 1 if self._profile.bending_stiffness.constant is not None else _PARTS
+        ends = [np.linspace(a, b, parts + 1)[1:] for a, b in pairwise(self.edges)]
+        places = np.concatenate([self.edges[:1], *ends])
+        against = np.append(self.moment(0.5 * (places[1:] + places[:-1])), 0.0)
+        return list(zip(places[1:].tolist(), np.diff(against).tolist(), strict=True))
 
     @property
     def sticking(self) -> Array:
-        """Stiffness (C,) against the turn of a cell of the branches that stick, of a finger bent from rest on [N m]."""
+        """Stiffness (C,) of the branches that stick, of a finger bent from rest on [N m], against the turn of a cell;
+        of one that changes along its length against that by ``per_base``.
+        """
         sticks = np.abs(self.pulled.reshape(-1, self._most.size)) < 1.0
-        return np.asarray((sticks @ self._stiffness) / np.diff(self.edges))
+        s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
+        return np.asarray((sticks @ self._stiffness) / np.bincount(cell, weights * self.per_base(s)))

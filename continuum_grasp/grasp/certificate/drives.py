@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.cells import cell_nodes
 from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.drives import MotorDrive
@@ -69,11 +70,7 @@ class WoundTendons:
     def path(self) -> float:
         """How far the bend draws in the tendon on the -X side, and pays out the other [m]."""
         (channel,), profile = self._shape.channels, self._shape.profile
-        edges = np.unique(np.concatenate([self._shape.joints, profile.breaks, channel.shape.breaks]))
-        # 16 nodes between places where it may have kinks: to rounding for tapers to a tenth.
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
-        s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
+        s, w, _ = cell_nodes(self._shape.joints, profile.breaks, channel.shape.breaks)
         return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
 
     def pulled_by(self, tensions: Array, friction: TendonFriction | None) -> WoundTendons:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.cells import cell_nodes
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import FingerSetup
 
@@ -21,7 +22,6 @@ Array = NDArray[Any]
 
 _PRESLIDING = 1e-3
 """Bend beyond a friction cell from which on it slides [rad]: that of the law that is verified."""
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 class TendonFriction:
@@ -48,14 +48,10 @@ class TendonFriction:
         """
         channel, profile = self._shape.channels[0], self._shape.profile
         ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
-        # Between all places where something may have a kink, to rounding.
-        places = np.unique(np.concatenate([ends, profile.breaks, channel.shape.breaks]))
-        middle, half = 0.5 * (places[1:] + places[:-1])[:, None], 0.5 * np.diff(places)[:, None]
-        s, drawn = middle + half * _NODES, channel.shape((middle + half * _NODES).ravel()).reshape(-1, _NODES.size)
-        bent = self._shape.curvature(s.ravel()).reshape(s.shape) * (half * _WEIGHTS)
-        part = np.searchsorted(ends, middle.ravel()) - 1
-        sums = [np.bincount(part, each.sum(axis=1), ends.size - 1) for each in (bent * (drawn != 0.0), bent * drawn)]
-        return sums[0].reshape(-1, 2), sums[1].reshape(-1, 2)
+        s, weights, half = cell_nodes(ends, profile.breaks, channel.shape.breaks)
+        bent, drawn = weights * self._shape.curvature(s), channel.shape(s)
+        turned, path = (np.bincount(half, each, ends.size - 1) for each in (bent * (drawn != 0.0), bent * drawn))
+        return turned.reshape(-1, 2), path.reshape(-1, 2)
 
     @cached_property
     def pulled(self) -> Array:
@@ -64,7 +60,7 @@ class TendonFriction:
         """
         early, late = self._halves[1].T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
-        return np.clip(beyond / _PRESLIDING, -1.0, 1.0)
+        return np.asarray(np.clip(beyond / _PRESLIDING, -1.0, 1.0))
 
     @cached_property
     def losses(self) -> Array:

@@ -31,6 +31,8 @@ class GradedUnitFinger(UnitFinger):
             accuracy=spec.accuracy or ACCURACY,
             friction_cells=spec.friction_cells,
             presliding=PRESLIDING,
+            bending_cells=spec.bending_cells,
+            branches=spec.branches,
         )
         self._curves = GradedCurves(self._graded, self.number("curves", self._graded.size))
         return self.statics.n
@@ -51,6 +53,11 @@ class GradedUnitFinger(UnitFinger):
             self.number("node shapes", channels * nodes),
             self.number("arms", 2 * channels),
             *([self.number("tendon_friction")] if self.spec.friction_cells else []),
+            *(
+                self.number(f"dry_friction_{k + 1}_{key}")
+                for k in range(self.spec.branches)
+                for key in ("stiffness", "moment")
+            ),
         )
 
     @cached_property
@@ -82,7 +89,7 @@ class GradedUnitFinger(UnitFinger):
 
     @property
     def friction_states(self) -> int:
-        return self.spec.elements * self.spec.friction_cells
+        return self.spec.elements * (self.spec.friction_cells + self.spec.bending_cells * self.spec.branches)
 
     def mean_shares(self) -> ca.SX:
         means: ca.SX = self.statics.mean_shares(self.q, self.u, *self.history, self.p)

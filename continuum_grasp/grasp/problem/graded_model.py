@@ -61,19 +61,26 @@ class GradedModel:
         arms: int = 2,
         friction_cells: int = 0,
         presliding: float = 1.0,
+        bending_cells: int = 0,
+        branches: int = 0,
     ) -> None:
         self.elements, self.matched, self._contacts = elements, matched, tuple(contacts)
         self.n = elements if matched else elements + 1
         nodes, channels = elements + 1, spec.channels
         self.nw = 3 * len(contacts) + 2
-        self._cells, self._presliding = friction_cells, presliding
-        sizes = (elements, 2, spec.size, nodes, channels * nodes, channels * arms, int(friction_cells > 0))
+        self._cells, self._presliding, self._bending_cells = friction_cells, presliding, bending_cells
+        sizes = (
+            *(elements, 2, spec.size, nodes, channels * nodes, channels * arms),
+            *(int(friction_cells > 0), 2 * branches),
+        )
         # As of `FingerModel`: states of the cells, and whether the finger was bent from straight.
-        self.history = ca.SX.sym("history", (elements * friction_cells + 1) * (friction_cells > 0))
+        states = elements * (friction_cells + bending_cells * branches)
+        self.history = ca.SX.sym("history", (states + 1) * (states > 0))
         self.q, self.u, self.w = ca.SX.sym("q", self.n), ca.SX.sym("u", arms + 1), ca.SX.sym("w", self.nw)
         self.p = ca.SX.sym("p", sum(sizes))
         parts = ca.vertsplit(self.p, np.cumsum([0, *sizes]).tolist())
-        lengths, self._weight, numbers, self._scales, known, arm, self._friction = parts
+        lengths, self._weight, numbers, self._scales, known, arm, self._friction, dry = parts
+        self._branches = list(zip(*[iter(ca.vertsplit(dry))] * 2, strict=True))  # stiffness and moment of each
         self.curves = GradedCurves(spec, numbers)
         ends = [ca.SX(0.0)]
         for k in range(elements):
@@ -130,9 +137,8 @@ class GradedModel:
         that act at joints. Gauss nodes are recorded as (place, position).
         """
         rule, curves = self._rule, self.curves
-        edges = [self.ends[k], *(ca.fmin(ca.fmax(at, self.ends[k]), end) for at in curves.breaks), end]
         point, angle, potential = start.point, start.angle, ca.SX(0.0)
-        for panel, (a, b) in enumerate(pairwise(edges)):
+        for panel, (a, b) in enumerate(pairwise(self._edges(self.ends[k], end))):
             width = b - a
             places = [a + width * float(u) for u in rule.nodes]
             elastic, turned, work = [], [], []
@@ -185,9 +191,8 @@ class GradedModel:
 
     def _drawn(self, k: int, a: Any, b: Any) -> ca.SX:
         """Of a part of an element: its bend along the tendons (1), with their shape (1), and with its place too (1)."""
-        edges = [a, *(ca.fmin(ca.fmax(at, a), b) for at in self.curves.breaks), b]
         total = ca.SX.zeros(3)
-        for panel, (low, high) in enumerate(pairwise(edges)):
+        for panel, (low, high) in enumerate(pairwise(self._edges(a, b))):
             width = high - low
             for u, weight in zip(self._rule.nodes, self._rule.weights, strict=True):
                 s = low + width * float(u)
@@ -215,8 +220,8 @@ class GradedModel:
         for *_, early, late in reversed(self._halves):
             travel.insert(0, (beyond + late[1]) * (1.0 / self._presliding))
             beyond += early[1] + late[1]
-        states, moved = ca.vertsplit(self.history)[:-1], self.history[-1]
-        ways = Memory(moved).ways(states, lambda: travel)
+        states = ca.vertsplit(self.history)[: self.elements * self._cells]
+        ways = Memory(self.history[-1]).ways(states, lambda: travel)
         halves = [
             0.5 * self._friction * (way * rounded(early[0] + late[0], b - a))
             for way, (a, b, early, late) in zip(ways, self._halves, strict=True)
@@ -243,6 +248,30 @@ class GradedModel:
         return ca.jtimes(ca.vertcat(*ports), self.q, ca.vertcat(*forces), True)
 
     @cached_property
+    def _held(self) -> ca.SX:
+        """Generalized force of dry friction in bending, against it: moments at the base times what a cell bends."""
+        at_base, states = self.curves.at("stiffness", 0.0), ca.vertsplit(self.history)[self.elements * self._cells : -1]
+        ports, forces, count = [], [], len(self._branches)
+        for k, (start, end) in enumerate(pairwise(self.ends)):
+            for j in range(self._bending_cells):
+                a, b = (start + (i / self._bending_cells) * (end - start) for i in (j, j + 1))
+                bent, measure = (b - a) * self._linear(k, 0.5 * (a + b)) / at_base, ca.SX(0.0)
+                for panel, (low, high) in enumerate(pairwise(self._edges(a, b))):
+                    for u, weight in zip(self._rule.nodes, self._rule.weights, strict=True):
+                        stiffness = self.curves.on("stiffness", panel, low + (high - low) * float(u))
+                        measure += ((high - low) * float(weight)) * (stiffness / at_base)
+                first = (k * self._bending_cells + j) * count
+                travel = [stiffness / moment * (bent / measure) for stiffness, moment in self._branches]
+                ways = Memory(self.history[-1]).ways(states[first : first + count], lambda own=travel: own)
+                ports.append(bent)
+                forces.append(sum(moment * way for (_, moment), way in zip(self._branches, ways, strict=True)))
+        return ca.jtimes(ca.vertcat(*ports), self.q, ca.vertcat(*forces), True)
+
+    def _edges(self, a: Any, b: Any) -> list[Any]:
+        """Ends of the panels between two places of an element, some without length."""
+        return [a, *(ca.fmin(ca.fmax(at, a), b) for at in self.curves.breaks), b]
+
+    @cached_property
     def missing(self) -> ca.Function:
         """``(q, u, w, history, p)``: generalized force that is missing for rest."""
         states, potential, _ = self._chain
@@ -254,6 +283,8 @@ class GradedModel:
         force = ca.gradient(potential, self.q)
         if self._cells:
             force -= self._pulled
+        if self._branches:
+            force += self._held
         return self._function("missing", [self.q, self.u, self.w, self.history, self.p], [force])
 
     @cached_property
