@@ -276,6 +276,7 @@ def test_certificate_shares_nothing_with_the_optimizer():
                     )
     own = {
         "bending",
+        "cells",
         "certificate",
         "check",
         "drives",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ Array = NDArray[Any]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
-def cell_nodes(edges: Array, *breaks: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, NDArray[np.int64]]:
     """Nodes (G,) [m] and weights [m] between places where something may have a kink, and the cell that each is in.
 
     ``edges`` (K + 1,) are those of the cells, ``breaks`` other such places [m]. Sixteen nodes between two places: to

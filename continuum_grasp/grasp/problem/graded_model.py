@@ -261,11 +261,15 @@ class GradedModel:
                         stiffness = self.curves.on("stiffness", panel, low + (high - low) * float(u))
                         measure += ((high - low) * float(weight)) * (stiffness / at_base)
                 first = (k * self._bending_cells + j) * count
-                travel = [stiffness / moment * (bent / measure) for stiffness, moment in self._branches]
-                ways = Memory(self.history[-1]).ways(states[first : first + count], lambda own=travel: own)
                 ports.append(bent)
-                forces.append(sum(moment * way for (_, moment), way in zip(self._branches, ways, strict=True)))
+                forces.append(self._dry_moment(bent / measure, states[first : first + count]))
         return ca.jtimes(ca.vertcat(*ports), self.q, ca.vertcat(*forces), True)
+
+    def _dry_moment(self, curvature: ca.SX, states: Sequence[Scalar]) -> Scalar:
+        """Moment of dry friction at the base by the curvature above rest, as of ``model.laws.dry_friction``."""
+        travel = [stiffness / moment * curvature for stiffness, moment in self._branches]
+        ways = Memory(self.history[-1]).ways(states, lambda: travel)
+        return sum((moment * way for (_, moment), way in zip(self._branches, ways, strict=True)), 0.0)
 
     def _edges(self, a: Any, b: Any) -> list[Any]:
         """Ends of the panels between two places of an element, some without length."""
