@@ -459,11 +459,6 @@ class GraspScene(Value):
                 f"{key}.drive.arrangement: one_pulley moves both tendons, with tendons_used: "
                 f"{setup.finger.tendons_used} there is one: use per_tendon"
             )
-        if law.locks and setup.finger.channels[0].shape.constant is None:
-            raise ValueError(
-                f"{key}.offset must be the same all along to the tip where a drive locks lengths: how far tendons at "
-                "changing distances are drawn in is not modeled in grasps"
-            )
 
     def _check_bases(self) -> None:
         for one, other in self.pairs:

@@ -121,11 +121,10 @@ MOTOR = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "i
     "drive", [None, {"kind": "length", "time_constant": 0.02}, MOTOR | {"pretension": 2.0, "position_gain": 2.0}]
 )
 def test_a_tapered_finger_with_friction_of_both_kinds_is_held_and_certified(drive):
-    """Whatever its friction becomes; tendons at changing distances where no drive locks them."""
+    """Whatever its friction becomes, by tendons at changing distances."""
     wound = {} if drive is None else {"drive": drive, "axial_stiffness": 1e4, "series_stiffness": 33e3}
-    offsets = TAPERED_TENDONS if drive is None else ((0.0045, 0.0045), (-0.0045, -0.0045))
     more = {"friction": 0.02, "friction_cells": 2, "max_tension": 60.0, **wound}
-    tendons = [{"offset": offset, **more} for offset in offsets]
+    tendons = [{"offset": offset, **more} for offset in TAPERED_TENDONS]
     scene = mug(TAPER, **TAPERED_MUG, **FREE_TIP, **{"finger.tendons": tendons, "finger.damping": DRY})
     grasp = optimize_grasp(scene)
     assert grasp.certificate.passed

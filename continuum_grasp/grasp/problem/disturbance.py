@@ -55,6 +55,7 @@ class _Moved:
     missing: ca.SX  # generalized force, in units of the finger
     ends: ca.SX  # elements' ends (2, N), in units and axes of the finger
     angles: ca.SX  # angles there (N,)
+    drawn: ca.SX  # what is drawn in of the tendons, per offset
     rolls: dict[str, _Roll]  # of its contacts, by name
 
 
@@ -124,7 +125,9 @@ def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
 
 
 def _slope(finger: UnitFinger, touching: list[Touch]) -> ca.SX:
-    """Derivative of (missing force, ends, angles) with respect to (q, u, w), in units and axes of the finger."""
+    """Derivative of (missing force, ends, angles, what is drawn in of the tendons) with respect to (q, u, w), in units
+    and axes of the finger.
+    """
     share, sizes = finger.number("force share"), (("q", finger.q.numel()), ("u", 3), ("w", finger.loads_size))
     q, u, w = (ca.SX.sym(name, size) for name, size in sizes)
     missing = finger.missing_force(q, u, w)
@@ -136,7 +139,7 @@ def _slope(finger: UnitFinger, touching: list[Touch]) -> ca.SX:
     }
     forces = {joint: force for joint, (force, _) in now.items()}
     couples = {joint: couple for joint, (_, couple) in now.items()}
-    slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles), ca.vertcat(q, u, w))
+    slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles, finger.drawn(q, u)), ca.vertcat(q, u, w))
     return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, finger.loads(forces, couples)))
 
 
@@ -146,8 +149,8 @@ def _moved(problem: Unknowns, change: _Change, index: int, slope: ca.SX) -> _Mov
     share, size = finger.number("force share"), finger.spec.elements
     back = rotation(-finger.base[2])
     touching = [(c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.spec.finger == index]
-    n, rows = finger.q.numel(), slope.shape[0] - size
-    angles, du = slope[rows:, :], finger.input(change.pulls[index], ca.SX(0))
+    n, rows = finger.q.numel(), slope.shape[0] - 1 - size
+    angles, du = slope[rows:-1, :], finger.input(change.pulls[index], ca.SX(0))
     moments = share * finger.number("length")
     for contact, own in touching:  # a round tip rolls about its own center
         if contact.spec.joint < 0:
@@ -163,7 +166,7 @@ def _moved(problem: Unknowns, change: _Change, index: int, slope: ca.SX) -> _Mov
         couples[contact.spec.joint] = (-h * own[1] + contact.force[0] * lever) / moments
         moved[contact.spec.joint] = back @ _force_change(contact, own, roll.turn) / share
     values = slope @ ca.vertcat(change.q[index], du, finger.loads(moved, couples))
-    return _Moved(values[:n], ca.reshape(values[n:rows], 2, size), values[rows:], rolls)
+    return _Moved(values[:n], ca.reshape(values[n:rows], 2, size), values[rows:-1], values[-1], rolls)
 
 
 def _balance_fingers(problem: Unknowns, change: _Change, moved: list[_Moved], k: int) -> None:
@@ -173,24 +176,24 @@ def _balance_fingers(problem: Unknowns, change: _Change, moved: list[_Moved], k:
         scale = finger.number("force share") * finger.number("length")
         require(f"disturbed finger, {name}, {k}", scale * moved[index].missing, "N m", "disturbances")
         if problem.spec.locked:
-            retained = _retained(finger, moved[index].angles[-1], change.pulls[index])
+            retained = _retained(finger, moved[index].drawn, change.pulls[index])
             require(f"locked tendons, {name}, {k}", retained, "rad", "disturbances.tendons")
 
 
-def _retained(finger: UnitFinger, turn: ca.SX, pulls: ca.SX) -> ca.SX:
-    """What is zero where the drives hold still while the tip turns and the pulls change."""
+def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
+    """What is zero where the drives hold still while the bend draws in and the pulls change."""
     if not finger.spec.wound:
-        # A fixed tip angle needs one moment: what one tendon gains, the other loses.
-        return ca.vertcat(turn, ca.sum1(pulls))
+        # Fixed lengths need one moment: what one tendon gains, the other loses.
+        return ca.vertcat(drawn, ca.sum1(pulls))
     arm, servo, rows = finger.number("arm"), finger.number("servo"), []
     yielded = servo * (pulls[0] - pulls[1])
     for k, (side, compliance) in enumerate(zip((1.0, -1.0), finger.compliances(), strict=True)):
-        drawn = side * (arm * turn + yielded) if finger.spec.pulley else side * arm * turn + servo * pulls[k]
+        path = side * (arm * drawn + yielded) if finger.spec.pulley else side * arm * drawn + servo * pulls[k]
         # A slack tendon stays slack: weighted with how taut it is.
         square = finger.pulls[k] ** 2
         taut = square / (square + finger.number("taut") ** 2)
         # Per arm, so that it is an angle as above.
-        rows.append((compliance * pulls[k] + taut * drawn) / arm)
+        rows.append((compliance * pulls[k] + taut * path) / arm)
     return ca.vertcat(*rows)
 
 

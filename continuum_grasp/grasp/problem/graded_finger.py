@@ -83,6 +83,10 @@ class GradedUnitFinger(UnitFinger):
         ends, angles = self.statics.joints(q, u, self.p)
         return ends, angles
 
+    def drawn(self, q: ca.SX, u: ca.SX) -> ca.SX:
+        drawn: ca.SX = self.statics.drawn(q, u, self.p)
+        return drawn
+
     @property
     def loads_size(self) -> int:
         return self.statics.nw

@@ -130,6 +130,12 @@ class GradedModel:
         ]
         return ca.horzcat(*columns)
 
+    def _bent(self, k: int, panel: int, s: Any) -> tuple[ca.SX, ca.SX]:
+        """Moment of the tendons in a panel of an element, and its curvature above rest."""
+        drive = self._drive([self.curves.on(f"channel_{c}", panel, s) for c in range(self._channels)])
+        moment = self._linear(k, s) + (drive if self.matched else 0.0)
+        return drive, moment / self.curves.on("stiffness", panel, s)
+
     # -- geometry ------------------------------------------------------------------------------------------------
 
     def _walk(self, k: int, start: _State, end: Any, record: list[Any] | None = None) -> tuple[_State, ca.SX]:
@@ -143,9 +149,8 @@ class GradedModel:
             places = [a + width * float(u) for u in rule.nodes]
             elastic, turned, work = [], [], []
             for s in places:
-                drive = self._drive([curves.on(f"channel_{c}", panel, s) for c in range(self._channels)])
+                drive, bent = self._bent(k, panel, s)
                 moment = self._linear(k, s) + (drive if self.matched else 0.0)
-                bent = moment / curves.on("stiffness", panel, s)
                 elastic.append(bent)
                 work.append((0.5 * moment - (0.0 if self._cells else drive)) * bent)
                 turned.append(curves.on("rest", panel, s) + bent)
@@ -197,10 +202,15 @@ class GradedModel:
             for u, weight in zip(self._rule.nodes, self._rule.weights, strict=True):
                 s = low + width * float(u)
                 shape = self.curves.on("channel_0", panel, s)
-                bent = self.curves.on("rest", panel, s) + self._linear(k, s) / self.curves.on("stiffness", panel, s)
-                own = (width * float(weight)) * bent
+                own = (width * float(weight)) * (self.curves.on("rest", panel, s) + self._bent(k, panel, s)[1])
                 total += ca.vertcat(ca.if_else(shape != 0.0, own, 0.0), shape * own, shape * own * s)
         return total
+
+    @cached_property
+    def drawn(self) -> ca.Function:
+        """``(q, u, p)``: how far the bend draws in a tendon of the first channel, per offset at the base."""
+        whole = sum((self._drawn(k, a, b)[1] for k, (a, b) in enumerate(pairwise(self.ends))), ca.SX(0.0))
+        return self._function("drawn", [self.q, self.u, self.p], [whole])
 
     @cached_property
     def _halves(self) -> list[tuple[Any, Any, ca.SX, ca.SX]]:

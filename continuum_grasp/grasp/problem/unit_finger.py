@@ -130,6 +130,11 @@ class UnitFinger:
         ends, angles = self._backbone.joints(q, u, self.p)
         return ends, angles
 
+    def drawn(self, q: ca.SX, u: ca.SX) -> ca.SX:
+        """How far the bend draws in the first tendon and pays out the other, per offset at the base [rad]."""
+        turn: ca.SX = self.joints_at(q, u)[1][-1]
+        return turn
+
     @property
     def loads_size(self) -> int:
         """Number of entries of the model's loads."""
@@ -235,7 +240,7 @@ class UnitFinger:
         if spec is None:
             return ca.SX(0, 1)
         servo = self.number("servo")
-        path = self.number("arm") * self.joints_at(self.q, self.u)[1][-1]
+        path = self.number("arm") * self.drawn(self.q, self.u)
         stretched = [c * pull for c, pull in zip(self.compliances(), ca.vertsplit(self.pulls), strict=True)]
         length = self.number("meters")
         if not spec.pulley and not self.spec.in_error:
