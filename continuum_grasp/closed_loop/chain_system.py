@@ -280,7 +280,7 @@ class ChainSystem:
         found: list[Scalar] = [] if self.winches else [u[j] for j in range(len(self.tendons))]
         for winch, states in self._of_winches(others):
             gives, drawn = winch.of_its(compliances), winch.of_its(paths)
-            wound = winch.wound(winch.drum_of_sharp_tendons(states, gives, drawn))
+            wound = winch.wound(winch.drum(states, gives, drawn, sharp=True))
             found += [ca.fmax(y - path, 0.0) / give for y, path, give in zip(wound, drawn, gives, strict=True)]
         return found
 

@@ -119,14 +119,18 @@ class Winch(ABC):
         """Tensions that a command alone gives its tendons at rest [N]; none where they depend on where the drum is."""
         return []
 
-    def drum(self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Position of what winds up tendons of compliances [m/N] that the bend draws in by paths [m]."""
-        return states[0]
-
-    def drum_of_sharp_tendons(
-        self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
+    def drum(
+        self,
+        states: Sequence[Scalar],
+        compliances: Sequence[Scalar],
+        paths: Sequence[Scalar],
+        *,
+        sharp: bool = False,
     ) -> Scalar:
-        """The same, of tendons that pull as soon as they are taut."""
+        """Position of what winds up tendons of compliances [m/N] that the bend draws in by paths [m].
+
+        ``sharp``: of tendons that pull as soon as they are taut.
+        """
         return states[0]
 
     def drum_rate(
@@ -311,15 +315,18 @@ class Motor(Winch):
 
     # -- the drum, which has no inertia of its own --------------------------------------------------------------------
 
-    def drum(self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+    def drum(
+        self,
+        states: Sequence[Scalar],
+        compliances: Sequence[Scalar],
+        paths: Sequence[Scalar],
+        *,
+        sharp: bool = False,
+    ) -> Scalar:
         if self.gear is None:
             return states[0]
-        return self._balanced(_Spring(states[0], *self.gear), compliances, paths, _DRUM_STEPS)
-
-    def drum_of_sharp_tendons(
-        self, states: Sequence[Scalar], compliances: Sequence[Scalar], paths: Sequence[Scalar]
-    ) -> Scalar:
-        return states[0] if self.gear is None else self._of_sharp(_Spring(states[0], *self.gear), compliances, paths)
+        steps = 0 if sharp else _DRUM_STEPS
+        return self._balanced(_Spring(states[0], *self.gear), compliances, paths, steps)
 
     def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
         drive = self.drive

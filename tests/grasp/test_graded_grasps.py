@@ -5,6 +5,7 @@ import pytest
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
+from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
 from continuum_grasp.grasp.problem.graded_model import GradedModel
 from continuum_grasp.grasp.problem.unit_finger import PRESLIDING
@@ -80,37 +81,83 @@ def test_equal_sections_give_the_uniform_fingers_grasp(friction):
         )
 
 
-@pytest.mark.parametrize("cells", [1, 3])
-def test_friction_is_that_of_the_model_of_motion(cells):
-    """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling."""
+def sticky(cells):
+    """Setup of the tapered finger with friction of both kinds, and its offset at the base."""
     offset = 0.006 * np.cos(np.arctan2(0.0015, LENGTH))  # of tendons that are inclined
     more = {"friction": 0.3, "friction_cells": cells, "presliding": offset * PRESLIDING, "max_tension": 60.0}
     tendons = [{"offset": own, **more} for own in TAPERED_TENDONS]
     scene = mug(TAPER, **TAPERED_MUG, **FREE_TIP, **{"finger.tendons": tendons, "finger.damping": DRY})
-    (setup,), lengths, rng = scene.setups, LENGTH * np.array([0.2, 0.3, 0.22, 0.28]), np.random.default_rng(cells)
-    finger, stiffness, nodes = setup.finger, setup.stiffness, np.cumsum([0.0, *lengths])
-    moving = FingerModel(
-        finger, family="clothoid", elements=tuple(lengths.tolist()), gravity=(0.0, 0.0), accuracy=1e-10, tip_force=True
+    return scene.setups[0], offset
+
+
+LENGTHS = LENGTH * np.array([0.2, 0.3, 0.22, 0.28])
+
+
+def moving(setup):
+    """The model of motion of the same finger."""
+    return FingerModel(
+        setup.finger,
+        family="clothoid",
+        elements=tuple(LENGTHS.tolist()),
+        gravity=(0.0, 0.0),
+        accuracy=1e-10,
+        tip_force=True,
     )
+
+
+def history_of(cells, moved, rng):
+    """States of both kinds of friction, or those of pulling."""
+    return [*(1.0 - moved) * rng.uniform(-1.0, 1.0, 4 * cells + 16), moved]
+
+
+@pytest.mark.parametrize("cells", [1, 3])
+def test_friction_is_that_of_the_model_of_motion(cells):
+    """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling."""
+    (setup, offset), rng = sticky(cells), np.random.default_rng(cells)
+    finger, stiffness, nodes = setup.finger, setup.stiffness, np.cumsum([0.0, *LENGTHS])
     resting = GradedModel(
         GradedSpec.of(setup, False), 4, (), matched=False, bending_range=2.0, accuracy=1e-10,
         friction_cells=cells, presliding=PRESLIDING, bending_cells=2, branches=2,
     )  # fmt: skip
     (channel,) = finger.channels
-    branches = [
-        value / stiffness for each in DRY["dry_friction"] for value in (each["stiffness"], each["moment"] * LENGTH)
-    ]
+    branches = [number for each in DRY["dry_friction"] for number in (each["stiffness"], each["moment"] * LENGTH)]
     p = [
-        *(*lengths / LENGTH, 0.0, 0.0, *curve_numbers(setup, False)),
-        *(*finger.profile.bending_stiffness(nodes) / stiffness, *channel.shape(nodes), 1.0, -1.0, 0.3, *branches),
+        *(
+            *LENGTHS / LENGTH,
+            0.0,
+            0.0,
+            *curve_numbers(setup, False),
+            *finger.profile.bending_stiffness(nodes) / stiffness,
+        ),
+        *(*channel.shape(nodes), 1.0, -1.0, 0.3, *np.array(branches) / stiffness),
     ]
     for moved in (0.0, 1.0):
-        q, pulls = 8.0 * rng.normal(size=5), rng.uniform(1.0, 30.0, 2)
-        history = [*(1.0 - moved) * rng.uniform(-1.0, 1.0, 4 * cells + 16), moved]
+        q, pulls, history = 8.0 * rng.normal(size=5), rng.uniform(1.0, 30.0, 2), history_of(cells, moved, rng)
         u = [*pulls * offset * LENGTH / stiffness, 0.0]
         found = stiffness * np.array(resting.missing(q * LENGTH, u, [0.0, 0.0], history, p)).ravel()
-        true = np.array(moving.statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
+        true = np.array(moving(setup).statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
         assert found == pytest.approx(true, abs=1e-12 * np.abs(true).max())
+
+
+@pytest.mark.parametrize("cells", [1, 3])
+def test_the_certificates_friction_does_the_work_of_the_model_of_motion(cells):
+    """Its moments do work on the curvature of each coordinate: generalized forces; states of pulling are equal."""
+    (setup, _), rng, model = sticky(cells), np.random.default_rng(cells), moving(sticky(cells)[0])
+    shapes = np.zeros((4, 2, 5))
+    shapes[range(4), 0, range(4)] = shapes[range(4), 1, range(1, 5)] = 1.0
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    for moved in (0.0, 1.0):
+        q, pulls, history = 8.0 * rng.normal(size=5), rng.uniform(1.0, 30.0, 2), history_of(cells, moved, rng)
+        stored = {"lengths": LENGTHS, "q": q, "tip_curvature": 0.0, "curvature_shapes": shapes, "tensions": pulls}
+        shape = FingerShape(setup, {f"finger.{key}": value for key, value in stored.items()})
+        tendons, dry = friction_of(setup, shape, None if moved else np.array(history[:-1]))
+        edges = np.unique(np.concatenate([tendons.edges, dry.edges]))
+        half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
+        s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
+        found = shape.elastic(s, np.eye(5)) @ (w * (tendons.moment(s, pulls) - dry.moment(s)))
+        missing = np.array(model.statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
+        true = np.array(model.elastic(q, pulls, [])).ravel() - missing
+        assert found == pytest.approx(true, abs=1e-9 * np.abs(true).max())
 
 
 MOTOR = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 1.0}
