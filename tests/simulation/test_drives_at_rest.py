@@ -109,6 +109,13 @@ def test_a_motor_that_statics_calls_at_rest_stays(drive, arrangement):
             assert np.abs(missing).max() < 7e-5
 
 
+@pytest.mark.parametrize("torque", [-0.01, 0.0, 0.02])
+def test_a_torque_alone_is_the_tension_of_its_one_tendon_which_never_pushes(torque):
+    made = model({**MOTOR, "arrangement": "per_tendon", "coulomb_friction": 0.0})
+    found = equilibrium_under(made, [torque, 0.02], np.zeros(made.nw))
+    assert found.tensions == pytest.approx([max(torque, 0.0) / RADIUS, 0.02 / RADIUS], rel=1e-12)
+
+
 def drum_of(motion):
     """Angle of the drum of a motion with a pretension of 2 N, by the tendon that pulls harder."""
     first, second = motion.tensions.T
