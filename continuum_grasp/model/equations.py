@@ -7,9 +7,10 @@ coordinates of the family; where moments of the input are known, the last of the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, reduce
+from itertools import islice
 
 import casadi as ca
 
@@ -362,21 +363,24 @@ class Equations:
             self._structure, at, drives, held, ca.vertsplit(friction)[: self._structure.friction_states], fading
         )
 
+    def _states(self, whose: str) -> Iterator[Scalar]:
+        """States of a group of ``Structure.states``."""
+        start = 2 * self._structure.n
+        for group, names in self._structure.states.items():
+            if group == whose:
+                yield from (self.x[start + k] for k in range(len(names)))
+            start += len(names)
+
     @cached_property
     def _relaxing(self) -> list[Scalar]:
-        """States of laws that fade to zero, which come last of those of the drives."""
-        count, last = len(self._structure.section_states("relaxation")), self.lag.numel()
-        return [self.lag[k] for k in range(last - count, last)]
+        """States of laws that fade to zero."""
+        return list(self._states("relaxation"))
 
     @cached_property
     def _winches(self) -> list[Held]:
         """Each winch with its states."""
-        found: list[Held] = []
-        at = self.lag.numel() - len(self._relaxing) - sum(winch.states for winch in self._structure.winches)
-        for winch in self._structure.winches:
-            found.append(Held(winch, [self.lag[at + k] for k in range(winch.states)]))
-            at += winch.states
-        return found
+        own = self._states("winches")
+        return [Held(winch, list(islice(own, winch.states))) for winch in self._structure.winches]
 
     @property
     def drives_at_rest(self) -> list[Scalar]:

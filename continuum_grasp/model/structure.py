@@ -181,13 +181,12 @@ class Structure:
             if source.time_constant is not None:
                 driven, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], drives)
                 found += [float(driven), 0.0]
-        return found + [0.0] * len(self.section_states("relaxation"))
+        return found + [0.0] * len(self.states["relaxation"])
 
     @property
     def drive_states(self) -> int:
         """Number of states of lags, winches and motors, and of what relaxes."""
-        lagged = sum(source.time_constant is not None for source in self.sources)
-        return 2 * lagged + sum(winch.states for winch in self.winches) + len(self.section_states("relaxation"))
+        return sum(len(self.states[group]) for group in ("lag", "winches", "relaxation"))
 
     def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
         limits = [math.inf] * self.family.size
@@ -320,15 +319,14 @@ class Structure:
     @property
     def tendon_friction_states(self) -> int:
         """Number of states of tendon friction, which come first."""
-        return sum(cells.states for cells in self.cell_sets)
+        return len(self.states["tendons"])
 
     @property
     def friction_states(self) -> int:
         """Number of states of friction: of the tendons, and dry friction in bending."""
-        return self.tendon_friction_states + len(self.section_states("friction"))
+        return len(self.friction_names)
 
-    def section_states(self, kind: Kind) -> list[str]:
-        """Name and unit of each state of the laws of a kind."""
+    def _section_states(self, kind: Kind) -> list[str]:
         laws = [law for law in self.laws if law.kind == kind]
         return [name for law in laws for k in range(1, len(law.ports) + 1) for name in law.names(k)]
 
@@ -371,22 +369,17 @@ class Structure:
         above = rest.constant != 0.0 or self.parameters.is_runtime("rest_curvature")
         labels = [label.replace(" [", " above rest [") if above else label for label in self.family.labels]
         self.q_names = labels[: self.n]
-        self.x_names = self.q_names + [
-            label.replace(" [", "_rate [").replace("]", "/s]") for label in self.family.labels[: self.n]
-        ]
-        lagged = [k for k, source in enumerate(self.sources) if source.time_constant is not None]
-        for k in lagged:
-            tendon = self.sources[k].tendon
-            name, unit = "tip_moment" if len(lagged) == 1 else f"moment_{k + 1}", "N m"
-            if tendon is not None:
-                name, unit = f"tension_{tendon + 1}", "N"
-            self.x_names += [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"]
-        for k, winch in enumerate(self.winches):
-            self.x_names += winch.names(k + 1)
-        self.x_names += self.section_states("relaxation")
-        self.friction_names = [name for k, cells in enumerate(self.cell_sets) for name in cells.names(k + 1)]
-        self.friction_names += self.section_states("friction")
-        self.x_names += self.friction_names
+        rates = [label.replace(" [", "_rate [").replace("]", "/s]") for label in self.family.labels[: self.n]]
+        # Name and unit of each state beside coordinates and rates, by whose it is, in their order.
+        self.states = {
+            "lag": self._lag_names(),
+            "winches": [name for k, winch in enumerate(self.winches, start=1) for name in winch.names(k)],
+            "relaxation": self._section_states("relaxation"),
+            "tendons": [name for k, cells in enumerate(self.cell_sets, start=1) for name in cells.names(k)],
+            "friction": self._section_states("friction"),
+        }
+        self.friction_names = self.states["tendons"] + self.states["friction"]
+        self.x_names = self.q_names + rates + [name for names in self.states.values() for name in names]
         self.u_names = self.inputs.labels
         self.w_names = [f"contact_{k + 1}_{axis} [N]" for k in range(len(self.contacts)) for axis in "xy"]
         if self.tip_force:
@@ -404,6 +397,16 @@ class Structure:
                 self.w_names += [f"load_{k + 1}_{axis} [N]" for axis in axes]
             else:
                 self.w_names.append(f"load_{k + 1}_moment [N m]")
+
+    def _lag_names(self) -> list[str]:
+        lagged, found = [k for k, source in enumerate(self.sources) if source.time_constant is not None], list[str]()
+        for k in lagged:
+            tendon = self.sources[k].tendon
+            name, unit = "tip_moment" if len(lagged) == 1 else f"moment_{k + 1}", "N m"
+            if tendon is not None:
+                name, unit = f"tension_{tendon + 1}", "N"
+            found += [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"]
+        return found
 
 
 def tip_moment_jumps(scene: Scene) -> bool:
