@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.equations import Equations
@@ -278,8 +279,18 @@ class FingerModel(Functions):
         """``(x, u, p) -> tensions, along``: of each tendon at its drive [N], and at its `tension_places`.
 
         Of fingers with tendon friction or winches.
+
+        Raises
+        ------
+        InputError
+            For others, whose tensions are inputs.
         """
+        self._check_own_tensions()
         return self._tensions
+
+    def _check_own_tensions(self) -> None:
+        if not self.structure.own_tendons:
+            raise InputError("the tensions of this finger are its inputs, all along: read them there", key="tensions")
 
     @cached_property
     def _tensions_at_rest(self) -> ca.Function:
@@ -289,6 +300,7 @@ class FingerModel(Functions):
 
     def tensions_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
+        self._check_own_tensions()
         return self._tensions_at_rest
 
     def tension_places(self) -> list[NDArray[np.float64]]:

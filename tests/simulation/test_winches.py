@@ -345,3 +345,10 @@ def test_steps_that_are_implicit_in_the_finger_alone_are_as_short_as_drives_need
     found, truth = cg.simulate(given), cg.simulate(given.changed({"time.method": "rk4", "time.step": 1e-3}))
     off = np.abs(found.tip - truth.tip[:: round(step / 1e-3)]).max() / LENGTH
     assert off <= found.time_error <= 5e-3
+
+
+def test_tensions_that_are_inputs_are_no_function_of_the_model():
+    commanded = cg.FingerModel(cg.Finger(**PASSIVE, tendons={"offset": OFFSET, "max_tension": 60.0}))
+    for asked in (commanded.tensions, commanded.tensions_at_rest):
+        with pytest.raises(cg.InputError, match="are its inputs"):
+            asked()
