@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.robust.near import NearSolver
+from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.nlp import NLP, Budget, Start, Status
 from continuum_grasp.nlp.optimality import optimality_error
 

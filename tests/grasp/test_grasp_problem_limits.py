@@ -33,7 +33,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
     """
     solved = []
 
-    def solve(problem, start, budget):
+    def solve(start, budget):
         solved.append(start)
         forces = nlp.Multipliers(NONE, np.ones(1))
         return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, objective, forces, 1, 0.0, 0.0, 0.0)
@@ -44,7 +44,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
     problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
     start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
     look = lambda x, p: (now(deepest), p)  # noqa: E731
-    solve_clear(SimpleNamespace(solve=solve), problem, start, look, 1.0, nlp.Budget(), 9)
+    solve_clear(solve, problem, start, look, 1.0, nlp.Budget(), 9)
     return len(solved)
 
 

@@ -25,7 +25,7 @@ from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.robust.near import NearSolver
+from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.solve import _Verdict
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
@@ -158,14 +158,13 @@ def walking(depth=0.0, converged=True):
 
 def rounds(deepest=0.0, change=0.0):
     """Solver runs until no finger is deeper than one between guarded places that move what is sought by a change."""
-    one = Some(x=np.zeros(1), g=np.zeros(1), objective=1.0, status=Status.SOLVED, converged=True, iterations=1)
+    one = Some(x=np.zeros(1), g=np.zeros(1), objective=1.0, status=Status.SOLVED, violation=0.0, iterations=1)
     values = {**vars(one), "multipliers": Some(constraints=np.ones(1))}
     known = {name: values.get(name) for name in Attempt.__dataclass_fields__}
-    method = Some(solve=lambda *_: Attempt(**known))
     problem = Some(functions={"jac_g": lambda x, p: [np.array([change])]})
     start = solver_run.nlp.Start(np.zeros(1), *[np.zeros(1)] * 4, np.zeros(1))
     look = lambda x, numbers: (deepest, numbers)  # noqa: E731
-    return solver_run.solve_clear(method, problem, start, look, 1.0, Budget(), 10)[0].iterations
+    return solver_run.solve_clear(lambda *_: Attempt(**known), problem, start, look, 1.0, Budget(), 10)[0].iterations
 
 
 def stable(*found, value=-0.09):

@@ -101,6 +101,8 @@ class NearSolver:
     def solve(self, start: Start, until: Budget) -> Attempt:
         """The solution near a start with multipliers; ``failed`` where there is none near."""
         began, free, equal = time.perf_counter(), start.low < start.high, start.lower == start.upper
+        begin = self.restored(start)
+        start, steps = begin or start, _STEPS if begin else 0
         x, last, known = np.clip(start.x, start.low, start.high), np.inf, start.multipliers
         bounds, forces = np.zeros(x.size), np.zeros(start.lower.size)
         if known is not None:
@@ -116,7 +118,7 @@ class NearSolver:
                 status = Status.SOLVED
                 break
             step = None
-            if count < _STEPS and not until.over:
+            if count < steps and not until.over:
                 (bend,) = self._second(x, start.p, forces)
                 step = self._step(start, x, slope, g, jacobian, bend)
             if step is None:
