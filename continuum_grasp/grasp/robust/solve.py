@@ -18,7 +18,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import alone, drawn
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
-from continuum_grasp.grasp.robust.search import Found, find_robust
+from continuum_grasp.grasp.robust.search import EXCHANGES, Found, find_robust
 from continuum_grasp.grasp.robust.states import (
     OBJECT,
     extremes,
@@ -51,8 +51,6 @@ BRANCHES = 2
 (preshaped)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
-RETURNS = 4
-"""How often states that the certificate's own search found become part of the problem."""
 SAME = 1e-3
 """Relative difference of the sum of tensions up to which two grasps with the same contacts are one."""
 
@@ -93,7 +91,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         arrays = {**found.arrays, **held_arrays(scene, found.arrays["contact_names"].tolist(), tried)}
         certificate = certify(scene, arrays)
         own = certificate.search
-        if own is None or own.holds or len(also) >= RETURNS or budget.over:
+        if own is None or own.holds or len(also) >= EXCHANGES or budget.over:
             break
         # States that the certificate found become part of the problem.
         also.append(np.concatenate([np.zeros(OBJECT), own.states]))
