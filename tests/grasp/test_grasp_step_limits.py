@@ -17,6 +17,7 @@ from continuum_grasp.grasp.closing.path import _Walk
 from continuum_grasp.grasp.closing.result import ClosingStatus
 from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.problem import solver_run
+from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis, pairs, reach
 from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
@@ -25,7 +26,6 @@ from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.solve import _Verdict
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
