@@ -216,6 +216,11 @@ class GraspSolverRun:
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
     @cached_property
+    def values(self) -> ca.Function:
+        """Objective and constraints, from unknowns and numbers."""
+        return ca.Function("values", [self._nlp.x, self._nlp.p], [self._nlp.f, self._nlp.g])
+
+    @cached_property
     def _near_solver(self) -> NearSolver:
         return NearSolver(self._nlp)
 

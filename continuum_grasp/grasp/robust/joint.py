@@ -79,8 +79,7 @@ class JointSolverRun:
         self.others: list[GraspSolverRun] = [
             solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=not in_error.on)) for on in self.touching
         ]
-        problems = tuple(other.problem for other in self.others)
-        self._whole: RobustProblem = robust_problem(self.nominal.problem, problems, in_error.left)
+        self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
         self._near = [Surroundings(solver.problem) for solver in self._solvers]
 
     @property
