@@ -250,6 +250,15 @@ def near_object(gap):
         return bool(list(Responder._near_object(None, response, ["finger.tip"])))
 
 
+def bends_over(violation, step=5e-4):
+    """Steps to a curved limit, of which the first leaves a violation."""
+    at, free = ca.SX.sym("x", 2), np.full(2, np.inf)
+    limit = at[0] + violation * (at[0] / step) ** 2 - step
+    solver = NearSolver(NLP("bent", at, -1e-3 * at[0], ca.vertcat(at[1], limit), ca.SX.sym("p", 0)))
+    start = Start(np.zeros(2), -free, free, np.array([0.0, -np.inf]), np.zeros(2), np.zeros(0), None)
+    return solver.solve(start, Budget()).iterations
+
+
 # -- words -------------------------------------------------------------------------------------------------------
 
 
@@ -550,6 +559,7 @@ COUNTS = [
     ("poses", (6, 5, 2, 2), tried_poses),
     ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
     ("touches that are named", "a, b, c, d, e, f", named),
+    ("steps to limits that hold and that do not", [1, 2], lambda: [bends_over(1e-6 * x) for x in (0.999, 1.001)]),
     ("steps to a solution that is not near", 12, lambda: near(lambda y: y**4, 1.0).iterations),
     ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),
     ("starts of a limit that gives one", [*range(8)], lambda: sorted({k for k, _ in starts_per_limit(True)})),
