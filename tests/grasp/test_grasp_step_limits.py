@@ -11,17 +11,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from continuum_grasp import nlp
 from continuum_grasp.grasp import fine, stations, steady
 from continuum_grasp.grasp.closing.energy import Closing
 from continuum_grasp.grasp.closing.path import _Walk
 from continuum_grasp.grasp.closing.result import ClosingStatus
 from continuum_grasp.grasp.closing.verdict import Ending
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis, pairs, reach
 from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.robust import joint, states
 from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
@@ -29,12 +32,14 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.solve import _Verdict
+from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.nlp import NLP, Attempt, Budget, Start, Status
 from continuum_grasp.scene.grasp_options import Robust
 from tests import certificate_cases as cases
+from tests.grasp_scenes import make_scene
 
 TENSION = next(limit for limit in RELAXATIONS if limit.name == "tension")
 SCENE = cases.squeezed_disc()[0]
@@ -259,6 +264,32 @@ def bends_over(violation, step=5e-4):
     return solver.solve(start, Budget()).iterations
 
 
+def goes_on(worse):
+    """Whether friction states count that lower the reserve by so much."""
+    scene = Some(state_columns={"finger": slice(0, 1)}, setups=[Some(name="finger", tendon_friction_states=1)])
+    responder = Some(scene=scene, to=lambda error: Some(error=error, reserve=-worse))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(states, "worst_vertex", lambda last: last.error)
+        patch.setattr(states, "_cells", lambda _: [np.array([6])])
+        return bool(list(states.descended(responder, [Some(error=np.eye(7)[6], reserve=0.0)])))
+
+
+def effort_in_error():
+    """Weight of what makes postures in error unique."""
+    scene = make_scene("arc")
+    start, seen = make_starts(scene, contact_modes(scene)[0], 1)[0], []
+    run = JointSolverRun(scene, start, np.zeros((1, 6)))
+
+    def cut(solve, problem, start, *_):
+        seen.append(run._ps(start.p)[1][run.others[0].problem.numbers.at["effort weight"]])
+        return nlp.Attempt(Status.FAILED, "", start.x, start.lower, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint, "solve_clear", cut)
+        run.run(scene, start, Budget())
+    return seen[0].tolist()
+
+
 # -- words -------------------------------------------------------------------------------------------------------
 
 
@@ -323,6 +354,7 @@ LIMITS = [
     ("change of a stable grasp that is settled", 1e-4 / (1.0 - 1e-4),
      lambda x: len(stable((0.02, 1.0, True), (0.02, 1.0 + x, True), (0.02, 1.0 + x, True))) == 2),
     ("tensions of a branch", 1e-3, same_branch),
+    ("reserve that friction states must lower", 1e-6, lambda x: not goes_on(x)),
     ("gap of a contact that is missing", 1e-3, near_object),
     ("reserve that is lost by rounding", 1e-4, lambda x: holds(-x)),
     ("force of an error that acts", 1e-4, lambda x: not acts(x)),
@@ -559,6 +591,7 @@ COUNTS = [
     ("poses", (6, 5, 2, 2), tried_poses),
     ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
     ("touches that are named", "a, b, c, d, e, f", named),
+    ("weight of postures in error", [1e-6], effort_in_error),
     ("steps to limits that hold and that do not", [1, 2], lambda: [bends_over(1e-6 * x) for x in (0.999, 1.001)]),
     ("steps to a solution that is not near", 12, lambda: near(lambda y: y**4, 1.0).iterations),
     ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),

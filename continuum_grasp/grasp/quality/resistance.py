@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.drives import TAUT
-from continuum_grasp.grasp.quality.lp import Cones, solve_socp
+from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 
@@ -23,9 +23,6 @@ UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
-_CALM = 1e-7
-"""Cost of a change of tension beside that of the factor, both scaled: picks the least change among equally good ones
-and lowers the factor by less than 1e-7 of it."""
 _ACTIVE = 1e-6
 """Part of the force scale within which a limit counts as reached."""
 
@@ -146,7 +143,7 @@ class _Limits:
         row_low = np.concatenate([(self.low - normal) / self.scale, -still, self.ranges[:, 0] / widest])
         row_high = np.concatenate([(self.high - normal) / self.scale, still, self.ranges[:, 1] / widest])
         upper = np.concatenate([[most], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
-        found = solve_socp(np.append(-1.0, np.full(both.size, _CALM)), rows, row_low, row_high, 0.0, upper, cones)
+        found = solve_socp(np.append(-1.0, np.full(both.size, INWARD)), rows, row_low, row_high, 0.0, upper, cones)
         if found.status == "infeasible":
             return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion), np.zeros(3)
         if not found.optimal:
