@@ -609,6 +609,8 @@ COUNTS = [
     ("rounds towards stability", [(pytest.approx(0.1), 40), 12],
      lambda: [stable((-0.09,))[0], len(stable((-0.09,)))]),
     ("steps to a solver that does not follow", [0.1, 0.04], lambda: pytest.approx([a for a, _ in stable((-1.0,))])),
+    ("a step after one that was followed", [0.1, 0.04, 0.048],
+     lambda: pytest.approx([level for level, _ in stable((-1.0,), (-0.05,))][:3])),
     ("unstable grasps", 2, lambda: unstable(1.0, 2.0, 3.0)),
 ]  # fmt: skip
 
