@@ -26,10 +26,11 @@ FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
 with four matched clothoids the tip of a cantilever is off by 3e-7 to 9e-5 of its length (tip loads of 1 to
 10 E I / L^2)."""
+FIRST = 3
+"""Elements per segment of a grasp next to which others are sought: with two, a finger that tapers is not found
+(spirob_cup)."""
 NONE = "no grasp next to this one"
 """What the fine model says where it refutes a grasp."""
-ELEMENTS = (1, 2, 3, 4)
-"""Elements per segment among which the cheapest is chosen that satisfies a tolerance."""
 
 
 def with_elements(scene: GraspScene, per_segment: int, family: str | None = None) -> GraspScene:
@@ -77,7 +78,7 @@ def resolve_elements(
     if isinstance(reference, str):
         return first.scene, f"the fine model: {reference}, so no tolerance can be checked", None
     note, change, chosen = "", None, first.scene
-    for count in ELEMENTS:
+    for count in range(1, FINE):
         chosen = with_elements(scene, count)
         found = _solve_again(chosen, first, budget)
         if isinstance(found, str):

@@ -11,7 +11,7 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.fine import ELEMENTS, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
+from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs
@@ -123,7 +123,7 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:
     """Find the grasp with the cheapest model that satisfies a tolerance; its search."""
-    one = _Verdict(with_elements(scene, ELEMENTS[1]), budget)
+    one = _Verdict(with_elements(scene, FIRST), budget)
     first = one.result()
     if not first.solved or first.statistics["interrupted"]:
         return first, one.search

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.fine import with_elements
+from continuum_grasp.grasp.fine import FIRST, with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, rank
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
@@ -30,9 +30,6 @@ STARTS, EXCHANGES = 3, 24
 """Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
 LESS = 0.01
 """Part by which half the distance between stations may lower the tension before the first line says so."""
-ELEMENTS = 3
-"""Elements per segment of the grasps with one middle contact: with two, a finger that tapers is not found (spirob_cup).
-"""
 
 
 def without_stations(scene: GraspScene) -> GraspScene:
@@ -42,7 +39,7 @@ def without_stations(scene: GraspScene) -> GraspScene:
         contacts = finger.contacts.model_copy(update={"stations": None, "middle_after": None})
         fingers[name] = finger.model_copy(update={"contacts": contacts})
     whole = scene.contacts.model_copy(update={"stations": None, "middle_after": None})
-    return with_elements(scene.model_copy(update={"contacts": whole}).with_fingers(fingers), ELEMENTS)
+    return with_elements(scene.model_copy(update={"contacts": whole}).with_fingers(fingers), FIRST)
 
 
 def search_stations(search: Search, before: Search) -> None:

@@ -33,8 +33,6 @@ SETTLED = 1e-4
 """Relative change of the objective from one round to the next at which it is taken for converged."""
 _STEP = 1e-6
 """Of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
-_CELLS = 40
-"""Rigid pieces per finger for slopes; the value itself is that of the certificate."""
 
 
 def stabilize(search: Search) -> None:
@@ -80,7 +78,7 @@ def _slope(scene: GraspScene, at: Tried) -> Array:
 
     def value(x: Array) -> float:
         arrays = solver.arrays(scene, replace(attempt, x=x))
-        return contact_stability(RecomputedGrasp(scene, arrays), _CELLS).eigenvalue
+        return contact_stability(RecomputedGrasp(scene, arrays)).eigenvalue
 
     slope, here = np.zeros(attempt.x.size), value(attempt.x)
     shape = {f"{setup.name}.{key}" for setup in scene.setups for key in ("q", "pulls", "base")}

@@ -6,6 +6,7 @@ import pytest
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of
+from continuum_grasp.grasp.fine import FIRST, with_elements
 from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
 from continuum_grasp.grasp.problem.graded_model import GradedModel
 from continuum_grasp.grasp.problem.unit_finger import PRESLIDING
@@ -268,6 +269,13 @@ def test_strain_is_limited_by_the_depth_at_each_place(tapered):
     again = optimize_grasp(limited(1.0 + 1e-3))
     assert again.certificate["bending strain, finger"].value == pytest.approx(1.0 / 1.001 - 1.0, rel=1e-3)
     assert not certify(limited(1.0 - 1e-3), tapered.arrays)["bending strain, finger"].passed
+
+
+@pytest.mark.deep
+def test_a_taper_is_found_with_the_elements_of_a_first_grasp():
+    """With two per segment it is called infeasible: friction would be too low."""
+    scene = load("configs/grasp/spirob_cup.yaml").changed({"solver.effort": "quick"})
+    assert optimize_grasp(with_elements(scene, FIRST), raise_on_failure=False).solved
 
 
 def test_skin_is_rounded_at_corners_alone():

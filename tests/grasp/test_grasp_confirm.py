@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 from certificate_cases import HALF, OFFSET, UPRIGHT, pinched_box, squeezed_disc, two_fingers_below, wrapped_disc
-from grasp_scenes import CONFIGS
+from grasp_scenes import CONFIGS, make_scene
 
 from continuum_grasp.grasp import Status, certify, optimize_grasp
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.confirm import least_amount
+from continuum_grasp.grasp.reasons.confirm import _PostureProblem, least_amount
 from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.load import load
@@ -123,6 +123,26 @@ def test_tension_of_a_wrapped_disc(mirrored):
     short = weaker(scene, 0.6 * needed)
     assert needed * (1.0 - 1e-3) <= confirm("tension", short, arrays, needed) <= needed * (1.0 + 1e-6)
     assert holds("tension", short, arrays, needed)
+
+
+@pytest.mark.parametrize(("off", "share"), [(3e-7, pytest.approx(0.1, rel=1e-4)), (2e-6, None)])
+def test_postures_are_taken_to_be_as_exact_as_grasps_are(off, share):
+    """Curvatures that err to and fro by this part, of a finger with more equations than forces."""
+    held = optimize_grasp(make_scene(elements=8))
+    most, bends = float(held.arrays["finger.tensions"].max()), held.arrays["finger.q"]
+    bent = held.arrays | {"finger.q": bends * (1.0 + off * np.resize([1.0, -1.0], bends.shape))}
+    found = least_amount("tension", weaker(held.scene, 0.9 * most), bent, 0.1 * most)
+    assert (found and found.amount / most) == share
+
+
+def test_coefficients_are_found_to_a_millionth(monkeypatch):
+    """By halves: each tenth of that takes three problems more."""
+    solved = []
+    least = _PostureProblem.least
+    monkeypatch.setattr(_PostureProblem, "least", lambda *known, **more: solved.append(1) or least(*known, **more))
+    scene, arrays = squeezed_disc(mass=0.2, press=4.0)
+    confirm("friction", having(scene, friction=0.05, normal_force_max=7.0), arrays, 2.0)
+    assert abs(len(solved) - 2 - math.log2(2.0 / (1e-6 * 0.2 * G / 14.0))) < 1.5
 
 
 def test_statics_are_those_of_the_stored_forces():

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.robust.near import NearSolver
+from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.nlp import NLP, Budget, Start, Status
 from continuum_grasp.nlp.optimality import optimality_error
 
@@ -44,17 +44,20 @@ def test_without_a_bound_that_acts_it_lies_on_the_line_to_the_target():
     assert found.x == pytest.approx(np.array([2.0, 1.0]) / math.sqrt(5.0), abs=1e-8)
 
 
-@pytest.mark.parametrize(("second", "status"), [(2.0, Status.SOLVED), (2.1, Status.FAILED)])
-def test_an_equation_that_follows_from_another_matters_only_where_it_contradicts(second, status):
+@pytest.mark.parametrize(("second", "status"), [(0.3, Status.SOLVED), (0.31, Status.FAILED)])
+@pytest.mark.parametrize("lower", [0.0, -math.inf])
+def test_an_equation_or_limit_that_follows_from_another_matters_only_where_it_contradicts(lower, second, status):
     problem, start = nearest()
-    twice = NLP("twice", problem.x, problem.f, ca.vertcat(problem.g, 2.0 * problem.g), problem.p)
-    both = np.array([1.0, second])
-    found = NearSolver(twice).solve(replace(start, lower=both, upper=both), Budget())
+    twice = NLP("twice", problem.x, problem.f, ca.vertcat(problem.g, 0.3 * problem.g), problem.p)
+    lower, upper = np.array([1.0, second + lower]), np.array([1.0, second])
+    found = NearSolver(twice).solve(replace(start, lower=lower, upper=upper), Budget())
+    if np.isinf(lower[1]):
+        status = Status.SOLVED
     assert found.status is status
     if status is Status.SOLVED:
         x = math.sqrt(1.0 - MOST**2)
         assert found.x == pytest.approx([x, MOST], abs=1e-8)
-        assert found.multipliers.constraints @ [1.0, 2.0] == pytest.approx((2.0 - x) / x, abs=1e-6)
+        assert found.multipliers.constraints @ [1.0, 0.3] == pytest.approx((2.0 - x) / x, abs=1e-6)
 
 
 def test_out_of_iterations_nothing_is_solved_and_the_error_says_how_far_off():

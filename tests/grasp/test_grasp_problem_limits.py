@@ -15,11 +15,11 @@ from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem import graded_curves, limits, points, surroundings, values
+from continuum_grasp.grasp.problem import disturbance, graded_curves, limits, points, solver_run, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.scene.profile import Curve
@@ -33,7 +33,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
     """
     solved = []
 
-    def solve(problem, start, budget):
+    def solve(start, budget):
         solved.append(start)
         forces = nlp.Multipliers(NONE, np.ones(1))
         return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, objective, forces, 1, 0.0, 0.0, 0.0)
@@ -44,7 +44,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
     problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
     start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
     look = lambda x, p: (now(deepest), p)  # noqa: E731
-    solve_clear(SimpleNamespace(solve=solve), problem, start, look, 1.0, nlp.Budget(), 9)
+    solve_clear(solve, problem, start, look, 1.0, nlp.Budget(), 9)
     return len(solved)
 
 
@@ -73,7 +73,48 @@ def in_order(apart):
     return float(rows["order of the middle contacts, f"]) >= 0.0
 
 
+def asked(*names, rung=0, off=0.0):
+    """What a solver run from a start asks for that relaxes these limits: numbers and bounds by name, and iterations;
+    and the violations that it lists of a point that is off by so much.
+    """
+    scene, problem, _, x, _ = posed()
+    run, low, seen = of_mug(), problem.rows.bounds()[0], {}
+
+    def stopped(solve, nlp_problem, start, look, depth, budget, most):
+        seen.update(
+            {name: start.p[at] for name, at in run.problem.numbers.at.items()}
+            | {name: start.high[at] for name, at in run.problem.x.at.items()}
+            | {"iterations": most, "options": start.option_set}
+        )
+        g = np.clip(0.0, *problem.rows.bounds())
+        g[np.flatnonzero(low == 0.0)[0]] -= off
+        return nlp.Attempt(nlp.Status.FAILED, "", x, g, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
+
+    relaxed = [(one, 0.0) for one in RELAXATIONS if one.name in names]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solver_run, "solve_clear", stopped)
+        start = make_starts(scene, contact_modes(scene)[0], 1)[0]
+        seen["violations"] = run.run(scene, start, nlp.Budget(), rung=rung, relaxed=relaxed).violations
+    return seen
+
+
+@cache
+def of_mug():
+    return GraspSolverRun(posed()[1].spec)
+
+
+def runs_along(both):
+    """Whether a contact rolls on as the curvatures of its surfaces ask, whose sum is this per size of the object."""
+    number = SimpleNamespace(numbers=lambda name: ca.SX(0.05))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(disturbance, "_curvatures", lambda *_: (ca.SX(both / 0.05), ca.SX(0.0)))
+        step = float(disturbance._rolled(number, None, ca.SX(1.0), ca.SX(0.0)).step)
+    return math.isclose(step, 0.05 / both, rel_tol=1e-9)
+
+
 LIMITS = [
+    ("sum of curvatures that fit", 0.02, lambda x: not runs_along(x)),
+    ("violation that is listed", 1e-7, lambda x: not asked(off=x)["violations"]),
     ("change of what is sought by new places", 1e-5, lambda x: runs(moved=x) == 1),
     ("the same of a great objective", 1e-5 * 300.0, lambda x: runs(moved=x, objective=-300.0) == 1),
     ("depth between the places", 1.0, lambda x: runs(deepest=x) == 1),
@@ -97,6 +138,58 @@ def posed(objective="least_tension"):
     numbers = values.problem_values(problem, scene, start, features)
     x = points.starting_point(problem, scene, start, features)
     return scene, problem, numbers, x, values.problem_bounds(problem, scene, features)
+
+
+def relaxed(*names):
+    """Most of a mass that may be taken away, and what is sought beside, where limits are relaxed."""
+    seen = asked(*names)
+    return seen["relaxed mass"].tolist(), seen["effort weight"].tolist()
+
+
+def weighed_change():
+    """What it costs beside the reserve of the cones to change one tension by its most."""
+    scene, problem, numbers, _, _ = posed()
+    robust = GraspProblem(problem.spec.in_error(landed=False))
+    start = make_starts(scene, contact_modes(scene)[0], 1)[0]
+    values_there = values.problem_values(robust, scene, start, values.contact_features(scene, start.contacts))
+    cost = ca.Function("f", [robust.x.symbol, robust.numbers.symbol], [robust.objective])
+    packed, x = robust.numbers.pack({**numbers, **values_there}, 0.0), np.zeros(robust.x.size)
+    x[robust.x.at["finger.pulls"]] = values_there["finger.pull_held"]
+    taken = x.copy()
+    taken[robust.x.at["finger.pulls"].start] += values_there["finger.pull_max"]
+    sums = values_there["finger.tension weight"] * values_there["finger.pull_max"]
+    return float(cost(taken, packed) - cost(x, packed)) - sums
+
+
+def points_of_backbones():
+    return points.point_reader(posed()[1]).size_out(10)
+
+
+COUNTS = [
+    ("iterations and options of the boldest runs", (40, nlp.OptionSet.REFINED), 0),
+    ("of bold ones", (60, nlp.OptionSet.REFINED_MONOTONE), 1),
+    ("of rough ones", (200, nlp.OptionSet.DEFAULT), 2),
+]
+
+
+@pytest.mark.parametrize(("most", "rung"), [row[1:] for row in COUNTS], ids=[row[0] for row in COUNTS])
+def test_solver_runs_are_cut(most, rung):
+    seen = asked(rung=rung)
+    assert (seen["iterations"], seen["options"]) == most
+
+
+PROMISES = [
+    ("a mass alone may vanish", lambda: relaxed("mass"), ([1.0], [1e-4])),
+    ("beside another limit it is left in part", lambda: relaxed("mass", "tension"), ([0.8], [1e-4])),
+    ("without a relaxed limit all effort counts", lambda: relaxed(), ([0.0], [1.0])),
+    ("tensions change by little for the reserve", weighed_change, pytest.approx(1e-2)),
+    ("stored backbones are for pictures", points_of_backbones, (4, 201)),
+]
+
+
+@pytest.mark.parametrize(("made", "told"), [row[1:] for row in PROMISES], ids=[row[0] for row in PROMISES])
+def test_a_problem_is_posed_as_promised(made, told):
+    assert made() == told
 
 
 def test_amounts_of_several_components_have_a_derivative_at_zero():

@@ -93,6 +93,7 @@ def limits_of(**changes):
         "spare": np.zeros(1),
         "ranges": np.array([[-9.0, 9.0]]),
         "reach": np.full(4, math.inf),
+        "_cuts": None,
     }
     vars(limits).update(values | changes)
     return limits
@@ -105,8 +106,10 @@ def names_a_limit(**changes):
 
 def is_limited(most):
     """Whether a disturbance counts as limited that changes a contact's force by this multiple of its greatest one."""
-    limits = limits_of(ranges=np.array([[-most, most]]))
-    return math.isfinite(limits._ray(np.array([[1.0, 0.0]]), np.ones(1), np.zeros(4))[0])
+    one, no = np.ones((1, 1)), np.zeros((3, 1))
+    unit = SimpleNamespace(forces=np.array([[[1.0], [0.0]]]), differences=one, pose=no, bends=0.0 * one)
+    limits = limits_of(ranges=np.array([[-most, most]]), unit=unit, retensioned=unit, free=np.zeros(0, int))
+    return math.isfinite(limits.greatest(np.ones(1))[0])
 
 
 def jammed(friction):

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import Status, Trials, optimize_grasp
-from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
 from continuum_grasp.grasp.robust.problem import RobustProblem
@@ -124,7 +124,7 @@ def test_what_is_found_next_to_other_errors_is_what_ipopt_finds_from_the_grasp(
     errors = drawn(bounds, 3)
     near = Responder(scene, nominal.arrays, Budget())
     found = [near.to(error) for error in errors]
-    monkeypatch.setattr(Responder, "_near", lambda *_: None)
+    monkeypatch.setattr("continuum_grasp.grasp.problem.near._STEPS", 0)
     alone = Responder(scene, nominal.arrays, Budget())
     for one, other in zip(found, [alone.to(error) for error in errors], strict=True):
         assert one.holds == other.holds
@@ -171,7 +171,7 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
     scene = load(CONFIGS / f"{name}.yaml").changed({"fidelity.elements": 2})
     start = start_from(scene, dict(optimize_grasp(scene).arrays))
     spec = ProblemSpec.of(scene, start.contacts)
-    nominal, other = GraspProblem(spec), GraspProblem(spec.in_error(landed=not scene.supports))
+    nominal, other = GraspSolverRun(spec), GraspSolverRun(spec.in_error(landed=not scene.supports))
     whole = RobustProblem(nominal, (other, other), ()).nlp
     rng = np.random.default_rng(0)
     x, p = (rng.uniform(0.4, 0.6, n.numel()) for n in (whole.x, whole.p))

@@ -248,7 +248,7 @@ def test_vertices_that_the_optimizer_misses_become_part_of_its_problem(found, mo
 @pytest.mark.deep
 def test_a_grasp_that_its_own_worst_vertex_breaks_is_not_optimal(monkeypatch):
     monkeypatch.setattr("continuum_grasp.grasp.robust.search.descended", lambda *_: iter(()))
-    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.RETURNS", 0)
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.EXCHANGES", 0)
     refuted = optimize_grasp(sticking(), raise_on_failure=False)
     assert refuted.status is Status.NOT_SOLVED
     assert "not at one that the certificate found: friction states in bending" in refuted.message

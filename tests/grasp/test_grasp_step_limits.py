@@ -11,27 +11,35 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp import stations, steady
+from continuum_grasp import nlp
+from continuum_grasp.grasp import fine, stations, steady
 from continuum_grasp.grasp.closing.energy import Closing
 from continuum_grasp.grasp.closing.path import _Walk
 from continuum_grasp.grasp.closing.result import ClosingStatus
 from continuum_grasp.grasp.closing.verdict import Ending
+from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
+from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis, pairs, reach
 from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.robust import joint, states
+from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.robust.near import NearSolver
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.solve import _Verdict
+from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
+from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.nlp import NLP, Attempt, Budget, Start, Status
+from continuum_grasp.scene.grasp_options import Robust
 from tests import certificate_cases as cases
+from tests.grasp_scenes import make_scene
 
 TENSION = next(limit for limit in RELAXATIONS if limit.name == "tension")
 SCENE = cases.squeezed_disc()[0]
@@ -158,14 +166,13 @@ def walking(depth=0.0, converged=True):
 
 def rounds(deepest=0.0, change=0.0):
     """Solver runs until no finger is deeper than one between guarded places that move what is sought by a change."""
-    one = Some(x=np.zeros(1), g=np.zeros(1), objective=1.0, status=Status.SOLVED, converged=True, iterations=1)
+    one = Some(x=np.zeros(1), g=np.zeros(1), objective=1.0, status=Status.SOLVED, violation=0.0, iterations=1)
     values = {**vars(one), "multipliers": Some(constraints=np.ones(1))}
     known = {name: values.get(name) for name in Attempt.__dataclass_fields__}
-    method = Some(solve=lambda *_: Attempt(**known))
     problem = Some(functions={"jac_g": lambda x, p: [np.array([change])]})
     start = solver_run.nlp.Start(np.zeros(1), *[np.zeros(1)] * 4, np.zeros(1))
     look = lambda x, numbers: (deepest, numbers)  # noqa: E731
-    return solver_run.solve_clear(method, problem, start, look, 1.0, Budget(), 10)[0].iterations
+    return solver_run.solve_clear(lambda *_: Attempt(**known), problem, start, look, 1.0, Budget(), 10)[0].iterations
 
 
 def stable(*found, value=-0.09):
@@ -234,6 +241,55 @@ def steps_once(slope):
     return near(lambda x: x**2 / 2.0 + bend * x**3 / 6.0, begin).iterations == 1
 
 
+def near_object(gap):
+    """Whether a contact that is clear by so much of the length may be what is missing."""
+    scene, arrays = cases.squeezed_disc()
+    setup, pose = scene.setups[0], np.zeros(3)
+    along = np.linspace(0.0, setup.finger.rod.length, 3)
+    away = float(setup.finger.profile.half_thickness(along[-1])) + gap * along[-1]
+    line = np.stack([along, np.full(3, away), 0.0 * along, 0.0 * along], axis=1)
+    response = Some(scene=scene, arrays={**arrays, "object.pose": pose, "finger.backbone": line}, error=np.zeros(6))
+    at = ContactStart(0, (0.0, 0.0), 0.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(responses, "nearest_contact", lambda *_: at)
+        return bool(list(Responder._near_object(None, response, ["finger.tip"])))
+
+
+def bends_over(violation, step=5e-4):
+    """Steps to a curved limit, of which the first leaves a violation."""
+    at, free = ca.SX.sym("x", 2), np.full(2, np.inf)
+    limit = at[0] + violation * (at[0] / step) ** 2 - step
+    solver = NearSolver(NLP("bent", at, -1e-3 * at[0], ca.vertcat(at[1], limit), ca.SX.sym("p", 0)))
+    start = Start(np.zeros(2), -free, free, np.array([0.0, -np.inf]), np.zeros(2), np.zeros(0), None)
+    return solver.solve(start, Budget()).iterations
+
+
+def goes_on(worse):
+    """Whether friction states count that lower the reserve by so much."""
+    scene = Some(state_columns={"finger": slice(0, 1)}, setups=[Some(name="finger", tendon_friction_states=1)])
+    responder = Some(scene=scene, to=lambda error: Some(error=error, reserve=-worse))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(states, "worst_vertex", lambda last: last.error)
+        patch.setattr(states, "_cells", lambda _: [np.array([6])])
+        return bool(list(states.descended(responder, [Some(error=np.eye(7)[6], reserve=0.0)])))
+
+
+def effort_in_error():
+    """Weight of what makes postures in error unique."""
+    scene = make_scene("arc")
+    start, seen = make_starts(scene, contact_modes(scene)[0], 1)[0], []
+    run = JointSolverRun(scene, start, np.zeros((1, 6)))
+
+    def cut(solve, problem, start, *_):
+        seen.append(run._ps(start.p)[1][run.others[0].problem.numbers.at["effort weight"]])
+        return nlp.Attempt(Status.FAILED, "", start.x, start.lower, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint, "solve_clear", cut)
+        run.run(scene, start, Budget())
+    return seen[0].tolist()
+
+
 # -- words -------------------------------------------------------------------------------------------------------
 
 
@@ -298,6 +354,8 @@ LIMITS = [
     ("change of a stable grasp that is settled", 1e-4 / (1.0 - 1e-4),
      lambda x: len(stable((0.02, 1.0, True), (0.02, 1.0 + x, True), (0.02, 1.0 + x, True))) == 2),
     ("tensions of a branch", 1e-3, same_branch),
+    ("reserve that friction states must lower", 1e-6, lambda x: not goes_on(x)),
+    ("gap of a contact that is missing", 1e-3, near_object),
     ("reserve that is lost by rounding", 1e-4, lambda x: holds(-x)),
     ("force of an error that acts", 1e-4, lambda x: not acts(x)),
     ("way to a solution that is near", 0.999 * 30.0, lambda x: near(lambda y: (y - x) ** 2, 0.0).converged),
@@ -454,6 +512,44 @@ def retensioned():
         return robust._trials(SCENE, None, {}, np.zeros((100, 6)), Budget(), [response]).retried
 
 
+def robustly(holds=False, states=False, **bounds):
+    """Grasps that robust ones are sought next to, and draws with which each is tried, where none or all hold."""
+    scene, sought, draws = SCENE.replaced(robust=Robust(**bounds) if bounds else None), [], []
+    seen = Some(
+        robust=scene.robust, objective="", solver=scene.solver, state_columns={"finger": slice(1)} if states else {}
+    )
+    own = Some(holds=False, states=np.ones(1))
+    arrays = {"contact_names": np.zeros(0)}
+    found = Some(holds=holds, optimal=True, responses=[], first=[], errors=[], touching=[], iterations=0, arrays=arrays)
+    found.certificate = certified = Some(search=own if states else None, passed=True, acceptable=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(robust, "find_robust", lambda *_: sought.append(1) or found)
+        patch.setattr(robust, "_others", lambda *_: [{}] * 20)
+        patch.setattr(robust, "_trials", lambda *given: draws.append(len(given[3])) or Some(tension=1.0, holds=True))
+        for name in ("_none", "GraspResult", "_refuted", "Robustness", "tried_states"):
+            patch.setattr(robust, name, lambda *_, **__: Some(holds=True))
+        patch.setattr(robust, "held_arrays", lambda *_: {})
+        patch.setattr(robust, "_whatever", lambda _: "")
+        patch.setattr(robust, "certify", lambda *_: certified)
+        robust.with_robust(Some(scene=seen, arrays=None, status=None, advice="", statistics={}), None, Budget())
+    return len(sought), draws
+
+
+def within_tolerance():
+    """Elements of a fine model of one element per segment, and of those that are tried where none is as good."""
+    elements = []
+
+    def solve(scene, *_):
+        elements.append(scene.setups[0].elements)
+        return Some(arrays={})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fine, "_solve_again", solve)
+        patch.setattr(fine, "_change", lambda *_: Some(size=1.0))
+        fine.resolve_elements(SCENE, Some(scene=SCENE), 0.1, Budget())
+    return np.divide(elements, len(SCENE.setups[0].middles) + 1).tolist()
+
+
 def yields_by():
     """How far an object may move, per its size, and turn."""
     scene, arrays = cases.squeezed_disc()
@@ -487,10 +583,16 @@ COUNTS = [
     ("sets of contacts of an error", [4, 4, 4, 4, 1, 1], lambda: contacts_tried(6)),
     ("errors that enter the problem", [4, 8, 12, 16, 20, 24], taken_in),
     ("draws with other tensions", 50, retensioned),
+    ("branches of a robust grasp, and draws without errors", (3, [100]), robustly),
+    ("draws of a nominal grasp, and of a robust one", (1, [200, 1000]), lambda: robustly(True, friction=0.1)),
+    ("states of the certificate that enter", 7, lambda: robustly(True, states=True)[0]),
+    ("elements per segment", [6, 1, 2, 3, 4, 5], within_tolerance),
     ("parts by which an object yields", [0.2, 0.2, 0.2], lambda: pytest.approx(yields_by())),
     ("poses", (6, 5, 2, 2), tried_poses),
     ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
     ("touches that are named", "a, b, c, d, e, f", named),
+    ("weight of postures in error", [1e-6], effort_in_error),
+    ("steps to limits that hold and that do not", [1, 2], lambda: [bends_over(1e-6 * x) for x in (0.999, 1.001)]),
     ("steps to a solution that is not near", 12, lambda: near(lambda y: y**4, 1.0).iterations),
     ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),
     ("starts of a limit that gives one", [*range(8)], lambda: sorted({k for k, _ in starts_per_limit(True)})),
@@ -507,6 +609,8 @@ COUNTS = [
     ("rounds towards stability", [(pytest.approx(0.1), 40), 12],
      lambda: [stable((-0.09,))[0], len(stable((-0.09,)))]),
     ("steps to a solver that does not follow", [0.1, 0.04], lambda: pytest.approx([a for a, _ in stable((-1.0,))])),
+    ("a step after one that was followed", [0.1, 0.04, 0.048],
+     lambda: pytest.approx([level for level, _ in stable((-1.0,), (-0.05,))][:3])),
     ("unstable grasps", 2, lambda: unstable(1.0, 2.0, 3.0)),
 ]  # fmt: skip
 

@@ -30,7 +30,7 @@ PRESSED = 1e-2
 def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
     """Unknowns for a start."""
     units = Units.of(scene)
-    values: Values = {"object pose": units.pose(start.object_pose), "friction margin": 0.1}
+    values: Values = {"object pose": units.pose(start.object_pose)}
     for setup, finger in zip(scene.setups, problem.fingers, strict=True):
         values |= {f"{setup.name}.{key}": value for key, value in _finger_start(setup, finger, start, units).items()}
     force = max(scene.weight / units.force, 1.0)
@@ -58,17 +58,8 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
     lengths = np.diff(node_places(setup, start.joints)) / length if graded else np.array(finger.element_lengths(joints))
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
-    if setup.name in whole.tensions:
-        pulls = [t * tendons.offset * length / stiffness for t in whole.tensions[setup.name]]
-    else:
-        # The tendon on the inside of the tip's bend holds it; 0.1 E I / L where the tip is straight.
-        profile = setup.finger.profile
-        bent = float(curvature_at(knots, curvatures, ends[None, -1:])[0, 0])
-        moment = (bent - float(profile.rest_curvature(length)) * length) * float(
-            profile.bending_stiffness(length) / stiffness
-        )
-        least = tendons.min_tension * tendons.offset * length / stiffness
-        pulls = [least + max(moment, 0.1), least] if moment >= 0.0 else [least, least - min(moment, -0.1)]
+    tensions = whole.tensions.get(setup.name, (tendons.min_tension,) * 2)
+    pulls = [t * tendons.offset * length / stiffness for t in tensions]
     wound: Values = {}
     law = setup.drive
     if finger.spec.drive is not None and law is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import casadi as ca
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.problem.points import point_reader, starting_point, stored_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
@@ -99,6 +100,7 @@ class GraspSolverRun:
         relaxed: Sequence[tuple[Relaxation, float]] = (),
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
+        near: nlp.Attempt | None = None,
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         most: Mapping[str, float] | None = None,
@@ -109,8 +111,9 @@ class GraspSolverRun:
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount. Contacts sit on ``features`` and the unknowns begin with ``x0``, by default those of
-        the start. Further run-time ``numbers`` go to the problem. Unknowns ``pinned``
-        stay at their values, but for NaN, and others are bounded by ``most`` (units of the problem).
+        the start, or with those of an attempt ``near`` which `NearSolver` seeks the solution. Further run-time
+        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN, and others are bounded by
+        ``most`` (units of the problem).
 
         Raises
         ------
@@ -121,7 +124,8 @@ class GraspSolverRun:
         features = features or contact_features(scene, start.contacts)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
-        x = starting_point(problem, scene, start, features) if x0 is None else x0
+        x0 = x0 if near is None else near.x
+        x = starting_point(problem, scene, start, features) if x0 is None else x0.copy()
         for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
             high[at] = relaxation.most / scale * (1.0 if len(relaxed) == 1 else MODEST)
@@ -138,14 +142,15 @@ class GraspSolverRun:
             low[at], high[at] = (np.where(np.isnan(value), side[at], held) for side in (low, high))
         for name, bound in (most or {}).items():
             high[problem.x.at[name]] = bound
-        method, (options, cap) = self.prepare(scene), RUNGS[rung]
+        options, cap = RUNGS[rung]
+        solve = partial(self.prepare(scene).solve, self._nlp) if near is None else self._near_solver.solve
         began = time.perf_counter()
         x = np.clip(x, low, high)
         look = self._look(scene, values)
         known = nlp.Start(x, low, high, *problem.rows.bounds(), look(x, problem.numbers.pack(values, 0.0))[1])
-        known = replace(known, option_set=options)
+        known = replace(known, option_set=options, multipliers=None if near is None else near.multipliers)
         with budget.share(iterations) as part:
-            last, last_numbers = solve_clear(method, self._nlp, known, look, allowed_depth(scene), part, cap)
+            last, last_numbers = solve_clear(solve, self._nlp, known, look, allowed_depth(scene), part, cap)
         last = replace(last, seconds=time.perf_counter() - began)
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
@@ -211,6 +216,15 @@ class GraspSolverRun:
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
     @cached_property
+    def values(self) -> ca.Function:
+        """Objective and constraints, from unknowns and numbers."""
+        return ca.Function("values", [self._nlp.x, self._nlp.p], [self._nlp.f, self._nlp.g])
+
+    @cached_property
+    def _near_solver(self) -> NearSolver:
+        return NearSolver(self._nlp)
+
+    @cached_property
     def slope(self) -> ca.Function:
         """Derivative of the Lagrangian by the problem's numbers, from unknowns, numbers and multipliers."""
         x, numbers, g = self.problem.x.symbol, self.problem.numbers.symbol, self.problem.rows.g
@@ -246,7 +260,7 @@ def allowed_depth(scene: GraspScene) -> float:
 
 
 def solve_clear(
-    method: nlp.Solver,
+    solve: Callable[[nlp.Start, Budget], nlp.Attempt],
     problem: nlp.NLP,
     start: nlp.Start,
     look: Callable[[Array, Array], tuple[float, Array]],
@@ -262,18 +276,18 @@ def solve_clear(
     """
     iterations, acceptable, numbers = 0, False, start.p
 
-    def solve(start: nlp.Start) -> nlp.Attempt:
+    def solved(start: nlp.Start) -> nlp.Attempt:
         nonlocal iterations
         with budget.share(most) as one:
-            attempt = method.solve(problem, start, one)
+            attempt = solve(start, one)
         iterations += attempt.iterations
         return attempt
 
     for _ in range(ROUNDS):
-        numbers, last = start.p, solve(start)
+        numbers, last = start.p, solved(start)
         # Where other constraints became active, multipliers of the round before mislead: once more without them.
         if start.multipliers is not None and not last.converged:
-            last = solve(replace(start, multipliers=None))
+            last = solved(replace(start, multipliers=None))
         if not last.converged or not np.isfinite(last.x).all():
             break
         deepest, near = look(last.x, numbers)
@@ -283,7 +297,8 @@ def solve_clear(
         # A solution to the acceptable tolerance gets one more round from its own multipliers.
         settled = last.status is nlp.Status.SOLVED or acceptable
         acceptable = last.status is nlp.Status.ACCEPTABLE
-        if settled and deepest < depth and change < STEADY * max(1.0, abs(last.objective)):
+        # What guarded places are too deep, others may be.
+        if settled and deepest < depth + last.violation and change < STEADY * max(1.0, abs(last.objective)):
             break
         start = replace(start, x=last.x, p=near, multipliers=last.multipliers)
     return replace(last, iterations=iterations), numbers

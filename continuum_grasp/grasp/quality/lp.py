@@ -38,9 +38,9 @@ VIOLATION = 1e-8
 tolerance lets through."""
 ROUNDS = 200
 """Most LPs for one answer."""
-_INWARD = 1e-7
-"""What a point well inside a cone is worth beside the cost: where many points are best, corners of the planes, which
-lie outside the cones, are not taken."""
+INWARD = 1e-7
+"""What a point well inside a cone, or a small change, is worth beside the cost: where many points are best, corners of
+the planes, which lie outside the cones, are not taken."""
 
 
 @dataclass(frozen=True)
@@ -171,11 +171,11 @@ def solve_socp(
     count = cones.spare.size
     for _ in range(ROUNDS):
         planes, limit = cones.planes()
-        # One more unknown per cone, how deep the point lies within all of its planes, is worth _INWARD of the cost.
+        # One more unknown per cone, how deep the point lies within all of its planes, is worth INWARD of the cost.
         depth = np.zeros((limit.size, count))
         depth[np.arange(limit.size), [k for k, _ in cones.cuts]] = 1.0
         found = solve_lp(
-            np.concatenate([cost, np.full(count, -_INWARD)]),
+            np.concatenate([cost, np.full(count, -INWARD)]),
             np.block([[rows, np.zeros((rows.shape[0], count))], [planes, depth]]),
             np.concatenate([low, np.full(limit.size, -np.inf)]),
             np.concatenate([high, limit]),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.lp import ROUNDS, Cones, solve_lp, solve_socp
+from continuum_grasp.grasp.quality.lp import ROUNDS, VIOLATION, Cones, solve_lp, solve_socp
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
@@ -24,8 +24,6 @@ Array = NDArray[Any]
 
 MOST = 1e4
 """Friction coefficients above this are no answer: no surface has them."""
-_TOLERANCE = 1e-8
-"""Of the least friction, relative."""
 _SLACK = 1e-9
 """Excess over a cone, as a part of the weight, that is none."""
 
@@ -70,10 +68,10 @@ def least_friction(scene: GraspScene, arrays: Mapping[str, Any], *, same: bool =
                 break
     # Down from one balance to the next, which presses harder and needs less friction.
     while forces is not None and factor > 0.0:
-        better = balance.forces(base * factor * (1.0 - _TOLERANCE))
+        better = balance.forces(base * factor * (1.0 - VIOLATION))
         if better is None:
             break
-        forces, factor = better, min(balance.used(better, base), factor * (1.0 - _TOLERANCE))
+        forces, factor = better, min(balance.used(better, base), factor * (1.0 - VIOLATION))
     found = np.full((contacts.count, 3), np.nan) if forces is None else forces
     coefficients = {n: float(factor * mu) if mu > 0.0 else 0.0 for n, mu in zip(contacts.names, base, strict=True)}
     return LeastFriction(float(factor), coefficients, found)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.drives import TAUT
-from continuum_grasp.grasp.quality.lp import Cones, solve_socp
-from continuum_grasp.grasp.quality.response import Change, GraspResponse, Tendons
+from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
+from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 
 Array = NDArray[Any]
@@ -23,9 +23,6 @@ UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
-_CALM = 1e-7
-"""Cost of a change of tension beside that of the factor, both scaled: picks the least change among equally good ones
-and lowers the factor by less than 1e-7 of it."""
 _ACTIVE = 1e-6
 """Part of the force scale within which a limit counts as reached."""
 
@@ -89,7 +86,7 @@ class _Limits:
         contacts = response.contacts
         self.names, self.setups = contacts.names, response.setups
         self.unit = response.to_wrenches(tendons)
-        self.retensioned = response.to_tensions() if tendons == "retensioned" else None
+        self.retensioned = response.to_tensions()
         self.forces = contacts.forces
         self.friction, self.normal_max = contacts.friction, contacts.normal_max
         # The unit of force that makes the numbers of the SOCP near one, where nothing presses yet too [N].
@@ -103,43 +100,20 @@ class _Limits:
         self.high = np.where(near, np.maximum(self.normal_max, self.forces[:, 0]), self.normal_max)
         pairs = zip(self.setups, response.tensions, strict=True)
         self.ranges = np.array([difference_range(setup, pair, tendons) for setup, pair in pairs]).reshape(-1, 2)  # [N]
+        free = (self.ranges[:, 1] > self.ranges[:, 0]) & (tendons == "retensioned")
+        self.free = np.flatnonzero(free)  # fingers whose tensions can be chosen anew
         size = contacts.scene.object.size
         # Greatest motions of the object [m, m, rad] and turns of the tips [rad].
         self.reach = displacement_limit * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
         self._cuts: list[tuple[int, Array]] | None = None
 
     def greatest(self, wrench: Array) -> Answer:
-        """The answer for a wrench (3,) [N, N, N m]."""
-        along = self.unit.forces @ wrench
-        motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
-        if self.retensioned is None:
-            return self._ray(along, self.unit.differences @ wrench, motion)
-        return self._by_socp(along, motion, self.retensioned)
-
-    def _ray(self, along: Array, differences: Array, motion: Array) -> Answer:
-        """Forces and tensions change in proportion: the first limit that is met."""
-        still = np.zeros(len(self.setups))
-        if (np.hypot(*self.forces[:, 1:].T) > self.friction * self.forces[:, 0] + self.spare).any():
-            return 0.0, self._reached(self.forces, still, 0.0 * motion), np.zeros(3)
-        ways = [math.inf]
-        for k in range(len(self.names)):
-            dn, df = along[k]
-            ways.append(_way(self.forces[k, 0], dn, self.low[k], self.high[k]))
-            ways.append(_way_in_cone(self.forces[k], dn, df, self.friction[k], self.spare[k]))
-        ways += [_way(0.0, d, a, b) for d, (a, b) in zip(differences, self.ranges, strict=True)]
-        ways += [_way(0.0, d, -most, most) for d, most in zip(motion, self.reach, strict=True)]
-        factor = max(0.0, min(ways))
-        if factor * max(float(np.abs(along).max(initial=0.0)), 1e-300) > UNLIMITED * float(self.normal_max.max()):
-            return math.inf, (), _NOWHERE
-        forces = self.forces.copy()
-        forces[:, :2] += factor * along
-        return factor, self._reached(forces, factor * differences, factor * motion), factor * motion[:3]
-
-    def _by_socp(self, along: Array, motion: Array, retensioned: Change) -> Answer:
-        """Tensions are free within their limits: the greatest factor by a SOCP over it and by how much they
+        """The answer for a wrench (3,) [N, N, N m], by a SOCP over the factor and by how much tensions that are free
         grow and fall; of all ways to get there, the one that changes them least.
         """
-        count, free = len(self.names), np.flatnonzero(self.ranges[:, 1] > self.ranges[:, 0])
+        along, differences = self.unit.forces @ wrench, self.unit.differences @ wrench
+        motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
+        count, free = len(self.names), self.free
         reach = float(np.abs(along).max(initial=0.0))
         if reach == 0.0:
             return math.inf, (), _NOWHERE
@@ -148,9 +122,10 @@ class _Limits:
         # Unknowns, all from zero: the factor, how much each free difference of tensions grows, and how much it falls.
         effect = np.zeros((count, 2, 1 + both.size))
         effect[:, :, 0] = along / reach
-        effect[:, :, 1:] = np.tile(retensioned.forces[:, :, free], 2) * both / self.scale
-        moved = np.tile(np.concatenate([retensioned.pose, retensioned.bends])[:, free], 2) * both
+        effect[:, :, 1:] = np.tile(self.retensioned.forces[:, :, free], 2) * both / self.scale
+        moved = np.tile(np.concatenate([self.retensioned.pose, self.retensioned.bends])[:, free], 2) * both
         moves = np.column_stack([motion * unit, moved])
+        pulls = np.column_stack([differences * unit, np.tile(np.eye(len(self.setups))[:, free], 2) * both])
         matrix = np.zeros_like(effect)  # the lift, second in the cones, stays as it is
         matrix[:, 0] = effect[:, 1]
         cones = Cones.made(
@@ -162,16 +137,15 @@ class _Limits:
         if self._cuts is not None:  # of the wrench before: tangent planes hold for every one
             cones.cuts = list(self._cuts)
         most = UNLIMITED * float(self.normal_max.max()) / self.scale
-        normal, bound = self.forces[:, 0], np.where(np.isfinite(self.reach), 1.0, np.inf)
-        scaled = moves / np.where(np.isfinite(self.reach), self.reach, 1.0)[:, None]
-        rows = np.concatenate([effect[:, 0], scaled])
-        row_low = np.concatenate([(self.low - normal) / self.scale, -bound])
-        row_high = np.concatenate([(self.high - normal) / self.scale, bound])
+        normal, widest = self.forces[:, 0], np.maximum(np.abs(self.ranges).max(axis=1), self.scale)
+        rows = np.concatenate([effect[:, 0], moves / self.reach[:, None], pulls / widest[:, None]])
+        still = np.ones(motion.size)
+        row_low = np.concatenate([(self.low - normal) / self.scale, -still, self.ranges[:, 0] / widest])
+        row_high = np.concatenate([(self.high - normal) / self.scale, still, self.ranges[:, 1] / widest])
         upper = np.concatenate([[most], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
-        found = solve_socp(np.append(-1.0, np.full(both.size, _CALM)), rows, row_low, row_high, 0.0, upper, cones)
-        changes = np.zeros(len(self.setups))
+        found = solve_socp(np.append(-1.0, np.full(both.size, INWARD)), rows, row_low, row_high, 0.0, upper, cones)
         if found.status == "infeasible":
-            return 0.0, self._reached(self.forces, changes, 0.0 * motion), np.zeros(3)
+            return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion), np.zeros(3)
         if not found.optimal:
             return math.nan, ("not computed",), _NOWHERE
         self._cuts = cones.cuts
@@ -179,9 +153,8 @@ class _Limits:
             return math.inf, (), _NOWHERE
         forces = self.forces.copy()
         forces[:, :2] += self.scale * (effect @ found.x)
-        changes[free] = (found.x[1:] * both).reshape(2, -1).sum(axis=0)
         way_there = moves @ found.x
-        return float(found.x[0] * unit), self._reached(forces, changes, way_there), way_there[:3]
+        return float(found.x[0] * unit), self._reached(forces, pulls @ found.x, way_there), way_there[:3]
 
     def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
         """Names of the limits that are reached or passed."""
@@ -224,37 +197,3 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
         high = float(min(2.0 * spare[0][0], spare[0][0] + spare[1][1]))
         low = -float(min(2.0 * spare[0][1], spare[0][1] + spare[1][0]))
     return min(low, 0.0), max(high, 0.0)
-
-
-def _way(value: float, rate: float, low: float, high: float) -> float:
-    """How far a value that changes at a rate may go."""
-    if rate == 0.0:
-        return math.inf
-    return float(max(0.0, ((high if rate > 0.0 else low) - value) / rate))
-
-
-def _way_in_cone(force: Array, dn: float, df: float, friction: float, spare: float) -> float:
-    """Least factor at which (N + x dn, f + x df, lift) leaves the friction cone; it starts within."""
-    normal, sideways, lift = force
-    width = friction * normal + spare
-    if lift == 0.0:
-        rates = ((df - friction * dn, width - sideways), (-df - friction * dn, width + sideways))
-        return float(min((max(0.0, left) / rate for rate, left in rates if rate > 0.0), default=math.inf))
-    # Out of the plane: (f + x df)^2 + lift^2 = (width + x friction dn)^2, that is a x^2 + 2 b x + c = 0.
-    a = df**2 - (friction * dn) ** 2
-    b = sideways * df - width * friction * dn
-    c = min(0.0, sideways**2 + lift**2 - width**2)
-    if c == 0.0 and (b > 0.0 or (b == 0.0 and a > 0.0)):
-        return 0.0
-    open_side = -1e-12 * abs(width)  # the other half of the double cone has its own root
-    ahead = (x for x in _roots(a, b, c) if x > 0.0 and width + x * friction * dn >= open_side)
-    return float(min(ahead, default=math.inf))
-
-
-def _roots(a: float, b: float, c: float) -> list[float]:
-    """Roots of a x^2 + 2 b x + c, computed without cancellation."""
-    square = b * b - a * c
-    if square < 0.0 or (a == 0.0 and b == 0.0):
-        return []
-    q = -(b + math.copysign(math.sqrt(square), b))
-    return [*([q / a] if a != 0.0 else []), *([c / q] if q != 0.0 else [])]

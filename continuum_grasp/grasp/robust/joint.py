@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -20,6 +20,7 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import (
+    RUNGS,
     Attempt,
     GraspSolverRun,
     allowed_depth,
@@ -32,7 +33,7 @@ from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.problem import RobustProblem, robust_problem
-from continuum_grasp.grasp.robust.response import ITERATIONS, start_in_error
+from continuum_grasp.grasp.robust.response import start_in_error
 from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -78,8 +79,7 @@ class JointSolverRun:
         self.others: list[GraspSolverRun] = [
             solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=not in_error.on)) for on in self.touching
         ]
-        problems = tuple(other.problem for other in self.others)
-        self._whole: RobustProblem = robust_problem(self.nominal.problem, problems, in_error.left)
+        self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
         self._near = [Surroundings(solver.problem) for solver in self._solvers]
 
     @property
@@ -129,8 +129,8 @@ class JointSolverRun:
             x0 = np.concatenate([starting_point(s.problem, *side) for s, side in starts])
         x = np.clip(x0, low, high)
         begin = nlp.Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
-        method = nlp.new_solver(settings_of(scene.solver))
-        last, numbers = solve_clear(method, self._whole.nlp, begin, look, allowed_depth(scene), budget, ITERATIONS)
+        solve = partial(nlp.new_solver(settings_of(scene.solver)).solve, self._whole.nlp)
+        last, numbers = solve_clear(solve, self._whole.nlp, begin, look, allowed_depth(scene), budget, RUNGS[-1][1])
         return Attempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
     def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:

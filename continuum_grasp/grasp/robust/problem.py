@@ -12,7 +12,6 @@ x the unknowns of the nominal grasp and x_k, e_k those of error k and the error 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 
 Array = NDArray[Any]
 
@@ -40,35 +40,6 @@ class _Link:
         self.slopes = ca.Function("slopes", args, [ca.jacobian(rows, args[0]), ca.jacobian(rows, args[2])])
         bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
         self.bends = ca.Function("bends", [*args[:2], error, force], [bend])
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A problem, its named functions of (x, p), and its sizes."""
-
-    problem: GraspProblem
-    functions: dict[str, ca.Function]
-    oracle: ca.Function
-
-    @staticmethod
-    @lru_cache(maxsize=24)
-    def of(problem: GraspProblem) -> _Part:
-        """The functions of a problem; built once in a process."""
-        x, p = problem.x.symbol, problem.numbers.symbol
-        whole = nlp.NLP("grasp", x, problem.objective, problem.rows.g, p)
-        return _Part(problem, whole.functions, ca.Function("part", [x, p], [problem.objective, problem.rows.g]))
-
-    @property
-    def size(self) -> int:
-        return self.problem.x.size
-
-    @property
-    def rows(self) -> int:
-        return self.problem.rows.count
-
-    @property
-    def numbers(self) -> int:
-        return self.problem.numbers.size
 
 
 def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[int, ...]) -> ca.SX:
@@ -100,37 +71,35 @@ class RobustProblem:
         numbers likewise, and the errors (3,) of the pose.
     """
 
-    def __init__(self, nominal: GraspProblem, others: tuple[GraspProblem, ...], left: tuple[int, ...]) -> None:
-        self.nominal, self.others, count = nominal, others, len(others)
-        parts = [_Part.of(problem) for problem in (nominal, *others)]
-        first = parts[0]
-        self.sizes = [part.size for part in parts]
+    def __init__(self, nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]) -> None:
+        self._parts = parts = [nominal, *others]
+        count, numbers = len(others), [part.problem.numbers.size for part in parts]
+        self.sizes = [part.problem.x.size for part in parts]
         x = ca.MX.sym("x", sum(self.sizes))
-        numbers = [part.numbers for part in parts]
         p = ca.MX.sym("p", sum(numbers) + 3 * count)
         xs = ca.vertsplit(x, _starts(self.sizes))
         ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
         ps, errors = ps[: count + 1], ps[count + 1 :]
-        made = {other: _Link(nominal, other, left) for other in dict.fromkeys(others)}
+        made = {other: _Link(nominal.problem, other.problem, left) for other in dict.fromkeys(others)}
         links = [made[other] for other in others]
         self.links = [each.size for each in links]
 
-        values = [part.oracle(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
+        values = [part.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
         linked = [each.values(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
         f = sum(value[0] for value in values)
         g = ca.vertcat(*(value[1] for value in values), *linked)
 
-        gradient = ca.vertcat(*(part.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)))
-        jacobians = [part.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+        gradient = ca.vertcat(*(part.derivatives["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)))
+        jacobians = [part.derivatives["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
         pairs = [each.slopes(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
-        first_part = ca.vertcat(ca.MX(0, first.size), *(a for a, _ in pairs))
+        first_part = ca.vertcat(ca.MX(0, self.sizes[0]), *(a for a, _ in pairs))
         below = ca.horzcat(first_part, ca.diagcat(*(b for _, b in pairs)))
         jacobian = ca.vertcat(ca.diagcat(*jacobians), below)
 
         weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
-        shares = ca.vertsplit(forces, _starts([*(part.rows for part in parts), *self.links]))
+        shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *self.links]))
         blocks = [
-            part.functions["hess_lag"](a, b, weight, own)
+            part.derivatives["hess_lag"](a, b, weight, own)
             for part, a, b, own in zip(parts, xs, ps, shares, strict=False)
         ]
         own_forces = zip(links, errors, shares[count + 1 :], strict=True)
@@ -150,7 +119,7 @@ class RobustProblem:
 
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of all rows."""
-        sets = [problem.rows.bounds() for problem in (self.nominal, *self.others)]
+        sets = [part.row_bounds for part in self._parts]
         sets.append((np.zeros(sum(self.links)), np.zeros(sum(self.links))))
         lower, upper = (np.concatenate(side) for side in zip(*sets, strict=True))
         return lower, upper
@@ -165,6 +134,6 @@ def _starts(sizes: Sequence[int]) -> list[int]:
 
 
 @lru_cache(maxsize=8)
-def robust_problem(nominal: GraspProblem, others: tuple[GraspProblem, ...], left: tuple[int, ...]) -> RobustProblem:
+def robust_problem(nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]) -> RobustProblem:
     """The problem of a grasp and those of some errors; built once in a process."""
     return RobustProblem(nominal, others, left)

@@ -15,26 +15,17 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.problem.solver_run import DEEP, ROUNDS, STEADY, Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
-from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import (
-    Units,
-    contact_features,
-    held_values,
-    problem_bounds,
-    problem_values,
-    tolerance_of,
-)
+from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.robust.near import NearSolver
 from continuum_grasp.grasp.starts.supports import nearest_contact, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.nlp import Budget
@@ -45,9 +36,6 @@ Array = NDArray[Any]
 HOLDS = -1e-4
 """Least reserve, per force reference, with which all contacts hold: the places at which fingers are looked at for
 clearance change it by up to 4e-5 (mug)."""
-ITERATIONS = 150
-"""Iterations of one solver run. To one error 6 to 25 are enough with given tensions, 30 to 90 with others, and 20 to 60
-to a grasp with 4 to 8 corners (mug, pinch)."""
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
 FRUITLESS = 12
@@ -158,13 +146,12 @@ class Responder:
         # More than what holds is not asked for: the tensions change as little as they can.
         most = {} if retensioned is None else {"reserve": 0.0}
         known = self._nearest(error, begin) if retensioned is None else retensioned
-        attempt = None if known is None else self._near(solver, scene, start, known.attempt, pinned, most)
-        if attempt is None:
+        solve = partial(solver.run, scene, start, self._budget, pinned=pinned, most=most)
+        near = None if known is None or not known.attempt.converged else known.attempt
+        attempt = None if near is None else solve(near=near)
+        if attempt is None or not attempt.converged:
             self.anew += 1
-            x0 = None if retensioned is None or not retensioned.attempt.converged else retensioned.attempt.x.copy()
-            attempt = solver.run(
-                scene, start, self._budget, rung=2, iterations=ITERATIONS, pinned=pinned, most=most, x0=x0
-            )
+            attempt = solve(rung=2, x0=None if retensioned is None or near is None else near.x)
         reserve, margin, weakest = -np.inf, np.nan, ""
         if attempt.converged:
             reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
@@ -262,55 +249,6 @@ class Responder:
         away[:, :2] /= self.scene.object.size
         return known[int((away**2).sum(axis=1).argmin())]
 
-    def _near(
-        self,
-        solver: GraspSolverRun,
-        scene: GraspScene,
-        start: Start,
-        known: Attempt,
-        pinned: Mapping[str, Array],
-        most: Mapping[str, float],
-    ) -> Attempt | None:
-        """The solution next to one that is known, with guarded places where fingers are deepest; None without one."""
-        if not known.converged:
-            return None
-        problem = solver.problem
-        near_solver, surroundings = _near_solver(solver)
-        features = contact_features(scene, start.contacts)
-        values = problem_values(problem, scene, start, features)
-        low, high = problem_bounds(problem, scene, features)
-        for name, value in pinned.items():
-            at = problem.x.at[name]
-            low[at], high[at] = (np.where(np.isnan(value), side[at], value) for side in (low, high))
-        for name, bound in most.items():
-            high[problem.x.at[name]] = bound
-        numbers = problem.numbers.pack(values, 0.0)
-        here = near_solver.restored(nlp.Start(known.x, low, high, *problem.rows.bounds(), numbers, known.multipliers))
-        if here is None:
-            return None
-        allowed = DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
-        # The solution that is known has its guarded places where fingers are deepest, next to where they are here.
-        probes = {f.spec.name: known.numbers[problem.numbers.at[f"{f.spec.name}.probes"]] for f in problem.fingers}
-        found: nlp.Attempt | None = None
-        iterations, seconds = 0, 0.0
-        for _ in range(ROUNDS):
-            sight = surroundings.look(scene, here.x, numbers, probes if found is None else None)
-            numbers = problem.numbers.pack({**values, **sight.numbers})
-            if found is not None:
-                moved = np.array(solver.derivatives["jac_g"](here.x, numbers)[0]).ravel() - found.g
-                change = abs(float(found.multipliers.constraints @ moved))
-                # What guarded places are too deep, others may be.
-                if sight.deepest < allowed + found.violation and change < STEADY * max(1.0, abs(found.objective)):
-                    total = {**vars(found), "iterations": iterations, "seconds": seconds}
-                    return Attempt(**total, start=start, features=features, numbers=here.p, violations=[])
-            here = replace(here, p=numbers)
-            found = near_solver.solve(here, self._budget)
-            iterations, seconds = iterations + found.iterations, seconds + found.seconds
-            if not found.converged:
-                break
-            here = replace(here, x=found.x, multipliers=found.multipliers)
-        return None
-
     def landings(self, solver: GraspSolverRun, error: Array) -> dict[str, Array]:
         """Where tips land on an object that yields (2,), in its frame and in units of the problem."""
         pose = np.array(self.in_error.pose_in_error(error)) - self.in_error.pose
@@ -335,16 +273,6 @@ def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -
             margin = 1.0 - float(np.linalg.norm(sideways)) / (friction * n) if friction * n > 0.0 else -np.inf
             found.append((margin, contact.name))
     return min(found, default=(1.0, ""))
-
-
-@lru_cache(maxsize=24)
-def _near_solver(solver: GraspSolverRun) -> tuple[NearSolver, Surroundings]:
-    """What finds solutions next to others; built once in a process."""
-    problem = solver.problem
-    whole = nlp.NLP(
-        "near", problem.x.symbol, problem.objective, problem.rows.g, problem.numbers.symbol, solver.derivatives
-    )
-    return NearSolver(whole), Surroundings(problem)
 
 
 def _rotation(angle: float) -> Array:

@@ -31,7 +31,7 @@ Array = NDArray[Any]
 MOST = 4
 """Corners that enter the problem at once."""
 EXCHANGES = 6
-"""How often corners that fail enter the problem."""
+"""How often corners that fail, or states that the certificate finds, enter the problem."""
 
 
 def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -> Array:

@@ -18,7 +18,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import alone, drawn
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
-from continuum_grasp.grasp.robust.search import Found, find_robust
+from continuum_grasp.grasp.robust.search import EXCHANGES, Found, find_robust
 from continuum_grasp.grasp.robust.states import (
     OBJECT,
     extremes,
@@ -27,7 +27,7 @@ from continuum_grasp.grasp.robust.states import (
     with_drawn_states,
     with_states,
 )
-from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.grasp.search import NEAR, Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.values import Reason, Status
 from continuum_grasp.grasp.verdict import UNSTABLE, flawed
@@ -51,10 +51,6 @@ BRANCHES = 2
 (preshaped)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
-RETURNS = 4
-"""How often states that the certificate's own search found become part of the problem."""
-SAME = 1e-3
-"""Relative difference of the sum of tensions up to which two grasps with the same contacts are one."""
 
 
 def is_robust(scene: GraspScene) -> bool:
@@ -76,7 +72,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         # No robust grasp takes less than the nominal one that it is next to.
         may = not found.holds or (
             scene.objective == "least_tension"
-            and _tension(scene, arrays) < (1.0 - SAME) * _tension(scene, found.arrays)
+            and _tension(scene, arrays) < (1.0 - NEAR) * _tension(scene, found.arrays)
         )
         if branches > BRANCHES or not may or budget.over:
             break
@@ -93,7 +89,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         arrays = {**found.arrays, **held_arrays(scene, found.arrays["contact_names"].tolist(), tried)}
         certificate = certify(scene, arrays)
         own = certificate.search
-        if own is None or own.holds or len(also) >= RETURNS or budget.over:
+        if own is None or own.holds or len(also) >= EXCHANGES or budget.over:
             break
         # States that the certificate found become part of the problem.
         also.append(np.concatenate([np.zeros(OBJECT), own.states]))
@@ -177,7 +173,7 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
     def new(arrays: Mapping[str, Array]) -> bool:
         same = any(
             set(arrays["contact_names"]) == set(one["contact_names"])
-            and math.isclose(_tension(scene, arrays), _tension(scene, one), rel_tol=SAME)
+            and math.isclose(_tension(scene, arrays), _tension(scene, one), rel_tol=NEAR)
             for one in seen
         )
         seen.append(arrays)

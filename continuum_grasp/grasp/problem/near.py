@@ -34,10 +34,9 @@ _FAR = 30.0
 """Most that a step goes along each direction of the null space, forces included [units of the problem]."""
 _EXACT, _SLACK = 1e-8, 1e-6
 """Violation up to which equations and limits hold [units of the problem]: DAQP resolves active limits to 1e-7."""
-_FLAT, _DEPENDENT = 1e-8, 1e-9
-"""Least curvature of a QP, per its greatest or 1; least pivot of equations that are independent."""
-_NO_SLOPE = 1e-10
-"""Slope along the null space below which a limit does not depend on it [units of the problem]."""
+_NONE = 1e-9
+"""Curvature of a QP, per its greatest or 1, pivot of an equation and slope of a limit along the null space that are
+rounding."""
 
 
 class _Direct:
@@ -101,6 +100,8 @@ class NearSolver:
     def solve(self, start: Start, until: Budget) -> Attempt:
         """The solution near a start with multipliers; ``failed`` where there is none near."""
         began, free, equal = time.perf_counter(), start.low < start.high, start.lower == start.upper
+        begin = self.restored(start)
+        start, steps = begin or start, _STEPS if begin else 0
         x, last, known = np.clip(start.x, start.low, start.high), np.inf, start.multipliers
         bounds, forces = np.zeros(x.size), np.zeros(start.lower.size)
         if known is not None:
@@ -116,7 +117,7 @@ class NearSolver:
                 status = Status.SOLVED
                 break
             step = None
-            if count < _STEPS and not until.over:
+            if count < steps and not until.over:
                 (bend,) = self._second(x, start.p, forces)
                 step = self._step(start, x, slope, g, jacobian, bend)
             if step is None:
@@ -146,21 +147,21 @@ class NearSolver:
         slope, jacobian, bend = slope[free], jacobian[:, free], bend[np.ix_(free, free)]
         basis, right, order = qr(jacobian[equal].T, pivoting=True)
         # Equations that follow from others, as the balance of tilting on two contacts, hold with these or not at all.
-        rank = int((np.abs(np.diag(right)) > _DEPENDENT).sum())
+        rank = int((np.abs(np.diag(right)) > _NONE).sum())
         rows, right, n = np.flatnonzero(equal)[order[:rank]], right[:rank, :rank], slope.size
         across, along = basis[:, :rank], basis[:, rank:]
         shift = across @ np.linalg.solve(right.T, start.lower[rows] - g[rows])
         limits = np.concatenate([jacobian[~equal], np.eye(n)])
         slopes = limits @ along
         size = np.linalg.norm(slopes, axis=1)
-        acts = size > _NO_SLOPE
+        acts = size > _NONE
         # To unit slopes: those of guarded places beside a contact are 1e-5 and less.
         limits, slopes, size = limits[acts], slopes[acts], size[acts]
         here = np.concatenate([g[~equal], x[free]])[acts] + limits @ shift
         low = (np.concatenate([start.lower[~equal], start.low[free]])[acts] - here) / size
         high = (np.concatenate([start.upper[~equal], start.high[free]])[acts] - here) / size
         values, vectors = np.linalg.eigh(along.T @ bend @ along)
-        values = np.maximum(values, _FLAT * max(float(np.abs(values).max(initial=0.0)), 1.0))
+        values = np.maximum(values, _NONE * max(float(np.abs(values).max(initial=0.0)), 1.0))
         found = self._qp(n - rank, len(size))(
             h=(vectors * values) @ vectors.T,
             g=along.T @ (slope + bend @ shift),
