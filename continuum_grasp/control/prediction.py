@@ -23,7 +23,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -193,7 +192,7 @@ class Prediction(Remade):
         if not follows:
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)
-            paths = [max(map(abs, ends(finger.tendon_list[k].offset))) * bend for k in winch.tendons]
+            paths = [finger.tendon_list[k].greatest_offset * bend for k in winch.tendons]
             elongation = drive.torque_max / (winch.radius * float(winch.stiffness))
             reach = (max(paths) + elongation + abs(float(winch.start))) / winch.radius
         return DriveState(state, follows or (0.0,) * self.nu, reach, lag)

@@ -24,7 +24,6 @@ from continuum_grasp.model.winches import winches_of
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -110,7 +109,7 @@ class Structure:
 
     def _check_within_arms(self) -> None:
         """Refuse bends that would turn the path of a tendon on a winch inside out."""
-        arm = max(abs(at) for tendon in self.finger.tendon_list for at in ends(tendon.offset))
+        arm = max(tendon.greatest_offset for tendon in self.finger.tendon_list)
         for k, (reach, h) in enumerate(zip(self.ranges, self.lengths, strict=True)):
             if arm * reach >= h:
                 raise InputError(

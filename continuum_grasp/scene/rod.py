@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Protocol
@@ -199,12 +200,20 @@ class Rod(Value):
             return self.samples.positioned
         if self.spirob is not None:
             return self.spirob.positioned(self.length)
-        starts = [0.0, *(one.to for one in self.sections or ())]
+        starts = [0.0, *(one.to for one in self._all_sections)]
         return [
             one
-            for k, (section, start) in enumerate(zip(self.sections or (), starts, strict=False))
+            for k, (section, start) in enumerate(zip(self._all_sections, starts, strict=False))
             for one in section.positioned(start, f"sections[{k}]")
         ]
+
+    @property
+    def _all_sections(self) -> tuple[RodSection, ...]:
+        """The sections; a uniform rod is a single one."""
+        if self.sections is not None:
+            return self.sections
+        keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
+        return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
 
     def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
         """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
@@ -239,9 +248,7 @@ class Rod(Value):
     @property
     def own_thickness(self) -> bool:
         """Whether its thickness is known: that of its section, where strain is greatest."""
-        if self.graded:
-            return self._positioned[0].thickness is not None
-        return self.diameter is not None
+        return self._positioned[0].thickness is not None
 
     @property
     def mass_per_length(self) -> float:
@@ -266,26 +273,13 @@ class Rod(Value):
     @cached_property
     def profile(self) -> Profile:
         """Stiffness, mass, rest curvature and thickness along its length."""
-        from continuum_grasp.scene.graded_profile import of_samples, of_sections, of_spiral
-        from continuum_grasp.scene.profile import Curve, Profile
+        from continuum_grasp.scene.profile import of_samples, of_sections, of_spiral
 
         own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
         if self.samples is not None:
-            return of_samples(self.length, self.samples).scaled(self.factors)
-        if self.spirob is not None:
-            return of_spiral(self.length, self.spirob, **own).scaled(self.factors)
-        if self.sections is not None:
-            sections = [section.completed(own) for section in self.sections]
-            return of_sections(self.length, sections).scaled(self.factors)
-        # A uniform rod has either of the two groups of keys, as its _check sees to.
-        diameter, density = self.diameter or 0.0, self.density or 0.0
-        second_moment = math.pi * diameter**4 / 64
-        values = (
-            self.bending_stiffness or (self.youngs_modulus or 0.0) * second_moment,
-            self.linear_density or density * math.pi * diameter**2 / 4,
-            density * second_moment if self.rotary_inertia is None else self.rotary_inertia,
-            0.0,
-            0.5 * diameter,
-        )
-        stiffness, mass, inertia, rest, half = (Curve.uniform(self.length, value) for value in values)
-        return Profile(self.length, stiffness, mass, inertia, rest, half, None if self.diameter is None else half)
+            found = of_samples(self.length, self.samples)
+        elif self.spirob is not None:
+            found = of_spiral(self.length, self.spirob, **own)
+        else:
+            found = of_sections(self.length, [section.completed(own) for section in self._all_sections])
+        return replace(found, graded=self.graded).scaled(self.factors)
