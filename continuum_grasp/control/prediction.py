@@ -411,9 +411,9 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
     ``SolverError`` where an initial equilibrium is not found.
     """
     initial, finger = scene.initial, model.system.finger_model
-    given, cells = initial.coordinates, initial.friction_states
+    given, cells = initial.q, initial.friction_states
     if given is not None and len(given) != finger.n:
-        initial = initial.replaced(pose="rest", q=None, q_above_rest=None, qd=None)
+        initial = initial.replaced(pose="rest", q=None, qd=None)
     if cells is not None and len(cells) != len(finger.friction_names):
         initial = initial.replaced(reached_by=None, friction_states=None)
     return start_state(scene, model, initial, scene.rest_input)

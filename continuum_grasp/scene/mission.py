@@ -17,6 +17,7 @@ from continuum_grasp.scene.tendons import TendonList, Tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
+    Configuration,
     Distance,
     Duration,
     Extent,
@@ -180,7 +181,7 @@ _MISSIONS = (
 )
 
 
-class MissionScene(Value):
+class MissionScene(Configuration):
     """A grasp that is optimized first, and then carried out by a controller on a plant.
 
     Each finger has a controller of its own, which knows nothing of the others. It believes that the object is fixed and
@@ -190,10 +191,6 @@ class MissionScene(Value):
     controller predicts the object's pose, and turns it on the table first.
     """
 
-    schema_version: Literal[1] = 1
-    """Format of a file, which must state it; not needed in Python."""
-    name: str | None = None
-    """Title of reports and pictures."""
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: fingers with tendon drives, each with its tip on the
     object, and middle contacts as it has them."""

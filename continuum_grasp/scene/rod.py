@@ -225,7 +225,7 @@ class Rod(Value):
         """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
         for k, at in enumerate(positions):
             if at > self.length * (1 + 1e-9):
-                raise ValueError(f"{key}.at[{k}] = {at} m is beyond the finger")
+                raise ValueError(f"{key}[{k}] = {at} m is beyond the finger")
 
     @property
     def graded(self) -> bool:

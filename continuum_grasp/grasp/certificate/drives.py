@@ -69,12 +69,9 @@ class WoundTendons:
     def path(self) -> float:
         """How far the bend draws in the tendon on the -X side, and pays out the other [m]."""
         (channel,), profile = self._shape.channels, self._shape.profile
-        edges = np.unique(np.concatenate([self._shape.joints, profile.breaks, channel.shape.breaks]))
-        # 16 nodes between places where it may have kinks: to rounding for tapers to a tenth.
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
-        s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
-        return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
+        edges = np.unique(np.concatenate([self._shape.joints, channel.shape.breaks]))
+        parts = profile.moments(lambda s: self._shape.curvature(s) * channel.shape(s), edges)
+        return float(abs(channel.arms[0]) * parts.sum())
 
     def pulled_by(self, tensions: Array, friction: TendonFriction | None) -> WoundTendons:
         """The same finger's at other tensions (2,) [N], with the friction of the same shape."""
