@@ -259,7 +259,18 @@ class Scenario(_Differs):
         return self.stated("weight")
 
 
-class Controller(Value):
+class Limited(Value):
+    """What all controllers keep to."""
+
+    input: InputLimits = InputLimits()
+    """Limits of the input."""
+    bounds: Bounds = Bounds()
+    """Bounds of the state."""
+    deadline: Duration | None = None
+    """Time after which a command counts as late [s]; None: the period."""
+
+
+class Controller(Limited):
     """Nonlinear model predictive control by real-time iterations."""
 
     period: Annotated[float, Field(ge=1e-6, le=10.0), Unit("s")] | None = None
@@ -268,10 +279,6 @@ class Controller(Value):
     """Time grid of the prediction."""
     cost: Cost
     """What is tracked, and the weight of each error."""
-    input: InputLimits = InputLimits()
-    """Limits of the input."""
-    bounds: Bounds = Bounds()
-    """Bounds of the state."""
     sqp_iterations: Annotated[int, Field(ge=1, le=20)] = 1
     """Linearizations of the problem per command. One is the real-time iteration; more approach the optimum of a
     strongly nonlinear problem, in as many times the time."""
@@ -290,8 +297,6 @@ class Controller(Value):
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 64-fold; where
     that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
     pretension of drives) until it is re-armed."""
-    deadline: Duration | None = None
-    """Time after which a command counts as late [s]; None: the period."""
 
     def _check(self) -> None:
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Positive, Real, Value, check_below, check_one_given
-from continuum_grasp.scene.varied import Follow, InSI, Key, Varied
+from continuum_grasp.scene.varied import InSI, Key, Varied
 
 QUANTITIES = {
     "tension": ("N", "sum of all tendon tensions"),
@@ -98,8 +98,6 @@ class Design(Varied):
 
     variables: Annotated[dict[Key, DesignVariable], InSI, Field(min_length=1, max_length=40)]
     """Key paths in the scene of the numbers that are to be chosen."""
-    follow: Annotated[dict[Key, Follow], InSI] = Field(default_factory=dict)
-    """Key paths in the scene that follow a variable: times its value, plus a number."""
     cases: Annotated[dict[str, dict[Key, Any]], Field(default_factory=dict, max_length=200)]
     """Objects or tasks by name, each as key paths with values that differ from the scene; empty: the scene itself."""
     minimize: Annotated[str, Field(min_length=1, examples=["tension", "-payload", "tension + 200 * finger_mass"])]
@@ -120,11 +118,7 @@ class Design(Varied):
         for key, variable in self.variables.items():
             if variable.name is not None and names.count(variable.name) > 1:
                 raise ValueError(f"variables: {key!r} shares the name {variable.name!r} with another one")
-        for key, follow in self.follow.items():
-            if key in self.variables:
-                raise ValueError(f"follow: {key!r} is a variable already")
-            if follow.key not in self.variables:
-                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not a variable")
+        self.check_follow(self.variables)
         for key in self.tolerances:
             if key in self.follow:
                 raise ValueError(f"tolerances: {key!r} follows {self.follow[key].key!r}; state the error of that key")

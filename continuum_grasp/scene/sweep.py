@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
-from continuum_grasp.scene.varied import Follow, InSI, Key, Varied
+from continuum_grasp.scene.varied import InSI, Key, Varied
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -147,8 +147,6 @@ class Sweep(Varied):
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
     """Random draws of keys; None: none."""
-    follow: Annotated[dict[Key, Follow], InSI] = Field(default_factory=dict)
-    """Key paths in the scene that follow a varied key: times its value, plus a number."""
     record: Annotated[tuple[str, ...], Field(strict=False, max_length=40)] = ()
     """More columns of the table: numbers of the result, such as ``quality.epsilon`` or ``statistics.starts``."""
     maps: tuple[Map, ...] = Field(default=(), strict=False)
@@ -161,12 +159,9 @@ class Sweep(Varied):
             raise ValueError("give vary, sample, or both")
         drawn = {} if self.sample is None else self.sample.keys
         keys = [*self.vary, *drawn]
-        for key in {*keys, *self.follow}:
-            if [*keys, *self.follow].count(key) > 1:
-                raise ValueError(f"{key!r} is given twice among vary, sample and follow")
-        for key, follow in self.follow.items():
-            if follow.key not in keys:
-                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not varied")
+        for key in self.vary.keys() & drawn.keys():
+            raise ValueError(f"{key!r} is given twice among vary and sample")
+        self.check_follow(keys)
         for k, name in enumerate(self.record):
             if not _RECORDED.fullmatch(name):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")

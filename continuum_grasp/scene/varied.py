@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -72,8 +72,18 @@ class Varied(Configuration):
     """Path of the scene that is varied, relative to this file."""
     set: dict[Key, Any] = Field(default_factory=dict)
     """Key paths in the scene with values that differ from its file in all runs."""
+    follow: Annotated[dict[Key, Follow], InSI] = Field(default_factory=dict)
+    """Key paths in the scene that follow a varied key: times its value, plus a number."""
 
     _folder: Path = PrivateAttr(default=Path())
+
+    def check_follow(self, varied: Collection[str]) -> None:
+        """Refuse keys that follow none of the varied ones, or are among them."""
+        for key, follow in self.follow.items():
+            if key in varied:
+                raise ValueError(f"follow: {key!r} is varied already")
+            if follow.key not in varied:
+                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not varied")
 
     def in_folder(self, folder: Path) -> Self:
         """A copy whose paths are relative to another folder than the working directory."""
