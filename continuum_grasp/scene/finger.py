@@ -224,9 +224,10 @@ class Finger(Value):
         """The rod along its length, with the finger's rest curvature and thickness."""
         from continuum_grasp.scene.profile import Curve
 
-        given = {"half_thickness": self.half_thickness, "rest_curvature": self.rest_curvature or None}
-        curves = {key: Curve.along(self.rod.length, value) for key, value in given.items() if value is not None}
-        return replace(self.rod.profile, **curves)
+        own, length = self.rod.profile, self.rod.length
+        half = own.half_thickness if self.half_thickness is None else Curve.along(length, self.half_thickness)
+        rest = Curve.along(length, self.rest_curvature) if self.rest_curvature else own.rest_curvature
+        return replace(own, rest_curvature=rest, half_thickness=half)
 
     @cached_property
     def stop_curvature(self) -> Curve | None:

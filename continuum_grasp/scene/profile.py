@@ -258,16 +258,16 @@ def _of_section(one: RodSection, span: float) -> tuple[float | Polynomial, ...]:
     width, thickness, modulus, density = (
         _line(value or 0.0, span) for value in (one.width, one.thick, one.youngs_modulus, one.density)
     )
+    inertia = _line(one.rotary_inertia or 0.0, span)
     if one.bending_stiffness is not None:
-        stiffness, mass, inertia = _line(one.bending_stiffness, span), _line(one.linear_density or 0.0, span), 0.0
+        stiffness, mass = _line(one.bending_stiffness, span), _line(one.linear_density or 0.0, span)
     else:
         if one.diameter is None:
             second, mass = width * thickness**3 / 12, density * width * thickness
         else:
             second, mass = math.pi * thickness**4 / 64, density * math.pi * thickness**2 / 4
-        stiffness, inertia = modulus * second, density * second
-    if one.rotary_inertia is not None:
-        inertia = _line(one.rotary_inertia, span)
+        stiffness = modulus * second
+        inertia = density * second if one.rotary_inertia is None else inertia
     return stiffness, mass, inertia, _line(one.rest_curvature or 0.0, span), thickness
 
 

@@ -164,7 +164,7 @@ Support = Annotated[Palm | Line | Point | VGroove, Field(discriminator="type")]
 class Supported(Value):
     """A scene whose object may touch supports."""
 
-    supports: Annotated[dict[str, Support], Field(default_factory=dict, max_length=8)]
+    supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
     """Fixed walls, edges, points and grooves by name, which the object may touch."""
 
     @property
