@@ -226,14 +226,15 @@ class SpiRob(Value):
         inside = (length * (base - base * (tip / base) ** (k / n)) / (base - tip) for k in range(1, n))
         return (0.0, *inside, length)
 
-    def positioned(self, length: float) -> list[Positioned]:
-        """What is known at its two ends."""
+    def section(self, length: float) -> RodSection:
+        """The straightened spiral as a section of a length [m], of its full thickness."""
+        thickness = (self.base_thickness, self.tip_thickness)
+        return RodSection(to=length, thickness=thickness, width=thickness if self.width is None else self.width)
+
+    def check(self, length: float) -> None:
+        """Refuse units that turn too far."""
         if self.unit_angle(length) > _MOST_UNIT:
             raise ValueError(
                 f"spirob.units = {self.units}: each would turn by {math.degrees(self.unit_angle(length)):.0f} degrees; "
                 f"take more units, so that it is {math.degrees(_MOST_UNIT):.0f} degrees at most"
             )
-        return [
-            Positioned("spirob.base_thickness", 0.0, self.base_thickness, None),
-            Positioned("spirob.tip_thickness", length, self.tip_thickness, None),
-        ]

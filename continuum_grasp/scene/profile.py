@@ -295,18 +295,6 @@ def of_samples(length: float, samples: RodSamples) -> Profile:
     )
 
 
-def of_spiral(length: float, spiral: SpiRob, **material: float | None) -> Profile:
-    """A straightened spiral; ``material`` is that of a section."""
-    thickness = (spiral.base_thickness, spiral.tip_thickness)
-    width = thickness if spiral.width is None else spiral.width
-    whole = of_sections(length, [RodSection(to=length, thickness=thickness, width=width, **material)])
-    return replace(
-        whole,
-        bending_stiffness=whole.bending_stiffness.scaled(spiral.core**3),
-        half_depth=whole.half_thickness.scaled(spiral.core),
-    )
-
-
 def _line(value: Varying[float], span: float) -> float | Polynomial:
     """A number, or one that is linear between its two values over a span [m]."""
     first, last = ends(value)

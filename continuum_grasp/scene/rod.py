@@ -137,10 +137,11 @@ class Rod(Value):
             for key in ("youngs_modulus", "density", "rotary_inertia"):
                 if getattr(self, key) is not None:
                     raise ValueError(f"{key} has no effect beside samples, which give stiffness and mass")
-        else:
+        elif self.spirob is not None:
             missing = [key for key in ("youngs_modulus", "density") if getattr(self, key) is None]
             if missing:
                 raise ValueError(f"spirob needs {' and '.join(missing)} of the rod")
+            self.spirob.check(self.length)
         self._check_values(self._positioned)
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
@@ -198,20 +199,20 @@ class Rod(Value):
             if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
                 raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
             return self.samples.positioned
-        if self.spirob is not None:
-            return self.spirob.positioned(self.length)
         starts = [0.0, *(one.to for one in self._all_sections)]
         return [
             one
             for k, (section, start) in enumerate(zip(self._all_sections, starts, strict=False))
-            for one in section.positioned(start, f"sections[{k}]")
+            for one in section.positioned(start, f"sections[{k}]" if self.sections else "spirob")
         ]
 
     @property
     def _all_sections(self) -> tuple[RodSection, ...]:
-        """The sections; a uniform rod is a single one."""
+        """The sections; a uniform rod and a straightened spiral are a single one."""
         if self.sections is not None:
             return self.sections
+        if self.spirob is not None:
+            return (self.spirob.section(self.length),)
         keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
         return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
 
@@ -273,13 +274,16 @@ class Rod(Value):
     @cached_property
     def profile(self) -> Profile:
         """Stiffness, mass, rest curvature and thickness along its length."""
-        from continuum_grasp.scene.profile import of_samples, of_sections, of_spiral
+        from continuum_grasp.scene.profile import of_samples, of_sections
 
-        own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
         if self.samples is not None:
             found = of_samples(self.length, self.samples)
-        elif self.spirob is not None:
-            found = of_spiral(self.length, self.spirob, **own)
         else:
+            own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
             found = of_sections(self.length, [section.completed(own) for section in self._all_sections])
+        if self.spirob is not None:
+            stiffness = found.bending_stiffness.scaled(self.spirob.core**3)
+            found = replace(
+                found, bending_stiffness=stiffness, half_depth=found.half_thickness.scaled(self.spirob.core)
+            )
         return replace(found, graded=self.graded).scaled(self.factors)
