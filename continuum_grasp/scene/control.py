@@ -97,7 +97,7 @@ class ControlScene(CommandedScene):
             self._check_estimator(self.estimator)
         self._check_scenarios()
         self._doubt_margin()
-        self.finger.rod.check_inside("loads", self.loads)
+        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
@@ -108,7 +108,7 @@ class ControlScene(CommandedScene):
                     known = ", ".join(self.contact_names)
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
-            self.finger.rod.check_sections("controller.cost.shape.at", cost.shape.at)
+            self.finger.rod.check_inside("controller.cost.shape.at[{}]", cost.shape.at)
         check_reach(self.finger, "reference", dict(given), () if cost.shape is None else cost.shape.at, self.object)
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
@@ -144,7 +144,7 @@ class ControlScene(CommandedScene):
             asked, delay = estimator.measured, estimator.delay
             estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
-            self.finger.rod.check_sections("estimator.measured.bending.at", estimator.measured.bending.at)
+            self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         if self.object_moves and estimator.measured.object is None:
             raise ValueError("object_moves needs estimator.measured.object, by which the controller knows where it is")
         for name in ("bending_stiffness", "tendon_friction"):

@@ -216,7 +216,7 @@ class ContactDetection(Value):
             )
         if self.tendon_friction > 0.0 and len({tendon.friction for tendon in finger.tendon_list}) > 1:
             raise ValueError(f"{key}.tendon_friction must be zero where tendons have different coefficients")
-        finger.rod.check_sections(f"{key}.places", self.places)
+        finger.rod.check_inside(f"{key}.places[{{}}]", self.places)
 
 
 class Estimator(Value):

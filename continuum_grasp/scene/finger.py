@@ -133,7 +133,7 @@ class Finger(Value):
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
-        self.rod.check_inside("masses", self.masses)
+        self.rod.check_inside("masses[{}].at", (mass.at for mass in self.masses))
         if half is not None and half >= length:
             raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
         if self.strain_limit is not None and not self.rod.own_thickness:

@@ -248,7 +248,7 @@ class PlanScene(CommandedScene):
         self._check_inputs()
         goal = self.goal
         if goal.shape is not None:
-            self.finger.rod.check_sections("goal.shape.at", goal.shape.at)
+            self.finger.rod.check_inside("goal.shape.at[{}]", goal.shape.at)
         # The base of a plan with a grasp is that of the grasp, which is not known yet.
         if self.grasp is None:
             check_reach(self.finger, "goal", goal.targets, () if goal.shape is None else goal.shape.at)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
@@ -29,13 +29,6 @@ _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 _MOST_THICKNESS = 1.0 / 3.0
 """Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
-
-
-class _Placed(Protocol):
-    """Something at a position along the finger."""
-
-    @property
-    def at(self) -> float: ...
 
 
 class Rod(Value):
@@ -216,17 +209,11 @@ class Rod(Value):
         keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
         return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
 
-    def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
-        """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
-        for k, one in enumerate(placed):
-            if one.at > self.length * (1 + 1e-12):
-                raise ValueError(f"{key}[{k}].at = {one.at} m is beyond the finger's length of {self.length} m")
-
-    def check_sections(self, key: str, positions: Iterable[float]) -> None:
-        """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
+    def check_inside(self, key: str, positions: Iterable[float]) -> None:
+        """Refuse positions beyond the tip, but for the rounding of sums; ``key`` has {} for the number of each."""
         for k, at in enumerate(positions):
             if at > self.length * (1 + 1e-9):
-                raise ValueError(f"{key}[{k}] = {at} m is beyond the finger")
+                raise ValueError(f"{key.format(k)} = {at} m is beyond the finger's length of {self.length} m")
 
     @property
     def graded(self) -> bool:

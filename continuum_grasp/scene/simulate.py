@@ -220,8 +220,8 @@ class Scene(FingerScene):
     """Duration and steps of a simulation; None: for statics and modes alone."""
 
     def _check(self) -> None:
-        self.finger.rod.check_inside("loads", self.loads)
-        self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
+        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
+        self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
             self._check_actuation(self.actuation)
         self.initial.check_motors(self.finger)
