@@ -146,7 +146,6 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
             "initial": {"q": [0.1, 0.2, 0.3], "qd": [0.1, 0.2, 0.3], "reached_by": "pulling"},
         },
     ),
-    "bent above rest": ("close_on_mug", {"initial": {"q_above_rest": [0.1, 0.2, 0.3]}}),
     "stops": ("close_on_mug", {"finger.stops": {"curvature": 20.0, "stiffness_ratio": 30.0}}),
     "relaxation": ("close_on_mug", _RELAXING),
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
@@ -289,7 +288,6 @@ NOT_ALONE = {
     "fidelity.tolerance": "it excludes other keys",
     "fidelity.residual": "it belongs to the one model for which it was learned",
     "initial.motor_angles": "it needs an equilibrium",
-    "goal.grasp_weight": "it needs a grasp, which is searched first",
     "initial.friction_states": "initial.reached_by must be state",
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
 }

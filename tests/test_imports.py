@@ -201,7 +201,7 @@ def test_drawing_is_imported_when_needed(importer):
 
 def test_scenes_are_read_without_numpy():
     """Which loads with the curves of a finger, when these are asked for."""
-    curves = {PACKAGE / "scene" / name for name in ("profile.py", "graded_profile.py")}
+    curves = {PACKAGE / "scene" / name for name in ("profile.py",)}
     heavy = {"numpy", "scipy", *(f"continuum_grasp.scene.{file.stem}" for file in curves)}
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"

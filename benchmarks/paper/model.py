@@ -185,7 +185,7 @@ class _PaperEquations(Equations):
             _, outer = appendix.right_hand_side(self.arcs, self.theta, self.qd, *self.point_forces, reading)
         else:
             outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
-        return [outer[i] + self.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]
+        return [outer[i] + self.moving.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

@@ -62,14 +62,13 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
     fidelity = Fidelity(family=model.family, elements=lengths, bending_range=reach)
     same = scene.replaced(finger=finger, fidelity=fidelity)
     initial = scene.initial
-    if initial.coordinates is None:
+    if initial.q is None:
         return same
     finer = FingerModel(same.replaced(initial=Initial(pose="straight")))  # coordinates are those of the scene's model
-    key = "q_above_rest" if initial.q is None else "q"
     u = Signals(scene, model).u(0.0)[0]
-    q = np.array(initial.coordinates)
+    q = np.array(initial.q)
     at = translated(model, q, u, finer)
-    given = {key: tuple(at.tolist())}
+    given = {"q": tuple(at.tolist())}
     if initial.qd is not None:
         given["qd"] = tuple((translated(model, q + initial.qd, u, finer) - at).tolist())
     return same.replaced(initial=initial.replaced(**given))

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.closed_loop.links import Links, lump
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[np.float64]
@@ -94,12 +93,9 @@ class HingeChain:
         return weights, carried
 
     def _guided(self, tendon: Tendon, axial_stiffness: float | None) -> Guided:
-        to = self.length if tendon.to is None else tendon.to
+        to = tendon.end(self.length)
         at = self.links.at[self.links.at < to]
-        first, last = ends(tendon.offset)
-        # The constant cosine between a tendon and the backbone.
-        arms = np.zeros(self.hinges)
-        arms[: len(at)] = (first + (last - first) * at / to) / np.sqrt(1.0 + tendon.slope(self.length) ** 2)
+        arms = tendon.arm(self.length) * tendon.shape(self.length)(self.links.at, tip_side=True)
         stiffness = tendon.axial_stiffness or axial_stiffness or np.inf
         free = 0.0 if tendon.series_stiffness is None else 1.0 / tendon.series_stiffness
         pieces = np.diff([0.0, *at, to]) / stiffness

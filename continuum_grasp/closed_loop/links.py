@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,9 +17,6 @@ from continuum_grasp.scene.profile import Profile
 
 Array = NDArray[np.float64]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-"""For integrals between the breaks of a profile, where its curves are polynomials, or exponentials or quotients of
-them: far below the error of the chain."""
 _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
 _GRID = 4097
@@ -107,9 +104,9 @@ def lump(
     profile = finger.profile
     length = profile.length
     edges = np.linspace(0.0, length, count + 1) if even else _edges(profile, count, marks)
-    compliance, first = _moments(finger, edges, lambda s: 1.0 / profile.bending_stiffness(s))
+    compliance, first = profile.moments(lambda s: 1.0 / profile.bending_stiffness(s), edges, 2)
     at = first / compliance
-    rest, _ = _moments(finger, edges, profile.rest_curvature)
+    (rest,) = profile.moments(profile.rest_curvature, edges)
     # The damping goes with the stiffness along the finger; its coefficient is that at the base.
     stiffness = 1.0 / compliance
     damping = finger.damping.material / float(profile.bending_stiffness(0.0)) * stiffness
@@ -118,9 +115,8 @@ def lump(
         element = np.clip(np.searchsorted(np.cumsum(per_arc), at), 0, len(per_arc) - 1)
         damping = damping + finger.damping.per_arc * np.asarray(per_arc)[element] / np.diff(edges)
     bounds = np.append(at, length)
-    mass, first = _moments(finger, bounds, profile.linear_density)
-    _, _, second = _moments(finger, bounds, profile.linear_density, powers=3)
-    turning, _ = _moments(finger, bounds, profile.rotary_inertia)
+    mass, first, second = profile.moments(profile.linear_density, bounds, 3)
+    (turning,) = profile.moments(profile.rotary_inertia, bounds)
     sideways = np.zeros(count)
     for point in finger.masses:
         k = int(np.searchsorted(at, point.at, side="right")) - 1
@@ -137,7 +133,7 @@ def lump(
         turning[-1] += body.rotary_inertia
     center, across = first / mass, sideways / mass
     inertia = turning + second - mass * (center**2 + across**2)
-    stop = None if finger.stop_curvature is None else _moments(finger, edges, finger.stop_curvature)[0]
+    stop = None if finger.stop_curvature is None else profile.moments(finger.stop_curvature, edges)[0]
     return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
 
 
@@ -156,9 +152,7 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
             key="hinges",
         )
     s = np.unique(np.concatenate([np.linspace(0.0, length, _GRID), bounds, profile.breaks]))
-    middles = 0.5 * (s[:-1] + s[1:])
-    waves = (profile.linear_density(middles) / profile.bending_stiffness(middles)) ** 0.25
-    along = np.concatenate([[0.0], np.cumsum(waves * np.diff(s))])
+    along = profile.waves(s)
     marked = np.interp(bounds, s, along)
     counts = np.ones(len(bounds) - 1, dtype=int)
     for _ in range(count - len(counts)):  # the next one where the elements are longest
@@ -167,21 +161,6 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
     edges = np.interp(np.concatenate([*pieces, marked[-1:]]), along, s)
     edges[np.cumsum([0, *counts])] = bounds  # where marks are, to the last digit
     return np.asarray(edges)
-
-
-def _moments(finger: Finger, bounds: Array, density: Callable[[Array], Array], powers: int = 2) -> tuple[Array, ...]:
-    """Integrals of a density times 1, s, s^2 ... between neighboring bounds [m]."""
-    found = np.zeros((powers, len(bounds) - 1))
-    for start, end in finger.profile.panels(*bounds):
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        part = int(np.searchsorted(bounds, middle)) - 1
-        if part < 0:  # before the first hinge
-            continue
-        s = middle + half * _NODES
-        values = half * _WEIGHTS * density(s)
-        for power in range(powers):
-            found[power, part] += float(values @ s**power)
-    return tuple(found)
 
 
 def rounded_step(longest: float, whole: float | None) -> float:

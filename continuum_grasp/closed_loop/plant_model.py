@@ -19,7 +19,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
-from continuum_grasp.scene.profile import Profile
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -42,7 +41,8 @@ def plant_scene(scene: ControlScene) -> Scene:
     if damping.per_arc > 0.0:
         # Material damping that takes as much power from the controller's elements, bent by a moment that is the same
         # everywhere, so that the plant's damping does not depend on its number of elements.
-        bends = _bends(finger.profile, element_lengths(finger.profile, scene.contacts, scene.fidelity.elements))
+        edges = np.cumsum([0.0, *element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)])
+        (bends,) = finger.profile.moments(lambda s: 1.0 / finger.profile.bending_stiffness(s), edges)
         material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
     if plant.tip_mass > 0.0:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
@@ -71,17 +71,6 @@ def plant_scene(scene: ControlScene) -> Scene:
         initial=initial,
         loads=scene.loads,
     )
-
-
-def _bends(profile: Profile, lengths: Sequence[float]) -> Array:
-    """Bend of each element per moment that is the same everywhere [rad/(N m)]."""
-    edges, (nodes, weights) = np.cumsum(lengths), np.polynomial.legendre.leggauss(16)
-    found = np.zeros(len(lengths))
-    for a, b in profile.panels(*edges):
-        within = a + 0.5 * (b - a) * (nodes + 1.0)
-        compliance = 0.5 * (b - a) * float(weights @ (1.0 / profile.bending_stiffness(within)))
-        found[min(int(np.searchsorted(edges, 0.5 * (a + b))), len(found) - 1)] += compliance
-    return found
 
 
 def _stiffer(rod: Rod, factor: float) -> Rod:

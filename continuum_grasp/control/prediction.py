@@ -22,7 +22,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -188,7 +187,7 @@ class Prediction(Remade):
         if isinstance(winch, Motor) and not follows:
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)
-            paths = [max(map(abs, ends(finger.tendon_list[k].offset))) * bend for k in winch.tendons]
+            paths = [finger.tendon_list[k].greatest_offset * bend for k in winch.tendons]
             elongation = winch.drive.torque_max / (winch.radius * float(winch.stiffness))
             reach = (max(paths) + elongation + abs(float(winch.start))) / winch.radius
         return DriveState(state, follows or (0.0,) * self.nu, reach, winch.time_constant)
@@ -407,9 +406,9 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
     ``SolverError`` where an initial equilibrium is not found.
     """
     initial, finger = scene.initial, model.system.finger_model
-    given, cells = initial.coordinates, initial.friction_states
+    given, cells = initial.q, initial.friction_states
     if given is not None and len(given) != finger.n:
-        initial = initial.replaced(pose="rest", q=None, q_above_rest=None, qd=None)
+        initial = initial.replaced(pose="rest", q=None, qd=None)
     if cells is not None and len(cells) != len(finger.friction_names):
         initial = initial.replaced(reached_by=None, friction_states=None)
     return start_state(scene, model, initial, scene.rest_input)

@@ -183,9 +183,8 @@ class DesignResult(Result):
         """Values of the variables and of what follows them at the best design, by key, SI; empty without one."""
         if self.best is None:
             return {}
-        found = self._values(self.best.coordinates).tolist()
-        following = {one.key: one.times * found[one.variable] + one.plus for one in self.space.following}
-        return {**dict(zip(self.keys, found, strict=True)), **following}
+        found = dict(zip(self.keys, self._values(self.best.coordinates).tolist(), strict=True))
+        return found | {one.key: one.times * found[one.source] + one.plus for one in self.space.following}
 
     def _values(self, coordinates: Array) -> Array:
         pairs = zip(self.space.coordinates, coordinates, strict=True)

@@ -16,7 +16,6 @@ from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.profile import Channel
 
 _USUAL_RATE = 10.0
@@ -88,7 +87,7 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
     if kind in ("torque", "current"):
         return winch.drive.limit
     tendon = model.finger.tendon_list[winch.tendons[0]]
-    bend = max(map(abs, ends(tendon.offset))) * sum(model.ranges)
+    bend = tendon.greatest_offset * sum(model.ranges)
     return float((bend + tendon.max_tension / winch.stiffness) / winch.radius)
 
 

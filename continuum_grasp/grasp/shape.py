@@ -15,13 +15,6 @@ from continuum_grasp.scene.profile import Curve
 Array = NDArray[Any]
 
 
-def slope(curve: Curve, s: float) -> float:
-    """Derivative of a curve at a position [m]; where it has a kink or jumps, that of the base side."""
-    piece = int(np.searchsorted(np.asarray(curve.edges[1:-1]), s - 1e-9 * curve.edges[-1]))
-    # A complex step subtracts nothing: exact to rounding.
-    return float(np.imag(curve.on(piece, s + 1e-30j)) / 1e-30)
-
-
 class FingerShape:
     """The curvature along a finger of a grasp, linear in its coordinates.
 

@@ -21,7 +21,7 @@ def skin(thickness: Curve) -> Curve:
     """Half thickness [m] whose kinks and jumps are rounded by cubics, with a continuous slope."""
     length, corners = thickness.edges[-1], []
     for k, at in enumerate(thickness.edges[1:-1], 1):
-        before, after = _local(thickness, k - 1, at), _local(thickness, k, at)
+        before, after = thickness.local(k - 1, at), thickness.local(k, at)
         jump, bend = after(0.0) - before(0.0), after.deriv()(0.0) - before.deriv()(0.0)
         if abs(jump) > _SAME * length or abs(bend) > _SAME:
             # Not beyond half-way to the next edge.
@@ -34,16 +34,11 @@ def skin(thickness: Curve) -> Curve:
     for k, (a, b) in enumerate(zip(thickness.edges[:-1], thickness.edges[1:], strict=True)):
         start, end = a + widths.get(k, 0.0), b - widths.get(k + 1, 0.0)
         edges.append(end)
-        pieces.append(tuple(_local(thickness, k, start).coef.tolist()))
+        pieces.append(tuple(thickness.local(k, start).coef.tolist()))
         if k + 1 in widths:
             edges.append(b + widths[k + 1])
-            pieces.append(_cubic(_local(thickness, k, end), _local(thickness, k + 1, edges[-1]), edges[-1] - end))
+            pieces.append(_cubic(thickness.local(k, end), thickness.local(k + 1, edges[-1]), edges[-1] - end))
     return Curve(tuple(edges), tuple(pieces))
-
-
-def _local(curve: Curve, piece: int, at: float) -> Polynomial:
-    """A piece as a polynomial of the distance from a position."""
-    return Polynomial(Polynomial(curve.coefficients[piece])(Polynomial([at - curve.edges[piece], 1.0])).coef)
 
 
 def _cubic(start: Polynomial, end: Polynomial, width: float) -> tuple[float, ...]:

@@ -11,8 +11,6 @@ from continuum_grasp.identification.data import Reading
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import Motor
 
-_Function = Callable[..., ca.SX]
-
 
 def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX, p: ca.SX, *history: ca.SX) -> ca.SX:
     """Readings of a finger at rest; ``history`` is that of tendon friction, where there is any.

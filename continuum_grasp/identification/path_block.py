@@ -100,9 +100,9 @@ class PathBlock(Block):
         elif self._shape is not None:
             resting = next(self._shape.all(shared))
             x[:n], slope[:n, : self._count] = resting.q, resting.by_q
-        elif self._initial.coordinates is not None:
+        elif self._initial.q is not None:
             model.structure.check_initial(self._initial)
-            x[:n] = self._initial.coordinates
+            x[:n] = self._initial.q
         if self._measured is None and self._initial.qd is not None:
             x[n : 2 * n] = self._initial.qd
         t = float(self._t[0]) if self._measured else 0.0

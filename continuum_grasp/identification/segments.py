@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.identify import Excitation
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.modes import modes
@@ -94,13 +93,13 @@ def patterns_of(scene: Scene) -> list[Pattern]:
     if not tendons:
         most = bend * finger.rod.stiffness / finger.rod.length
         return [Pattern(name, np.array([way]), most) for name, way in directions.items()]
-    sides = np.array([np.sign(ends(one.offset)[0]) for one in tendons])
+    sides = np.array([np.sign(one.arm(finger.rod.length)) for one in tendons])
     strong = max(one.max_tension for one in tendons)
     if key == "tensions":
         return _of_sides(sides, directions, 0.0, strong)
     winches = model.structure.winches
     # Cable for the whole bending range, and for the elongation by the greatest tension.
-    offset = max(abs(at) for one in tendons for at in ends(one.offset))
+    offset = max(one.greatest_offset for one in tendons)
     cable = bend * offset + strong / float(winches[0].stiffness)
     drive = finger.winches[0]
     if isinstance(drive, MotorDrive):

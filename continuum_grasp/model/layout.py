@@ -109,9 +109,7 @@ class _Waves:
         if self._even:
             return
         s = np.unique(np.concatenate([np.linspace(a, b, _FINE + 1) for a, b in profile.panels()]))
-        middle = 0.5 * (s[1:] + s[:-1])
-        density = (profile.linear_density(middle) / profile.bending_stiffness(middle)) ** 0.25
-        self._s, self._sum = s, np.concatenate([[0.0], np.cumsum(density * np.diff(s))])
+        self._s, self._sum = s, profile.waves(s)
 
     def upto(self, at: float) -> float:
         """The integral from the base to a position [m]."""

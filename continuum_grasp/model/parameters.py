@@ -92,10 +92,6 @@ class Parameters:
             labels += [f"{tag} [{unit}]" for tag in tags]
         return labels
 
-    def nominal_of(self, name: str) -> float:
-        """Value that the finger has."""
-        return self._nominal[name][0]
-
     def is_runtime(self, name: str) -> bool:
         """Whether a parameter is a run-time argument."""
         return name in self._symbols

@@ -24,7 +24,6 @@ from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -110,7 +109,7 @@ class Structure:
 
     def _check_within_arms(self) -> None:
         """Refuse bends that would turn the path of a tendon on a winch inside out."""
-        arm = max(abs(at) for tendon in self.finger.tendon_list for at in ends(tendon.offset))
+        arm = max(tendon.greatest_offset for tendon in self.finger.tendon_list)
         for k, (reach, h) in enumerate(zip(self.ranges, self.lengths, strict=True)):
             if arm * reach >= h:
                 raise InputError(
@@ -121,13 +120,7 @@ class Structure:
 
     def check_initial(self, initial: Initial) -> None:
         """Raise InputError where coordinates or rates at time zero are not as many as the model has."""
-        if initial.q is not None and any(" above rest " in name for name in self.q_names):
-            raise InputError(
-                "this finger is curved at rest, and coordinates count from there since version 0.3: write "
-                f"q_above_rest for {', '.join(self.q_names)}",
-                key="initial.q",
-            )
-        for name, given in (("q", initial.q), ("q_above_rest", initial.q_above_rest), ("qd", initial.qd)):
+        for name, given in (("q", initial.q), ("qd", initial.qd)):
             if given is not None and len(given) != self.n:
                 raise InputError(
                     f"{name} has {len(given)} entries, the {self.family_name} model has {self.n}: "
@@ -219,12 +212,7 @@ class Structure:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
-        jumps = (
-            scene is not None
-            and scene.time is not None
-            and scene.initial.coordinates is None
-            and tip_moment_jumps(scene)
-        )
+        jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
         free = self.needs_free_tip or self._tip_couple_varies() or jumps or unknown
         return default_family(free_tip=free)
 

@@ -18,7 +18,7 @@ from continuum_grasp.planning.goal import GoalPart
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.plan import Goal, PlanScene, RowAim
+from continuum_grasp.scene.plan import PlanScene, RowAim
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,8 @@ _BALANCE, _BALANCE_HELD = 0.1, 10.0
 """Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
 _TAUT = 10.0
 """Weight of tensions that are missing, per the least one."""
-_NO_WEIGHT = Goal.model_fields["grasp_weight"].default
+_OF_FORCES = 1e4
+"""Weight of half the squared error of the contact forces of a grasp [1/N2]: elements of a plan need not reach them."""
 _NEAR_FIRST = 1e-3
 """Weight of what leaves the posture open: little, so that it decides nothing else."""
 
@@ -224,13 +225,13 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
     tip = of_finger.pop(f"{name}.tip", (0.0, 0.0))[1]
     middle = sorted(place for contact, place in of_finger.items() if contact.startswith(f"{name}."))
     backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
-    aim = RowAim(value=(*(force for _, force in middle), tip), weight=scene.goal.grasp_weight)
+    aim = RowAim(value=(*(force for _, force in middle), tip), weight=_OF_FORCES)
     found = scene.replaced(
         grasp=None,
         finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),
         object=scene.object and scene.object.replaced(position=tuple(pose[:2]), angle=pose[2]),
         contacts=tuple(at for at, _ in middle),
-        goal=scene.goal.model_copy(update={"contact_force": aim, "grasp_weight": _NO_WEIGHT}),
+        goal=scene.goal.model_copy(update={"contact_force": aim}),
     )
     # Bending angles of the plan's elements, whose ends are not the stations of the grasp.
     edges = np.cumsum([0.0, *Prediction(found).system.finger_model.lengths])

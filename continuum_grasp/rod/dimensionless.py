@@ -163,7 +163,7 @@ def _tendons(
             if arm == 0.0:
                 continue
             if wound is not None and own.axial_stiffness is not None and own.series_stiffness is not None:
-                to = 1.0 if own.to is None else own.to / finger.profile.length
+                to = own.end(finger.profile.length) / finger.profile.length
                 cable = Cable(wound[k], arm, 1.0 / own.series_stiffness, 1.0 / own.axial_stiffness, to)
                 found.append(Tendon(channel.shape, arm * scale, friction, own.conduit_bend, cable))
             elif own.friction == 0.0:

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.estimator import Measured as Measured
     from continuum_grasp.scene.finger import BasePose as BasePose
     from continuum_grasp.scene.finger import Finger as Finger
-    from continuum_grasp.scene.finger import PiecewiseCurvature as PiecewiseCurvature
     from continuum_grasp.scene.finger import PointMass as PointMass
     from continuum_grasp.scene.finger import Stops as Stops
     from continuum_grasp.scene.finger import TipBody as TipBody
+    from continuum_grasp.scene.graded import PiecewiseCurvature as PiecewiseCurvature
     from continuum_grasp.scene.graded import RodFactors as RodFactors
     from continuum_grasp.scene.graded import RodSamples as RodSamples
     from continuum_grasp.scene.graded import RodSection as RodSection

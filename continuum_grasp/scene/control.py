@@ -8,15 +8,14 @@ from typing import Annotated
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.controller import Controller, Plant
+from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant
 from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_reach
-from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
-from continuum_grasp.scene.value import Duration, Length, doubt
+from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.value import Duration, doubt
 
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
@@ -69,18 +68,11 @@ _LOOPS = (
 )
 
 
-class ControlScene(FingerScene):
+class ControlScene(CommandedScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
-    finger: Finger
-    """The finger of the controller's model."""
-    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where known forces act [m]; element boundaries. Contacts with an object are at these
-    and at the tip."""
     fidelity: Fidelity = Fidelity()
     """How finely the controller's model is."""
-    parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """Model parameters that are run-time arguments of the controller."""
     controller: Controller
     """The controller: horizon, weights, limits."""
     reference: Reference = Reference()
@@ -105,7 +97,7 @@ class ControlScene(FingerScene):
             self._check_estimator(self.estimator)
         self._check_scenarios()
         self._doubt_margin()
-        self.finger.rod.check_inside("loads", self.loads)
+        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
     def _check_references(self) -> None:
         cost, given = self.controller.cost, self.reference
@@ -116,7 +108,7 @@ class ControlScene(FingerScene):
                     known = ", ".join(self.contact_names)
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
-            self.finger.rod.check_sections("controller.cost.shape", cost.shape.at)
+            self.finger.rod.check_inside("controller.cost.shape.at[{}]", cost.shape.at)
         check_reach(self.finger, "reference", dict(given), () if cost.shape is None else cost.shape.at, self.object)
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
@@ -152,7 +144,7 @@ class ControlScene(FingerScene):
             asked, delay = estimator.measured, estimator.delay
             estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
         if estimator.measured.bending is not None:
-            self.finger.rod.check_sections("estimator.measured.bending", estimator.measured.bending.at)
+            self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         if self.object_moves and estimator.measured.object is None:
             raise ValueError("object_moves needs estimator.measured.object, by which the controller knows where it is")
         for name in ("bending_stiffness", "tendon_friction"):
@@ -215,19 +207,8 @@ class ControlScene(FingerScene):
         return tuple(dict.fromkeys((*self.parameters, *varied)))
 
     @property
-    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest input, each in its unit."""
-        return self.controller.input.limits(self.finger)
-
-    @property
-    def rest_input(self) -> tuple[float, ...]:
-        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        return self.controller.input.rest(self.finger)
-
-    @property
-    def lag(self) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once."""
-        return self.controller.input.lag(self.finger)
+    def limits(self) -> InputLimits:
+        return self.controller.input
 
     @property
     def contact_names(self) -> tuple[str, ...]:

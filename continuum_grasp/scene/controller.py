@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -12,7 +12,7 @@ from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
-from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.simulate import Fidelity, FingerScene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -55,8 +55,8 @@ class _Zone(Value):
     """What must stay outside: the tip, or also four sections of every element."""
     clearance: Distance = 0.0
     """Distance from the edge [m]."""
-    penalty: Penalty | Literal["hard"] = Penalty()
-    """Of a violation; hard: there is none, or no solution."""
+    penalty: Penalty | Literal["hard"] | None = None
+    """Of a violation; hard: there is none, or no solution; None: soft, and hard in plans."""
 
 
 class HalfPlaneZone(_Zone):
@@ -93,8 +93,10 @@ class Bounds(Value):
     """Greatest bending rate of an element [rad/s]."""
     keep_out: dict[str, Zone] = Field(default_factory=dict)
     """Zones by name."""
-    penalty: Penalty | Literal["hard"] = Penalty()
-    """Of violations of curvature and speed; hard: there is none, or no solution."""
+    penalty: Penalty | Literal["hard"] | None = None
+    """Of violations of curvature and speed; hard: there is none, or no solution; None: soft, and hard in plans."""
+    usual_penalty: ClassVar[Penalty | Literal["hard"]] = Penalty()
+    """That where none is given."""
 
     def curvature_limit_at(self, finger: Finger, s: float) -> float:
         """Greatest curvature at a position [m], apart from the bending range of a model [1/m]."""
@@ -181,6 +183,30 @@ class InputLimits(Value):
         return min(known) if len(known) == len(lags) else None
 
 
+class CommandedScene(FingerScene):
+    """A scene of one finger whose input is chosen, within limits."""
+
+    @property
+    def limits(self) -> InputLimits:
+        """Limits of the input."""
+        raise NotImplementedError
+
+    @property
+    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest input, each in its unit."""
+        return self.limits.limits(self.finger)
+
+    @property
+    def rest_input(self) -> tuple[float, ...]:
+        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
+        return self.limits.rest(self.finger)
+
+    @property
+    def lag(self) -> float | None:
+        """Shortest time constant of the drive [s]; None: an input acts at once."""
+        return self.limits.lag(self.finger)
+
+
 class Horizon(Value):
     """Time grid of the prediction."""
 
@@ -198,36 +224,53 @@ class Horizon(Value):
     contacts that close within one)."""
 
 
-class Scenario(Value):
+class _Differs(Value):
+    """How a finger differs from that of the controller."""
+
+    stiffness: Annotated[Positive, Unit("1")] = 1.0
+    """Bending stiffness per that of the controller's finger [1]."""
+    damping: Annotated[Positive, Unit("1")] = 1.0
+    """Damping of the material and per element, per that of the controller's finger [1]."""
+    tip_mass: Mass = 0.0
+    """Mass at the tip that the controller's finger does not have [kg]."""
+    tendon_friction: Friction | None = None
+    """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
+    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
+    """Sliding of the tendons within which friction turns from one direction to the other, halved [m]; None: as the
+    controller knows it."""
+    axial_stiffness: Annotated[Positive, Unit("N")] | None = None
+    """Stiffness EA of the tendons [N]; None: as the controller knows it. Needed for ``guides`` where the tension is
+    commanded."""
+    series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
+    """Stiffness between drive and finger [N/m]; None: as the controller knows it."""
+    time_constant: TimeConstant | None = None
+    """Time constant of the drive [s]; None: as the controller knows it."""
+
+
+class Scenario(_Differs):
     """A plant that a robust controller plans for, by how it differs from the controller's finger."""
 
     weight: Annotated[Positive, Unit("1")] = 1.0
     """Of its cost, beside those of the other plants: its probability, up to a factor [1]. Constraints count in full."""
-    stiffness: Annotated[Positive, Unit("1")] | None = None
-    """Bending stiffness per that of the finger [1]."""
-    damping: Annotated[Positive, Unit("1")] | None = None
-    """Damping of the material and per element, per that of the finger [1]."""
-    tip_mass: Mass | None = None
-    """Mass at the tip beside that of the finger [kg]."""
-    tendon_friction: Friction | None = None
-    """Capstan friction coefficient of the tendons [1]."""
-    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
-    """Sliding of the tendons within which friction turns from one direction to the other, halved [m]."""
-    axial_stiffness: Annotated[Positive, Unit("N")] | None = None
-    """Stiffness EA of the tendons [N]."""
-    series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
-    """Stiffness between drive and finger [N/m]."""
-    time_constant: TimeConstant | None = None
-    """Time constant of the drive of the tendons [s]."""
 
     @property
     def changes(self) -> dict[str, float]:
         """What differs, by key."""
-        given = {name: getattr(self, name) for name in type(self).model_fields if name != "weight"}
-        return {name: value for name, value in given.items() if value is not None}
+        return self.stated("weight")
 
 
-class Controller(Value):
+class Limited(Value):
+    """What all controllers keep to."""
+
+    input: InputLimits = InputLimits()
+    """Limits of the input."""
+    bounds: Bounds = Bounds()
+    """Bounds of the state."""
+    deadline: Duration | None = None
+    """Time after which a command counts as late [s]; None: the period."""
+
+
+class Controller(Limited):
     """Nonlinear model predictive control by real-time iterations."""
 
     period: Annotated[float, Field(ge=1e-6, le=10.0), Unit("s")] | None = None
@@ -236,10 +279,6 @@ class Controller(Value):
     """Time grid of the prediction."""
     cost: Cost
     """What is tracked, and the weight of each error."""
-    input: InputLimits = InputLimits()
-    """Limits of the input."""
-    bounds: Bounds = Bounds()
-    """Bounds of the state."""
     sqp_iterations: Annotated[int, Field(ge=1, le=20)] = 1
     """Linearizations of the problem per command. One is the real-time iteration; more approach the optimum of a
     strongly nonlinear problem, in as many times the time."""
@@ -258,8 +297,6 @@ class Controller(Value):
     """Whether the loop is supervised: where sensors contradict the model, ``input_rate`` is raised up to 64-fold; where
     that does not help, or readings freeze, the command ramps to the input at rest (no moment, the least tensions, the
     pretension of drives) until it is re-armed."""
-    deadline: Duration | None = None
-    """Time after which a command counts as late [s]; None: the period."""
 
     def _check(self) -> None:
         if self.period is not None and self.period > self.horizon.stage * self.horizon.stages:
@@ -278,32 +315,14 @@ class Controller(Value):
         return self.horizon.stage if self.period is None else self.period
 
 
-class Plant(Value):
+class Plant(_Differs):
     """How the plant differs from what the controller knows."""
 
     fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)
     """How finely the plant is modeled."""
-    stiffness: Annotated[Positive, Unit("1")] = 1.0
-    """Bending stiffness per that of the controller's finger [1]."""
-    damping: Annotated[Positive, Unit("1")] = 1.0
-    """Damping per that of the controller's finger [1]."""
-    tip_mass: Mass = 0.0
-    """Mass at the tip that the controller does not know [kg]."""
     guides: Annotated[int, Field(ge=8, le=200)] | None = None
     """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or
     slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
-    tendon_friction: Friction | None = None
-    """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
-    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
-    """Sliding of the tendons within which friction turns from one direction to the other, halved [m]; None: as the
-    controller knows it."""
-    axial_stiffness: Annotated[Positive, Unit("N")] | None = None
-    """Stiffness EA of the tendons [N]; None: as the controller knows it. Needed for ``guides`` where the tension is
-    commanded."""
-    series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
-    """Stiffness between drive and finger [N/m]; None: as the controller knows it."""
-    time_constant: TimeConstant | None = None
-    """Time constant of the drive [s]; None: as the controller knows it."""
     drive_order: Literal[1, 2] = 2
     """Order of the drive's lag: 2 as the controller knows it, critically damped; 1: T dF/dt = F_command - F. A ramp is
     followed twice the time constant late by the former, once by the latter."""

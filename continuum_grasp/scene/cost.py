@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from continuum_grasp.scene.loads import Sampled
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Length, NonNegative, Position, Positive, Real, Value, Vector2
 
@@ -98,22 +99,15 @@ class Cost(Value):
 Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]
 
 
-class RowSamples(Value):
+class RowSamples(Sampled):
     """Rows of numbers over time."""
 
-    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Unit("s")]
-    """Instants, increasing [s]; before the first and after the last the row is held."""
     values: Annotated[tuple[Row, ...], Field(strict=False, min_length=2), Unit(None)]
     """One row per instant, in the unit of what they are given for."""
     interpolation: Literal["smooth", "linear", "hold"] = "smooth"
     """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""
 
     def _check(self) -> None:
-        # Closer instants give slopes that swamp the splines in rounding.
-        if any(b - a < 1e-9 for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise ValueError(f"times must increase by 1e-9 s at least, got {list(self.times)}")
-        if len(self.values) != len(self.times):
-            raise ValueError(f"values must be as many as times ({len(self.times)}), got {len(self.values)}")
         if len({len(row) for row in self.values}) > 1:
             raise ValueError("all rows of values must have the same number of entries")
 

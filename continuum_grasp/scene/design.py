@@ -5,11 +5,11 @@ from __future__ import annotations
 import ast
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Positive, Real, Value, check_one_given
-from continuum_grasp.scene.varied import Follow, Key, Varied, in_si
+from continuum_grasp.scene.value import Positive, Real, Value, check_below, check_one_given
+from continuum_grasp.scene.varied import InSI, Key, Varied
 
 QUANTITIES = {
     "tension": ("N", "sum of all tendon tensions"),
@@ -44,8 +44,7 @@ class DesignVariable(Value):
     """What expressions call it; None: they do not name it."""
 
     def _check(self) -> None:
-        if self.min >= self.max:
-            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
+        check_below(self, "min", "max")
         if self.spacing == "log" and self.min <= 0.0:
             raise ValueError(f"min = {self.min:g}: spacing: log needs positive bounds")
         if self.start is not None and not self.min <= self.start <= self.max:
@@ -77,8 +76,7 @@ class QuantityLimit(Value):
     def _check(self) -> None:
         if self.min is None and self.max is None:
             raise ValueError("give min, max, or both")
-        if self.min is not None and self.max is not None and self.min >= self.max:
-            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
+        check_below(self, "min", "max")
 
 
 class DesignSolver(Value):
@@ -98,10 +96,8 @@ class DesignSolver(Value):
 class Design(Varied):
     """A grasp scene, numbers of it that are to be chosen, and what is to be least."""
 
-    variables: Annotated[dict[Key, DesignVariable], Field(min_length=1, max_length=40)]
+    variables: Annotated[dict[Key, DesignVariable], InSI, Field(min_length=1, max_length=40)]
     """Key paths in the scene of the numbers that are to be chosen."""
-    follow: dict[Key, Follow] = Field(default_factory=dict)
-    """Key paths in the scene that follow a variable: times its value, plus a number."""
     cases: Annotated[dict[str, dict[Key, Any]], Field(default_factory=dict, max_length=200)]
     """Objects or tasks by name, each as key paths with values that differ from the scene; empty: the scene itself."""
     minimize: Annotated[str, Field(min_length=1, examples=["tension", "-payload", "tension + 200 * finger_mass"])]
@@ -111,29 +107,18 @@ class Design(Varied):
     """Which of the costs of all cases counts."""
     limits: dict[Key, QuantityLimit] = Field(default_factory=dict)
     """Expressions with bounds, which hold in every case."""
-    tolerances: Annotated[dict[Key, Tolerance], Field(default_factory=dict, max_length=12)]
+    tolerances: Annotated[dict[Key, Tolerance], InSI, Field(default_factory=dict, max_length=12)]
     """Key paths in the scene that are manufactured with errors: cost and limits are those of the worst combination of
     errors."""
     solver: DesignSolver = DesignSolver()
     """Options of the search."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_units(cls, data: Any) -> Any:
-        if not isinstance(data, dict):
-            return data
-        return {**data, **{name: in_si(data[name]) for name in ("variables", "follow", "tolerances") if name in data}}
 
     def _check(self) -> None:
         names = [one.name for one in self.variables.values() if one.name is not None]
         for key, variable in self.variables.items():
             if variable.name is not None and names.count(variable.name) > 1:
                 raise ValueError(f"variables: {key!r} shares the name {variable.name!r} with another one")
-        for key, follow in self.follow.items():
-            if key in self.variables:
-                raise ValueError(f"follow: {key!r} is a variable already")
-            if follow.key not in self.variables:
-                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not a variable")
+        self.check_follow(self.variables)
         for key in self.tolerances:
             if key in self.follow:
                 raise ValueError(f"tolerances: {key!r} follows {self.follow[key].key!r}; state the error of that key")

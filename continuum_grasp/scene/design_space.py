@@ -16,27 +16,17 @@ from pydantic import ValidationError
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import changed, validated
 from continuum_grasp.scene.design import Design, DesignVariable, Tolerance
-from continuum_grasp.scene.document import Document, KeyPath
+from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.problems import input_error
-from continuum_grasp.scene.variation import SceneKeys
+from continuum_grasp.scene.variation import SceneKey, SceneKeys, Tie
 
 SINGLE = "scene"
 """Name of the case of a design that lists none."""
 
 
 @dataclass(frozen=True)
-class Place:
-    """A number of the scene by its key."""
-
-    key: str
-    path: KeyPath
-    unit: str
-    """Empty where it has none."""
-
-
-@dataclass(frozen=True)
-class Coordinate(Place):
+class Coordinate(SceneKey):
     """A variable of the design; coordinates from 0 to 1 stand for its values from the least to the greatest."""
 
     low: float
@@ -63,7 +53,7 @@ class Coordinate(Place):
 
 
 @dataclass(frozen=True)
-class ToleratedKey(Place):
+class ToleratedKey(SceneKey):
     """A number that is manufactured with an error."""
 
     variable: int | None
@@ -79,21 +69,12 @@ class ToleratedKey(Place):
 
 
 @dataclass(frozen=True)
-class FollowingKey(Place):
-    """A number that follows a variable."""
-
-    variable: int
-    times: float
-    plus: float
-
-
-@dataclass(frozen=True)
 class DesignSpace:
     """A design, resolved."""
 
     design: Design
     coordinates: tuple[Coordinate, ...]
-    following: tuple[FollowingKey, ...]
+    following: tuple[Tie, ...]
     tolerated: tuple[ToleratedKey, ...]
     cases: Mapping[str, Document]
     file: Path
@@ -114,7 +95,8 @@ class DesignSpace:
             else:
                 actual[one.variable] += error
         puts += [(one.path, value) for one, value in zip(self.coordinates, actual, strict=True)]
-        puts += [(one.path, one.times * actual[one.variable] + one.plus) for one in self.following]
+        chosen = dict(zip(self.design.variables, actual, strict=True))
+        puts += [(one.path, one.times * chosen[one.source] + one.plus) for one in self.following]
         document = self.cases[case]
         data = copy.deepcopy(document.value)
         for path, value in puts:
@@ -160,11 +142,7 @@ class _Resolver(SceneKeys):
         scene = validated(self.base, GraspScene)
         _check_payload(design, scene)
         coordinates = [self._coordinate(key, variable, scene) for key, variable in design.variables.items()]
-        following = []
-        for key, follow in design.follow.items():
-            path, _ = self.values(("follow", key), key, [follow.times + follow.plus], listed=False, only_key=True)
-            source = keys.index(follow.key)
-            following.append(FollowingKey(key, path, self.unit(path), source, follow.times, follow.plus))
+        following = [self.tie(key, follow) for key, follow in design.follow.items()]
         tolerated = []
         for key, tolerance in design.tolerances.items():
             path = self.change(("tolerances", key), key, 0.0)[0]
@@ -190,10 +168,7 @@ class _Resolver(SceneKeys):
         """The number of the scene at a path, also one that its file leaves to the default."""
         found: Any = scene
         for part in path:
-            if isinstance(part, int):
-                found = found[part] if isinstance(found, tuple) and part < len(found) else None
-            else:
-                found = found.get(part) if isinstance(found, dict) else getattr(found, part, None)
+            found = child(found, part)
         if isinstance(found, bool) or not isinstance(found, int | float):
             message = "the scene has no number there" + ("" if found is None else f", but {found!r:.60}")
             raise self.document.nearest(where).error(message, where)

@@ -102,7 +102,7 @@ class Document:
     def write_out(self, path: KeyPath, value: Any) -> None:
         """Write the defaults above ``path`` of the scene value whose data this is: a change there leaves their rest."""
         for k, part in enumerate(path[:-1]):
-            value = _child(value, part)
+            value = child(value, part)
             if value is None:
                 return
             here = self.get(path[:k])
@@ -159,7 +159,7 @@ def _is_tag(kind: Any) -> bool:
     return get_origin(kind) is Literal and len(get_args(kind)) == 1
 
 
-def _child(value: Any, part: str | int) -> Any:
+def child(value: Any, part: str | int) -> Any:
     """The entry of a scene value, mapping or sequence; None where there is none."""
     if hasattr(value, "model_fields_set"):
         return getattr(value, part, None) if isinstance(part, str) and part in type(value).model_fields else None

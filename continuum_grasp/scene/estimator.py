@@ -107,7 +107,7 @@ class Disturbed(Value):
     @property
     def names(self) -> frozenset[str]:
         """Those that are estimated."""
-        return frozenset(name for name in type(self).model_fields if getattr(self, name) is not None)
+        return frozenset(self.stated())
 
 
 class Spread(Value):
@@ -122,8 +122,8 @@ class Spread(Value):
 
     def check(self, disturbances: Disturbed) -> None:
         """Refuse one of what is not estimated."""
-        for name in type(self).model_fields:
-            if getattr(self, name) is not None and getattr(disturbances, name) is None:
+        for name in self.stated():
+            if getattr(disturbances, name) is None:
                 raise ValueError(
                     f"spread.{name} needs disturbances.{name}, its drift: what does not drift is not estimated"
                 )
@@ -150,8 +150,7 @@ class Adapt(Value):
     @property
     def spreads(self) -> dict[str, float]:
         """Standard deviations at the start of those that are estimated, by name."""
-        given = {name: getattr(self, name) for name in type(self).model_fields if name != "forgetting_time"}
-        return {name: value for name, value in given.items() if value is not None}
+        return self.stated("forgetting_time")
 
     def _check(self) -> None:
         if not self.spreads:
@@ -217,9 +216,7 @@ class ContactDetection(Value):
             )
         if self.tendon_friction > 0.0 and len({tendon.friction for tendon in finger.tendon_list}) > 1:
             raise ValueError(f"{key}.tendon_friction must be zero where tendons have different coefficients")
-        for k, at in enumerate(self.places):
-            if at > finger.rod.length * (1 + 1e-9):
-                raise ValueError(f"{key}.places[{k}] = {at} m is beyond the finger")
+        finger.rod.check_inside(f"{key}.places[{{}}]", self.places)
 
 
 class Estimator(Value):

@@ -14,7 +14,7 @@ from pydantic import Field
 from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.graded import Varying, ends
+from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
 from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
@@ -22,8 +22,6 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
     Distance,
-    Increasing,
-    Length,
     Mass,
     NonNegative,
     Position,
@@ -92,21 +90,6 @@ class Softening(Value):
     """Width of the transition per ``curvature`` [1]."""
 
 
-class PiecewiseCurvature(Value):
-    """A rest curvature that is constant between ``breaks``."""
-
-    breaks: Annotated[tuple[Length, ...], Field(strict=False), Increasing]
-    """Positions along the finger where the curvature jumps, increasing [m]."""
-    values: Annotated[tuple[Real, ...], Field(strict=False), Unit("1/m")]
-    """Curvatures between them, one more than ``breaks`` [1/m]."""
-
-    def _check(self) -> None:
-        if len(self.values) != len(self.breaks) + 1:
-            raise ValueError(
-                f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
-            )
-
-
 class BasePose(Value):
     """Pose of the clamped base in the world; the undeformed finger points along the base's Y axis."""
 
@@ -150,7 +133,7 @@ class Finger(Value):
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
-        self.rod.check_inside("masses", self.masses)
+        self.rod.check_inside("masses[{}].at", (mass.at for mass in self.masses))
         if half is not None and half >= length:
             raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
         if self.strain_limit is not None and not self.rod.own_thickness:
@@ -193,7 +176,7 @@ class Finger(Value):
         check_tendons(self.tendons, self.rod.length)
         for k, tendon in enumerate(self.tendon_list):
             key = f"tendons[{k}].offset" if isinstance(self.tendons, tuple) else "tendons.offset"
-            most, half = max(map(abs, ends(tendon.offset))), self.half_thickness
+            most, half = tendon.greatest_offset, self.half_thickness
             if half is not None and 0.0 < half < most:
                 doubt(
                     f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
@@ -204,10 +187,10 @@ class Finger(Value):
 
     def _check_inside_thickness(self, key: str, tendon: Tendon) -> None:
         """Refuse a tendon that runs outside the finger; both are monotone between the edges of pieces."""
-        half, to = self.profile.half_thickness, self.rod.length if tendon.to is None else tendon.to
-        (first, last), edges = ends(tendon.offset), [0.0, to, *(at for at in half.edges if at < to)]
-        for at in sorted(edges):
-            offset = abs(first + (last - first) * at / to)
+        half, to = self.profile.half_thickness, tendon.end(self.rod.length)
+        shape, first = tendon.shape(self.rod.length), ends(tendon.offset)[0]
+        for at in sorted([0.0, to, *(at for at in half.edges if at < to)]):
+            offset = abs(first * float(shape(at)))
             least = min(float(half(at)), float(half(at, tip_side=at < to)))
             if offset > least * (1 + 1e-9):
                 raise ValueError(
@@ -241,26 +224,20 @@ class Finger(Value):
         """The rod along its length, with the finger's rest curvature and thickness."""
         from continuum_grasp.scene.profile import Curve
 
-        own = self.rod.profile
-        rest, half = own.rest_curvature, own.half_thickness
-        if isinstance(self.rest_curvature, PiecewiseCurvature):
-            edges = (0.0, *self.rest_curvature.breaks, own.length)
-            rest = Curve(edges, tuple((value,) for value in self.rest_curvature.values))
-        elif self.rest_curvature != 0.0:
-            rest = Curve.uniform(own.length, self.rest_curvature)
-        if self.half_thickness is not None:
-            half = Curve.uniform(own.length, self.half_thickness)
+        own, length = self.rod.profile, self.rod.length
+        half = own.half_thickness if self.half_thickness is None else Curve.along(length, self.half_thickness)
+        rest = Curve.along(length, self.rest_curvature) if self.rest_curvature else own.rest_curvature
         return replace(own, rest_curvature=rest, half_thickness=half)
 
     @cached_property
     def stop_curvature(self) -> Curve | None:
         """Curvature from which on links touch [1/m], a magnitude; None without stops."""
-        from continuum_grasp.scene.graded_profile import line, touching
+        from continuum_grasp.scene.profile import Curve, touching
 
         if self.stops is None:
             return None
         if self.stops.curvature is not None:
-            return line(self.rod.length, self.stops.curvature)
+            return Curve.along(self.rod.length, self.stops.curvature)
         return None if self.rod.spirob is None else touching(self.rod.length, self.rod.spirob)
 
     @cached_property

@@ -14,6 +14,8 @@ from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, No
 _Number = TypeVar("_Number")
 Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=False)]
 """A number, or its values at the base end and at the tip end, linear between."""
+Along: TypeAlias = "float | tuple[float, float] | PiecewiseCurvature"
+"""What is given along a finger, as `scene.profile.Curve` reads it."""
 Modulus = Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa")]
 Density = Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")]
 Stiffness = Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")]
@@ -37,6 +39,21 @@ class Positioned(NamedTuple):
 def ends(value: float | tuple[float, float]) -> tuple[float, float]:
     """Values at the base end and at the tip end."""
     return value if isinstance(value, tuple) else (value, value)
+
+
+class PiecewiseCurvature(Value):
+    """A rest curvature that is constant between ``breaks``."""
+
+    breaks: Annotated[tuple[Length, ...], Field(strict=False), Increasing]
+    """Positions along the finger where the curvature jumps, increasing [m]."""
+    values: Annotated[tuple[Real, ...], Field(strict=False), Unit("1/m")]
+    """Curvatures between them, one more than ``breaks`` [1/m]."""
+
+    def _check(self) -> None:
+        if len(self.values) != len(self.breaks) + 1:
+            raise ValueError(
+                f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
+            )
 
 
 class RodFactors(Value):
@@ -209,14 +226,15 @@ class SpiRob(Value):
         inside = (length * (base - base * (tip / base) ** (k / n)) / (base - tip) for k in range(1, n))
         return (0.0, *inside, length)
 
-    def positioned(self, length: float) -> list[Positioned]:
-        """What is known at its two ends."""
+    def section(self, length: float) -> RodSection:
+        """The straightened spiral as a section of a length [m], of its full thickness."""
+        thickness = (self.base_thickness, self.tip_thickness)
+        return RodSection(to=length, thickness=thickness, width=thickness if self.width is None else self.width)
+
+    def check(self, length: float) -> None:
+        """Refuse units that turn too far."""
         if self.unit_angle(length) > _MOST_UNIT:
             raise ValueError(
                 f"spirob.units = {self.units}: each would turn by {math.degrees(self.unit_angle(length)):.0f} degrees; "
                 f"take more units, so that it is {math.degrees(_MOST_UNIT):.0f} degrees at most"
             )
-        return [
-            Positioned("spirob.base_thickness", 0.0, self.base_thickness, None),
-            Positioned("spirob.tip_thickness", length, self.tip_thickness, None),
-        ]

@@ -31,9 +31,9 @@ from continuum_grasp.scene.grasp_options import (
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.objects.body import greatest_shift, pose_bounds
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Peg, Place, Support, Switch, Wall
+from continuum_grasp.scene.supports import Peg, Place, Supported, Switch
 from continuum_grasp.scene.tendons import Tendons
-from continuum_grasp.scene.value import Value, check_increasing, check_one_given
+from continuum_grasp.scene.value import Configuration, check_one_given
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
@@ -167,21 +167,15 @@ class FingerSetup:
         return f"{self.name}.tip"
 
 
-class GraspScene(Value):
+class GraspScene(Configuration, Supported):
     """Fingers that hold an object, alone or against supports."""
 
-    schema_version: Literal[1] = 1
-    """Format of a file, which must state it; not needed in Python."""
-    name: str | None = None
-    """Title of reports and pictures."""
     finger: AnyFinger | None = None
     """The finger, where there is one; it is called ``finger`` in the result."""
     fingers: Annotated[dict[str, AnyFinger], Field(min_length=1, max_length=4)] | None = None
     """One to four fingers by name, in place of ``finger``."""
     object: GraspObject
     """What is held: its shape, mass and pose."""
-    supports: Annotated[dict[str, Support], Field(default_factory=dict, max_length=8)]
-    """Fixed walls, points and grooves by name; empty: the fingers alone hold the object."""
     contacts: GraspContacts
     """Where fingers touch the object, and what the surfaces bear."""
     gravity: GraspGravity
@@ -233,16 +227,6 @@ class GraspScene(Value):
         return tuple((one, other) for one, other in two if _can_meet(one.finger, other.finger))
 
     @property
-    def walls(self) -> tuple[Wall, ...]:
-        """All straight supports."""
-        return tuple(wall for name, support in self.supports.items() for wall in support.walls(name))
-
-    @property
-    def pegs(self) -> tuple[Peg, ...]:
-        """All point supports."""
-        return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
-
-    @property
     def places(self) -> tuple[Place, ...]:
         """All walls and pegs."""
         return (*self.walls, *self.pegs)
@@ -266,7 +250,7 @@ class GraspScene(Value):
     @property
     def aims(self) -> tuple[str, ...]:
         """The objectives with a weight."""
-        return tuple(name for name, weight in self.weights if weight > 0.0)
+        return tuple(self.weights.stated())
 
     @property
     def torque_scale(self) -> float:
@@ -325,8 +309,7 @@ class GraspScene(Value):
         return min(heights) - max(reaches) - 0.5 * extent * step, max(heights) - min(reaches) + 0.5 * extent * step
 
     def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
-        given = {key: value for key, value in finger.contacts if value is not None}
-        contacts: dict[str, Any] = {**dict(self.contacts), **given}
+        contacts: dict[str, Any] = {**dict(self.contacts), **finger.contacts.stated()}
         fidelity = finger.fidelity or self.fidelity
         middle, after = contacts["middle"], contacts["middle_after"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
@@ -434,11 +417,9 @@ class GraspScene(Value):
                 f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
                 f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
             )
-        given = [key for key in ("middle",) if getattr(finger.contacts, key) or getattr(self.contacts, key) != "on"]
-        if setup.stations and given:
+        if setup.stations and (finger.contacts.middle or self.contacts.middle != "on"):
             raise ValueError(f"{where}: contacts.stations stands in place of contacts.middle: give one of them")
-        low, high = setup.middle_bounds
-        check_increasing("contacts.middle_range", (low, high))
+        high = setup.middle_bounds[1]
         if high >= length:
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
         gap = self.object.distance(finger.base.position) - finger.thickness_radius

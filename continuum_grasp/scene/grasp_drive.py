@@ -26,8 +26,8 @@ class DriveLaw:
         tendon = finger.tendon_list[0]
         if tendon.drive is None or tendon.axial_stiffness is None or tendon.series_stiffness is None:
             return None
-        length = finger.rod.length if tendon.to is None else tendon.to
-        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, length / tendon.axial_stiffness)
+        axial = tendon.end(finger.rod.length) / tendon.axial_stiffness
+        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial)
 
     @property
     def pulley(self) -> bool:

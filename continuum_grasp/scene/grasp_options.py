@@ -43,16 +43,18 @@ class FingerContacts(Value):
     middle: Middles | None = None
     """As in ``contacts``."""
     middle_after: Counts | None = None
-    """As in ``contacts``."""
-    middle_range: Range | None = None
-    """As in ``contacts`` [m]."""
+    """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
+    middle_range: Annotated[Range, Increasing] | None = None
+    """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
+    length."""
     stations: Stations | None = None
-    """As in ``contacts``."""
+    """Number of places in place of ``middle``, spread evenly over ``middle_range``, at which the finger may touch, each
+    up to half of their distance off: which of them do, and where, is found."""
     tip: Switch | None = None
     """As in ``contacts``."""
 
 
-class GraspContacts(Value):
+class GraspContacts(FingerContacts):
     """Where fingers touch the object, and what the touching surfaces bear."""
 
     friction: Friction
@@ -63,14 +65,6 @@ class GraspContacts(Value):
     middle: Middles = "on"
     """on: the finger touches the object, tangent to it, at a joint of two elements, whose position is found; auto:
     where that is better; a list: several such contacts, from base to tip."""
-    middle_after: Counts | None = None
-    """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
-    middle_range: Annotated[Range, Increasing] | None = None
-    """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
-    length."""
-    stations: Stations | None = None
-    """Number of places in place of ``middle``, spread evenly over ``middle_range``, at which the finger may touch, each
-    up to half of their distance off: which of them do, and where, is found."""
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object; auto: where that is better."""
 
@@ -152,7 +146,7 @@ class ObjectiveWeights(Value):
     """Weight of the least friction margin [1]."""
 
     def _check(self) -> None:
-        if not any(getattr(self, name) for name in type(self).model_fields):
+        if not self.stated():
             raise ValueError("at least one weight must be positive")
 
 

@@ -9,7 +9,7 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
+from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value, check_below
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"]
 _OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
@@ -216,8 +216,7 @@ class Estimate(Value):
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
     def _check(self) -> None:
-        if self.min is not None and self.max is not None and self.min >= self.max:
-            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}")
+        check_below(self, "min", "max")
         if self.second_moment is not None and self.name != "youngs_modulus":
             raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
 

@@ -12,11 +12,11 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2, check_one_given
 
 
-class _Sampled(Value):
+class Sampled(Value):
+    """What is given at instants."""
+
     times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing, Unit("s")]
     """Instants, increasing [s]; before the first and after the last the value is held."""
-    interpolation: Literal["smooth", "linear"] = "smooth"
-    """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
 
     def _check(self) -> None:
         # Closer instants give slopes that swamp the splines in rounding.
@@ -27,14 +27,19 @@ class _Sampled(Value):
             raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
 
 
-class Samples(_Sampled):
+class _Interpolated(Sampled):
+    interpolation: Literal["smooth", "linear"] = "smooth"
+    """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
+
+
+class Samples(_Interpolated):
     """A scalar function of time."""
 
     values: Annotated[tuple[Real, ...], Field(strict=False), Unit(None)]
     """The value at each instant, in the unit of what it is given for."""
 
 
-class VectorSamples(_Sampled):
+class VectorSamples(_Interpolated):
     """A planar vector function of time."""
 
     values: Annotated[tuple[Vector2, ...], Field(strict=False), Unit(None)]

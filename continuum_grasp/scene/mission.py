@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import beside
-from continuum_grasp.scene.controller import Bounds, Horizon, InputLimits, Plant
+from continuum_grasp.scene.controller import Horizon, Limited, Plant
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.reach import check_reach
@@ -17,6 +17,7 @@ from continuum_grasp.scene.tendons import TendonList, Tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
+    Configuration,
     Distance,
     Duration,
     Extent,
@@ -77,7 +78,7 @@ class Phases(Value):
             )
 
 
-class MissionController(Value):
+class MissionController(Limited):
     """The controller in all phases."""
 
     period: Annotated[float, Field(ge=1e-4, le=1.0), Unit("s")] = 0.01
@@ -87,10 +88,6 @@ class MissionController(Value):
     elements: Annotated[tuple[Count, Count], Field(strict=False)] = (2, 2)
     """Matched clothoids before the first and after the last middle contact; between two there is one. Of a finger
     without middle contacts together as many."""
-    input: InputLimits = InputLimits()
-    """Limits of the input."""
-    bounds: Bounds = Bounds()
-    """Bounds of the state."""
     posture: Annotated[Positive, Unit("1/rad2")] = 50.0
     """Weight of the bending angles while nothing is touched [1/rad2]."""
     force: Annotated[Positive, Unit("1/N2")] = 1.0
@@ -114,8 +111,6 @@ class MissionController(Value):
     estimated [1]. Commanded positions keep what leaves as much of that at the lift; with 1 they let nothing out again,
     so that friction of the tendons keeps acting as it did when they were pulled, and a force that is too high at the
     lift stays too high."""
-    deadline: Duration | None = None
-    """Time after which a command counts as late [s]; None: the period."""
 
 
 class Turn(Value):
@@ -180,7 +175,7 @@ _MISSIONS = (
 )
 
 
-class MissionScene(Value):
+class MissionScene(Configuration):
     """A grasp that is optimized first, and then carried out by a controller on a plant.
 
     Each finger has a controller of its own, which knows nothing of the others. It believes that the object is fixed and
@@ -190,10 +185,6 @@ class MissionScene(Value):
     controller predicts the object's pose, and turns it on the table first.
     """
 
-    schema_version: Literal[1] = 1
-    """Format of a file, which must state it; not needed in Python."""
-    name: str | None = None
-    """Title of reports and pictures."""
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: fingers with tendon drives, each with its tip on the
     object, and middle contacts as it has them."""

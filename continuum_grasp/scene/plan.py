@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from itertools import chain
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty
+from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_reach
-from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
+from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
@@ -84,8 +84,6 @@ class Goal(Value):
     """Normal force at each place where the finger may touch the object, from base to tip [N]."""
     input: Annotated[Aim, Unit("unit of the input")] | None = None
     """Last input: tip moment, tensions, or what drives take [unit of the input]."""
-    grasp_weight: Annotated[Positive, Unit("1/N2")] = 1e4
-    """Weight of half the squared error of the contact forces of ``grasp`` [1/N2]."""
 
     @property
     def targets(self) -> dict[str, tuple[float, ...]]:
@@ -117,30 +115,10 @@ class PlanInput(InputLimits):
     drives."""
 
 
-class PlanHalfPlaneZone(HalfPlaneZone):
-    """All behind a line; hard by default."""
-
-    penalty: Penalty | Literal["hard"] = "hard"
-    """Of a violation; hard: there is none, or no plan."""
-
-
-class PlanDiscZone(DiscZone):
-    """A disc; hard by default."""
-
-    penalty: Penalty | Literal["hard"] = "hard"
-    """Of a violation; hard: there is none, or no plan."""
-
-
-_PlanZone = Annotated[PlanHalfPlaneZone | PlanDiscZone, Field(discriminator="type")]
-
-
 class PlanBounds(Bounds):
     """What must not be left at the nodes of the grid; penalties of soft bounds are per share and second."""
 
-    keep_out: dict[str, _PlanZone] = Field(default_factory=dict)  # type: ignore[assignment]
-    """Zones by name."""
-    penalty: Penalty | Literal["hard"] = "hard"
-    """Of violations of curvature and speed; hard: there is none, or no plan."""
+    usual_penalty: ClassVar[Penalty | Literal["hard"]] = "hard"
     least_tension: Annotated[NonNegative, Unit("N")] | None = None
     """Least tension of tendons under winches or motors at the nodes [N]; None: half their pretension, or nothing on
     one_pulley. Of two tendons with drives of their own the cheapest plan leaves one just about slack, where its tension
@@ -202,7 +180,6 @@ _PLANS = (
     beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
     beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
     beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),
-    beside("plan without a grasp", lambda s: s.grasp is None, "goal.grasp_weight", "is of the forces of a grasp"),
     beside("plan with a grasp", lambda s: s.grasp, "contacts goal.contact_force", "is that of the grasp: leave it out"),
     beside("plan without an object", lambda s: s.object is None, "goal.contact_force grasp", "needs an object"),
     beside("plan without a finer model", lambda s: not s.check.finer, "check.contact_law", "is of check.finer"),
@@ -210,14 +187,9 @@ _PLANS = (
 )
 
 
-class PlanScene(FingerScene):
+class PlanScene(CommandedScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
-    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where loads act [m]; element boundaries. These and the tip are where it touches an
-    object."""
-    parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """Model parameters that stay arguments of the model."""
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
     contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
@@ -276,7 +248,7 @@ class PlanScene(FingerScene):
         self._check_inputs()
         goal = self.goal
         if goal.shape is not None:
-            self.finger.rod.check_sections("goal.shape", goal.shape.at)
+            self.finger.rod.check_inside("goal.shape.at[{}]", goal.shape.at)
         # The base of a plan with a grasp is that of the grasp, which is not known yet.
         if self.grasp is None:
             check_reach(self.finger, "goal", goal.targets, () if goal.shape is None else goal.shape.at)
@@ -346,9 +318,8 @@ class PlanScene(FingerScene):
         return self.method or ("single_shooting" if self._sudden else "multiple_shooting")
 
     @property
-    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest input, each in its unit."""
-        return self.input.limits(self.finger)
+    def limits(self) -> InputLimits:
+        return self.input
 
     @property
     def model_parameters(self) -> tuple[str, ...]:
@@ -356,19 +327,9 @@ class PlanScene(FingerScene):
         return self.parameters
 
     @property
-    def lag(self) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once."""
-        return self.input.lag(self.finger)
-
-    @property
     def disturbances(self) -> frozenset[str]:
         """A known force at the tip is a parameter of the model; with ``contacts``, the tip is one of these."""
         return frozenset({"tip_force"} if self.loads and not self.contacts else ())
-
-    @property
-    def rest_input(self) -> tuple[float, ...]:
-        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        return self.input.rest(self.finger)
 
     @property
     def initial_input(self) -> tuple[float, ...]:

@@ -32,6 +32,8 @@ _KINDS = {
     "none_required": "nothing",
 }
 _STRANGE = {"extra_forbidden", "missing"}
+_RENAMED = {"q_above_rest": "q"}
+"""Keys that are said by another one."""
 _LIMITS = {
     "greater_than": ("gt", "greater than"),
     "greater_than_equal": ("ge", "at least"),
@@ -152,7 +154,7 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             words, limit = "greater than", 0
         about = shape.description(path, data).partition(";")[0] if limit else ""
         what = f"a number {words} {limit:g}" + (f" ({about})" if about else "")
-        written = _value_at(path, data)
+        written = Document(data).get(path)
         also = f" ({written[:60]})" if isinstance(written, str) else ""
         return Problem(path, f"out of range: expected {what}, got {_show(got)}{also}")
     match kind:
@@ -163,8 +165,9 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             about = shape.description(path, data)
             return Problem(path, "missing" + (f"; expected {about}" if about else ""))
         case "extra_forbidden":
-            allowed = shape.keys(path[:-1], data)
-            return Problem(path, "unknown key" + nearest(str(path[-1]), allowed), at_key=True)
+            word = str(path[-1])
+            hint = f"; write {_RENAMED[word]!r}" if word in _RENAMED else nearest(word, shape.keys(path[:-1], data))
+            return Problem(path, f"unknown key{hint}", at_key=True)
         case "finite_number":
             return Problem(path, f"not finite: expected a finite number, got {_show(got)}")
         case "literal_error":
@@ -223,7 +226,7 @@ def _kind(item: _Located, shape: Shape, data: Any) -> str:
 
 def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
     """The key that a message begins with, where the data has it; otherwise the path itself."""
-    value = _value_at(path, data)
+    value = Document(data).get(path)
     found: list[str | int] = []
     start = re.match(r"[a-z_]\w*(?:\.[a-z_]\w*|\[\d+\])*", message)
     for name, index in re.findall(r"([a-z_]\w*)|\[(\d+)\]", start.group()) if start else ():
@@ -235,12 +238,6 @@ def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
             break
         value = value[found[-1]]
     return (*path, *found)
-
-
-def _value_at(path: KeyPath, data: Any) -> Any:
-    for part in path:
-        data = data[part]
-    return data
 
 
 def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:

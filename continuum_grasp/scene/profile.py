@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.scene.graded import Along, RodFactors, RodSamples, RodSection, SpiRob, Varying, ends
+
 if TYPE_CHECKING:
-    from continuum_grasp.scene.graded import RodFactors
+    from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
 
@@ -19,10 +24,8 @@ _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
 _JUMP = 1e-12
 """Jump per value from which on a curve jumps [1]: above the rounding of its pieces."""
-
-
-_MEAN_NODES = 32
-"""Gauss nodes per piece for a mean along the finger: rounding for a taper to a tenth."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+"""Of integrals between breaks: rounding for means of a taper to a tenth."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,20 @@ class Curve:
         """The same value everywhere."""
         return cls((0.0, length), ((value,),))
 
+    @classmethod
+    def along(cls, length: float, value: Along) -> Curve:
+        """What a user gives along a finger: a number, its values at base and tip, or numbers between breaks."""
+        if isinstance(value, float | tuple):
+            return cls((0.0, length), (_coefficients(_line(value, length)),))
+        return cls((0.0, *value.breaks, length), tuple((one,) for one in value.values))
+
+    @classmethod
+    def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:
+        """A piecewise polynomial of scipy, or its exponential."""
+        # scipy has the highest power first, one column per piece.
+        pieces = spline.c[::-1].T.tolist()
+        return cls(tuple(map(float, spline.x)), tuple(map(tuple, pieces)), exponential)
+
     def __call__(self, s: ArrayLike, *, tip_side: bool = False) -> Array:
         """Value at positions [m], beyond the ends that of the outer pieces continued; shape of ``s``."""
         at = np.asarray(s, dtype=float)
@@ -62,6 +79,16 @@ class Curve:
         for coefficient in reversed(coefficients[:-1]):
             value = value * distance + coefficient
         return np.exp(value) if self.exponential else value
+
+    def local(self, piece: int, at: float) -> Polynomial:
+        """The polynomial of one piece, of the distance from a position [m]."""
+        return Polynomial(self.coefficients[piece])(Polynomial([at - self.edges[piece], 1.0]))
+
+    def slope(self, s: float) -> float:
+        """Derivative at a position [m]; where there is a kink or a jump, that of the base side."""
+        piece = int(np.searchsorted(np.asarray(self.edges[1:-1]), s - _SAME * self.edges[-1]))
+        # A complex step subtracts nothing: exact to rounding.
+        return float(np.imag(self.on(piece, s + 1e-30j)) / 1e-30)
 
     @cached_property
     def _table(self) -> Array:
@@ -92,12 +119,7 @@ class Curve:
 
     def integral(self) -> float:
         """Its integral over the whole length."""
-        # 16 nodes per piece: exact for polynomials of degree 31, to rounding for samples 1:100 apart.
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        total = 0.0
-        for k, (a, b) in enumerate(pairwise(self.edges)):
-            total += 0.5 * (b - a) * float(weights @ self.on(k, a + 0.5 * (b - a) * (nodes + 1.0)))
-        return total
+        return float(moments(self, pairwise(self.edges), (0.0, self.edges[-1]))[0, 0])
 
     def most(self) -> float:
         """Greatest value, of a function that is monotone on each piece."""
@@ -153,12 +175,17 @@ class Profile:
         curve = self.bending_stiffness
         if curve.constant is not None:
             return curve.constant
-        nodes, weights = np.polynomial.legendre.leggauss(_MEAN_NODES)
-        turns = [
-            0.5 * (b - a) * float(weights @ (1.0 / curve(0.5 * (a + b) + 0.5 * (b - a) * nodes)))
-            for a, b in self.panels()
-        ]
-        return self.length / sum(turns)
+        return self.length / float(self.moments(lambda s: 1.0 / curve(s), (0.0, self.length))[0, 0])
+
+    def moments(self, density: Callable[[Array], Array], bounds: ArrayLike, powers: int = 1) -> Array:
+        """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m]."""
+        return moments(density, self.panels(*np.asarray(bounds)), bounds, powers)
+
+    def waves(self, s: Array) -> Array:
+        """Integral of (rho A / E I)^(1/4), the waves of bending, from the first of positions (N,) [m] to each."""
+        middles = 0.5 * (s[1:] + s[:-1])
+        density = (self.linear_density(middles) / self.bending_stiffness(middles)) ** 0.25
+        return np.concatenate([[0.0], np.cumsum(density * np.diff(s))])
 
     def panels(self, *places: float) -> list[tuple[float, float]]:
         """Parts [m] between breaks and further places, from base to tip: smooth inside, for quadrature."""
@@ -181,3 +208,98 @@ class Channel:
     to: float  # where it ends [m]
     arms: tuple[float, ...] = ()  # per tendon of the finger, amplitude per tension [m]; zero: not in this channel
     time_constant: float | None = None  # of its tendons [s]
+
+
+def moments(
+    density: Callable[[Array], Array], panels: Iterable[tuple[float, float]], bounds: ArrayLike, powers: int = 1
+) -> Array:
+    """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].
+
+    It is smooth on each of the ``panels``, none of which lies on both sides of a bound.
+    """
+    places = np.asarray(bounds)
+    found = np.zeros((powers, len(places) - 1))
+    for start, end in panels:
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        part = int(np.searchsorted(places, middle)) - 1
+        if 0 <= part < found.shape[1]:
+            s = middle + half * _NODES
+            values = half * _WEIGHTS * density(s)
+            for power in range(powers):
+                found[power, part] += float(values @ s**power)
+    return found
+
+
+def touching(length: float, spiral: SpiRob) -> Curve:
+    """Curvature that closes the gaps of a spiral [1/m]: that which it has, ``-dh/ds / (b h)`` of its thickness h.
+
+    In the logarithm by cubics that have its values and slopes at the ends of units.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    at, slope = np.asarray(spiral.edges(length)), (spiral.tip_thickness - spiral.base_thickness) / length
+    thickness = spiral.base_thickness + slope * at
+    values = np.log(-slope / (spiral.growth(length) * thickness))
+    return Curve.through(CubicHermiteSpline(at, values, -slope / thickness), exponential=True)
+
+
+def of_sections(length: float, sections: Sequence[RodSection]) -> Profile:
+    """A rod of sections, which state all that they need."""
+    edges = (0.0, *(one.to for one in sections[:-1]), length)
+    spans = zip(sections, pairwise(edges), strict=True)
+    columns = zip(*(_of_section(one, b - a) for one, (a, b) in spans), strict=True)
+    stiffness, mass, inertia, rest, thickness = (Curve(edges, tuple(map(_coefficients, each))) for each in columns)
+    half = thickness.scaled(0.5)
+    return Profile(length, stiffness, mass, inertia, rest, half, None if sections[0].thick is None else half)
+
+
+def _of_section(one: RodSection, span: float) -> tuple[float | Polynomial, ...]:
+    """Stiffness, mass, rotary inertia, rest curvature and thickness of a section, of the distance from its start."""
+    width, thickness, modulus, density = (
+        _line(value or 0.0, span) for value in (one.width, one.thick, one.youngs_modulus, one.density)
+    )
+    inertia = _line(one.rotary_inertia or 0.0, span)
+    if one.bending_stiffness is not None:
+        stiffness, mass = _line(one.bending_stiffness, span), _line(one.linear_density or 0.0, span)
+    else:
+        if one.diameter is None:
+            second, mass = width * thickness**3 / 12, density * width * thickness
+        else:
+            second, mass = math.pi * thickness**4 / 64, density * math.pi * thickness**2 / 4
+        stiffness = modulus * second
+        inertia = density * second if one.rotary_inertia is None else inertia
+    return stiffness, mass, inertia, _line(one.rest_curvature or 0.0, span), thickness
+
+
+def of_samples(length: float, samples: RodSamples) -> Profile:
+    """A rod of samples."""
+    from scipy.interpolate import PchipInterpolator
+
+    at = np.array([*samples.at[:-1], length])
+
+    def smooth(values: Sequence[float] | None, *, exponential: bool = False) -> Curve:
+        if values is None:
+            return Curve.uniform(length, 0.0)
+        given = np.log(values) if exponential else np.asarray(values)
+        return Curve.through(PchipInterpolator(at, given), exponential=exponential)
+
+    thickness = smooth(samples.thickness).scaled(0.5)
+    return Profile(
+        length,
+        smooth(samples.bending_stiffness, exponential=True),
+        smooth(samples.linear_density, exponential=True),
+        smooth(samples.rotary_inertia),
+        smooth(samples.rest_curvature),
+        thickness,
+        None if samples.thickness is None else thickness,
+    )
+
+
+def _line(value: Varying[float], span: float) -> float | Polynomial:
+    """A number, or one that is linear between its two values over a span [m]."""
+    first, last = ends(value)
+    return first if first == last else Polynomial([first, (last - first) / span])
+
+
+def _coefficients(value: float | Polynomial) -> tuple[float, ...]:
+    return tuple(value.coef.tolist()) if isinstance(value, Polynomial) else (value,)

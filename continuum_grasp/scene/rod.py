@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
@@ -28,13 +29,6 @@ _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 _MOST_THICKNESS = 1.0 / 3.0
 """Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
-
-
-class _Placed(Protocol):
-    """Something at a position along the finger."""
-
-    @property
-    def at(self) -> float: ...
 
 
 class Rod(Value):
@@ -136,10 +130,11 @@ class Rod(Value):
             for key in ("youngs_modulus", "density", "rotary_inertia"):
                 if getattr(self, key) is not None:
                     raise ValueError(f"{key} has no effect beside samples, which give stiffness and mass")
-        else:
+        elif self.spirob is not None:
             missing = [key for key in ("youngs_modulus", "density") if getattr(self, key) is None]
             if missing:
                 raise ValueError(f"spirob needs {' and '.join(missing)} of the rod")
+            self.spirob.check(self.length)
         self._check_values(self._positioned)
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
@@ -197,26 +192,28 @@ class Rod(Value):
             if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
                 raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
             return self.samples.positioned
-        if self.spirob is not None:
-            return self.spirob.positioned(self.length)
-        starts = [0.0, *(one.to for one in self.sections or ())]
+        starts = [0.0, *(one.to for one in self._all_sections)]
         return [
             one
-            for k, (section, start) in enumerate(zip(self.sections or (), starts, strict=False))
-            for one in section.positioned(start, f"sections[{k}]")
+            for k, (section, start) in enumerate(zip(self._all_sections, starts, strict=False))
+            for one in section.positioned(start, f"sections[{k}]" if self.sections else "spirob")
         ]
 
-    def check_inside(self, key: str, placed: Iterable[_Placed]) -> None:
-        """Refuse entries of ``key`` that lie beyond the tip, but for rounding."""
-        for k, one in enumerate(placed):
-            if one.at > self.length * (1 + 1e-12):
-                raise ValueError(f"{key}[{k}].at = {one.at} m is beyond the finger's length of {self.length} m")
+    @property
+    def _all_sections(self) -> tuple[RodSection, ...]:
+        """The sections; a uniform rod and a straightened spiral are a single one."""
+        if self.sections is not None:
+            return self.sections
+        if self.spirob is not None:
+            return (self.spirob.section(self.length),)
+        keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
+        return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
 
-    def check_sections(self, key: str, positions: Iterable[float]) -> None:
-        """Refuse sections that lie beyond the tip; positions are often sums of lengths, with their rounding."""
+    def check_inside(self, key: str, positions: Iterable[float]) -> None:
+        """Refuse positions beyond the tip, but for the rounding of sums; ``key`` has {} for the number of each."""
         for k, at in enumerate(positions):
             if at > self.length * (1 + 1e-9):
-                raise ValueError(f"{key}.at[{k}] = {at} m is beyond the finger")
+                raise ValueError(f"{key.format(k)} = {at} m is beyond the finger's length of {self.length} m")
 
     @property
     def graded(self) -> bool:
@@ -239,9 +236,7 @@ class Rod(Value):
     @property
     def own_thickness(self) -> bool:
         """Whether its thickness is known: that of its section, where strain is greatest."""
-        if self.graded:
-            return self._positioned[0].thickness is not None
-        return self.diameter is not None
+        return self._positioned[0].thickness is not None
 
     @property
     def mass_per_length(self) -> float:
@@ -266,26 +261,16 @@ class Rod(Value):
     @cached_property
     def profile(self) -> Profile:
         """Stiffness, mass, rest curvature and thickness along its length."""
-        from continuum_grasp.scene.graded_profile import of_samples, of_sections, of_spiral
-        from continuum_grasp.scene.profile import Curve, Profile
+        from continuum_grasp.scene.profile import of_samples, of_sections
 
-        own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
         if self.samples is not None:
-            return of_samples(self.length, self.samples).scaled(self.factors)
+            found = of_samples(self.length, self.samples)
+        else:
+            own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
+            found = of_sections(self.length, [section.completed(own) for section in self._all_sections])
         if self.spirob is not None:
-            return of_spiral(self.length, self.spirob, **own).scaled(self.factors)
-        if self.sections is not None:
-            sections = [section.completed(own) for section in self.sections]
-            return of_sections(self.length, sections).scaled(self.factors)
-        # A uniform rod has either of the two groups of keys, as its _check sees to.
-        diameter, density = self.diameter or 0.0, self.density or 0.0
-        second_moment = math.pi * diameter**4 / 64
-        values = (
-            self.bending_stiffness or (self.youngs_modulus or 0.0) * second_moment,
-            self.linear_density or density * math.pi * diameter**2 / 4,
-            density * second_moment if self.rotary_inertia is None else self.rotary_inertia,
-            0.0,
-            0.5 * diameter,
-        )
-        stiffness, mass, inertia, rest, half = (Curve.uniform(self.length, value) for value in values)
-        return Profile(self.length, stiffness, mass, inertia, rest, half, None if self.diameter is None else half)
+            stiffness = found.bending_stiffness.scaled(self.spirob.core**3)
+            found = replace(
+                found, bending_stiffness=stiffness, half_depth=found.half_thickness.scaled(self.spirob.core)
+            )
+        return replace(found, graded=self.graded).scaled(self.factors)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from continuum_grasp.scene.document import KeyPath
+from continuum_grasp.scene.document import KeyPath, child
 from continuum_grasp.scene.units import Unit
 
 _Node = dict[str, Any]
@@ -86,14 +86,14 @@ class Shape:
     def _at(self, path: KeyPath, data: Any) -> list[_Node]:
         value = data
         for part in path:
-            value = _child(value, part)
+            value = child(value, part)
         return [node for start in self._follow(path, data) for node in self._branches(start, value)]
 
     def _follow(self, path: KeyPath, data: Any) -> list[_Node]:
         nodes, value = [self._root], data
         for part in path:
             nodes = [child for node in nodes for b in self._branches(node, value) for child in _children(b, part)]
-            value = _child(value, part)
+            value = child(value, part)
         return nodes
 
     def _branches(self, node: _Node, value: Any) -> Iterator[_Node]:
@@ -102,7 +102,7 @@ class Shape:
             return
         # The data's tag selects one branch; without it all may have been meant.
         tag = node.get("discriminator", {})
-        word = _child(value, tag["propertyName"]) if "propertyName" in tag else None
+        word = child(value, tag["propertyName"]) if "propertyName" in tag else None
         if isinstance(word, str) and word in tag.get("mapping", {}):
             yield from self._branches({"$ref": tag["mapping"][word]}, value)
             return
@@ -136,11 +136,3 @@ def alternatives(node: _Node) -> Iterator[_Node]:
     yield node
     for branch in [*node.get("anyOf", []), *node.get("oneOf", [])]:
         yield from alternatives(branch)
-
-
-def _child(value: Any, part: str | int) -> Any:
-    if isinstance(value, dict):
-        return value.get(part)
-    if isinstance(value, list) and isinstance(part, int) and part < len(value):
-        return value[part]
-    return None

@@ -19,6 +19,7 @@ from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Acceleration,
+    Configuration,
     Duration,
     Length,
     Real,
@@ -53,9 +54,7 @@ EXACT_ROD = Consumer(
     },
 )
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
-SEVERAL_MODELS = Consumer(
-    "accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED, "initial.q_above_rest": _TRIED}
-)
+SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
 _NONE = "has no effect: neither tendons nor bending have friction"
 _HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
 
@@ -98,10 +97,7 @@ class Initial(Value):
     held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     """Constant loads that hold the equilibrium pose and are released at time zero."""
     q: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
-    """Bending coordinates of a finger that is straight at rest: angles [rad] (arcs) or nodal curvatures [1/m]
-    (clothoids)."""
-    q_above_rest: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
-    """Bending coordinates of any finger, less those that it has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
+    """Bending coordinates, less those that the finger has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
     (clothoids)."""
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
@@ -117,10 +113,10 @@ class Initial(Value):
     brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
 
     def _check(self) -> None:
-        check_one_given(self, "pose", "q", "q_above_rest")
+        check_one_given(self, "pose", "q")
         if (self.reached_by == "state") != (self.friction_states is not None):
             raise ValueError("friction_states and reached_by: state need each other")
-        if self.qd is not None and self.coordinates is None:
+        if self.qd is not None and self.q is None:
             raise ValueError("qd needs q; a named pose is at rest")
         if self.held_by and self.pose != "equilibrium":
             raise ValueError("held_by needs pose: equilibrium")
@@ -143,11 +139,6 @@ class Initial(Value):
                 f"initial.motor_angles must have one entry per drive.kind: motor ({len(motors)}), got "
                 f"{len(self.motor_angles)}"
             )
-
-    @property
-    def coordinates(self) -> tuple[float, ...] | None:
-        """Bending coordinates above rest, where they are given."""
-        return self.q_above_rest if self.q is None else self.q
 
 
 MOST_STATES = 10_000_000
@@ -188,13 +179,9 @@ class Timing(Value):
             )
 
 
-class FingerScene(Surroundings):
-    """What scenes of one finger have in common; those that mean something else by a field describe it anew."""
+class FingerScene(Configuration, Surroundings):
+    """What scenes of one finger have in common."""
 
-    schema_version: Literal[1] = 1
-    """Format of a file, which must state it; not needed in Python."""
-    name: str | None = None
-    """Title of reports and pictures."""
     finger: Finger
     """The finger."""
     gravity: Acceleration
@@ -205,7 +192,7 @@ class FingerScene(Surroundings):
     fidelity: Fidelity = Fidelity()
     """How finely the finger is modeled."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """Names of model parameters that stay run-time arguments of the generated functions."""
+    """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
 
     def _check(self) -> None:
         _HISTORY.check(self)
@@ -233,8 +220,8 @@ class Scene(FingerScene):
     """Duration and steps of a simulation; None: for statics and modes alone."""
 
     def _check(self) -> None:
-        self.finger.rod.check_inside("loads", self.loads)
-        self.finger.rod.check_inside("initial.held_by", self.initial.held_by)
+        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
+        self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
             self._check_actuation(self.actuation)
         self.initial.check_motors(self.finger)

@@ -10,7 +10,7 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
-from continuum_grasp.scene.supports import Peg, Support, Wall
+from continuum_grasp.scene.supports import Supported, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
@@ -113,7 +113,7 @@ class Table(Value):
         return Wall("table", self.point, self.normal_angle, math.inf, self.friction, "auto")
 
 
-class Surroundings(Value):
+class Surroundings(Supported):
     """An object, fixed or free to move in the plane, and the supports that it can touch.
 
     The finger touches the object; supports touch the object only, the finger passes through them.
@@ -121,8 +121,6 @@ class Surroundings(Value):
 
     object: GraspObject | None = None
     """What the finger can touch; None: nothing."""
-    supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
-    """Fixed walls, edges, points and grooves by name, which a moving object can touch."""
     contact_law: ContactLaw | None = None
     """The force law of the object's surface; needed with an object."""
     object_moves: bool = False
@@ -165,13 +163,3 @@ class Surroundings(Value):
             own, _, moment = polygon_moments(part.outline(720), self.object.com)
             area, second = area + abs(own), second + abs(moment)
         return self.object.mass * (second / area)
-
-    @property
-    def walls(self) -> tuple[Wall, ...]:
-        """All straight supports."""
-        return tuple(wall for name, support in self.supports.items() for wall in support.walls(name))
-
-    @property
-    def pegs(self) -> tuple[Peg, ...]:
-        """All round supports."""
-        return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))

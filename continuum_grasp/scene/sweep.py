@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
-from continuum_grasp.scene.varied import Follow, Key, Varied, in_si
+from continuum_grasp.scene.varied import InSI, Key, Varied
 
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
@@ -96,7 +96,7 @@ class Draw(Value):
     @property
     def kind(self) -> str:
         """Which of the four it is."""
-        return next(name for name in type(self).model_fields if getattr(self, name) is not None)
+        return next(iter(self.stated()))
 
 
 class Sample(Value):
@@ -104,7 +104,7 @@ class Sample(Value):
 
     count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     """Number of draws."""
-    keys: Annotated[dict[Key, Draw], Field(min_length=1, max_length=40)]
+    keys: Annotated[dict[Key, Draw], InSI, Field(min_length=1, max_length=40)]
     """Key paths in the scene, and how each is drawn."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Equal seeds give equal scenes; a greater count begins with the scenes of the smaller one."""
@@ -143,12 +143,10 @@ class Front(Value):
 class Sweep(Varied):
     """A grasp with some of its keys varied, or a closed loop for environments: a grid, random draws, or both."""
 
-    vary: dict[Key, Grid] = Field(default_factory=dict, max_length=40)
+    vary: Annotated[dict[Key, Grid], InSI] = Field(default_factory=dict, max_length=40)
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
     """Random draws of keys; None: none."""
-    follow: dict[Key, Follow] = Field(default_factory=dict)
-    """Key paths in the scene that follow a varied key: times its value, plus a number."""
     record: Annotated[tuple[str, ...], Field(strict=False, max_length=40)] = ()
     """More columns of the table: numbers of the result, such as ``quality.epsilon`` or ``statistics.starts``."""
     maps: tuple[Map, ...] = Field(default=(), strict=False)
@@ -156,28 +154,14 @@ class Sweep(Varied):
     pareto: tuple[Front, ...] = Field(default=(), strict=False)
     """Pictures of two quantities against each other."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _read_units(cls, data: Any) -> Any:
-        if not isinstance(data, dict):
-            return data
-        found = {**data, **{name: in_si(data[name]) for name in ("vary", "follow") if name in data}}
-        sample = data.get("sample")
-        if isinstance(sample, dict) and "keys" in sample:
-            found["sample"] = {**sample, "keys": in_si(sample["keys"])}
-        return found
-
     def _check(self) -> None:
         if not self.vary and self.sample is None:
             raise ValueError("give vary, sample, or both")
         drawn = {} if self.sample is None else self.sample.keys
         keys = [*self.vary, *drawn]
-        for key in {*keys, *self.follow}:
-            if [*keys, *self.follow].count(key) > 1:
-                raise ValueError(f"{key!r} is given twice among vary, sample and follow")
-        for key, follow in self.follow.items():
-            if follow.key not in keys:
-                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not varied")
+        for key in self.vary.keys() & drawn.keys():
+            raise ValueError(f"{key!r} is given twice among vary and sample")
+        self.check_follow(keys)
         for k, name in enumerate(self.record):
             if not _RECORDED.fullmatch(name):
                 raise ValueError(f"record[{k}] must be quality., certificate. or statistics. and a name, got {name!r}")

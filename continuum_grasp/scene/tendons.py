@@ -14,7 +14,7 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.profile import Channel
+    from continuum_grasp.scene.profile import Channel, Curve
 
 MOST_SLOPE = 0.3
 """Greatest change of a tendon's offset per length [1]: up to there the constant cosine of its law leaves errors of the
@@ -116,10 +116,33 @@ class Tendon(_Tensions):
         if abs(ends(self.offset)[0]) < _LEAST_OFFSET:
             raise ValueError(f"offset = {ends(self.offset)[0]} m at the base: a tendon in the backbone bends nothing")
 
+    @property
+    def greatest_offset(self) -> float:
+        """Greatest distance from the backbone [m]."""
+        return max(map(abs, ends(self.offset)))
+
+    def end(self, length: float) -> float:
+        """Where it ends along a finger of a length [m]."""
+        return length if self.to is None else self.to
+
     def slope(self, length: float) -> float:
         """Change of its offset per length along a finger [1]."""
         first, last = ends(self.offset)
-        return (last - first) / (length if self.to is None else self.to)
+        return (last - first) / self.end(length)
+
+    def shape(self, length: float) -> Curve:
+        """Its offset along a finger of a length [m], per that at the base; zero beyond its end."""
+        from continuum_grasp.scene.profile import Curve
+
+        (first, last), to = ends(self.offset), self.end(length)
+        piece = (1.0,) if first == last else (1.0, (last / first - 1.0) / to)
+        if to < length * (1 - 1e-9):
+            return Curve((0.0, to, length), (piece, (0.0,)))
+        return Curve((0.0, length), (piece,))
+
+    def arm(self, length: float) -> float:
+        """Bending moment at the base per tension [m]: the offset there times the cosine."""
+        return ends(self.offset)[0] / math.sqrt(1.0 + self.slope(length) ** 2)
 
 
 TendonList = Annotated[tuple[Tendon, ...], Field(strict=False, min_length=1, max_length=16)]
@@ -138,7 +161,7 @@ def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -
     singles = single_tendons(tendons)
     keys = [f"tendons[{k}]" if isinstance(tendons, tuple) else "tendons" for k in range(len(singles))]
     for key, tendon in zip(keys, singles, strict=True):
-        offset, slope = max(map(abs, ends(tendon.offset))), abs(tendon.slope(length))
+        offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
         if offset >= length:
             raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
         if tendon.to is not None and tendon.to > length * (1 + 1e-12):
@@ -190,7 +213,7 @@ def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) ->
         return [[k] for k in range(len(tendons))]
     for k, tendon in enumerate(tendons):
         first, last = ends(tendon.offset)
-        shape = (last / first, length if tendon.to is None else tendon.to)
+        shape = (last / first, tendon.end(length))
         for group, known in zip(groups, shapes, strict=True):
             if abs(shape[0] - known[0]) <= _SAME and abs(shape[1] - known[1]) <= _SAME * length:
                 group.append(k)
@@ -203,20 +226,11 @@ def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) ->
 
 def channels(length: float, tendons: tuple[Tendon, ...], *, apart: bool = False) -> tuple[Channel, ...]:
     """One channel per shape of moment along a finger of a length [m], or ``apart`` one per tendon."""
-    return tuple(_channel(length, tendons, group) for group in alike(tendons, length, apart=apart))
+    from continuum_grasp.scene.profile import Channel
 
-
-def _channel(length: float, tendons: tuple[Tendon, ...], group: list[int]) -> Channel:
-    from continuum_grasp.scene.profile import Channel, Curve
-
-    like = tendons[group[0]]
-    (first, last), to = ends(like.offset), length if like.to is None else like.to
-    shape = (1.0,) if first == last else (1.0, (last / first - 1.0) / to)
-    ending = to < length * (1 - 1e-9)
-    curve = Curve((0.0, to, length), (shape, (0.0,))) if ending else Curve((0.0, length), (shape,))
-    arms = tuple(
-        # The constant cosine between a tendon and the backbone.
-        ends(tendon.offset)[0] / math.sqrt(1.0 + tendon.slope(length) ** 2) if k in group else 0.0
-        for k, tendon in enumerate(tendons)
-    )
-    return Channel(curve, to if ending else length, arms, like.time_constant)
+    found = []
+    for group in alike(tendons, length, apart=apart):
+        like, shape = tendons[group[0]], tendons[group[0]].shape(length)
+        arms = tuple(tendon.arm(length) if k in group else 0.0 for k, tendon in enumerate(tendons))
+        found.append(Channel(shape, like.end(length) if shape.breaks else length, arms, like.time_constant))
+    return tuple(found)

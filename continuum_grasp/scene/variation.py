@@ -19,17 +19,23 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
-from continuum_grasp.scene.varied import Varied
+from continuum_grasp.scene.varied import Follow, Varied
 
 
 @dataclass(frozen=True)
-class Axis:
-    """A key with the values that are tried."""
+class SceneKey:
+    """A key of the scene."""
 
     key: str
     path: KeyPath
     unit: str
     """Empty where the scene's documentation names none."""
+
+
+@dataclass(frozen=True)
+class Axis(SceneKey):
+    """A key with the values that are tried."""
+
     values: tuple[Any, ...]
     """Plain data; fingers from other files are put in."""
     labels: tuple[Any, ...]
@@ -45,12 +51,9 @@ class Random(Axis):
 
 
 @dataclass(frozen=True)
-class Tie:
+class Tie(SceneKey):
     """A key that follows another, ``source``: times its value, plus a number."""
 
-    key: str
-    path: KeyPath
-    unit: str
     source: str
     times: float
     plus: float
@@ -136,6 +139,12 @@ class SceneKeys:
             raise place.error(error.message, where) from None
         return path, placed(value, place)
 
+    def tie(self, key: str, follow: Follow) -> Tie:
+        """A key that follows another."""
+        tried = [follow.times + follow.plus]
+        path, _ = self.values(("follow", key), key, tried, listed=False, only_key=True)
+        return Tie(key, path, self.unit(path), follow.key, follow.times, follow.plus)
+
     def unit(self, path: KeyPath) -> str:
         """Unit of a key; empty where there is none."""
         unit = self.shape.unit(path, self.base.value)
@@ -164,8 +173,7 @@ class _Resolver(SceneKeys):
             if follow.key not in numeric:
                 message = f"{follow.key!r} has values that are no numbers"
                 raise self.document.nearest((*where, "key")).error(message, where)
-            path, _ = self.values(where, key, [follow.times + follow.plus], listed=False, only_key=True)
-            ties.append(Tie(key, path, self.unit(path), follow.key, follow.times, follow.plus))
+            ties.append(self.tie(key, follow))
         self._pictures([*self.sweep.vary, *(draw.key for draw in draws), *self.sweep.follow])
         return Variation(self.kind, self.base.value, tuple(axes), tuple(draws), tuple(ties))
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import path_of
@@ -14,7 +14,7 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Real, Value
+from continuum_grasp.scene.value import Configuration, Real, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
@@ -27,11 +27,14 @@ _IN_UNIT = {
 """Keys whose values have the unit of the scene's key that they stand for."""
 
 
-def in_si(given: Any) -> Any:
-    """Ways to vary keys, with texts such as 65 mm as numbers in the SI unit that each key has in the scene."""
+def _in_si(given: Any) -> Any:
     # Without the scene itself: a key has one unit in all shapes of objects, and in grasps and closed loops.
     shapes = Shape(GraspScene), Shape(ControlScene)
     return {key: _way_in_si(key, way, shapes) for key, way in given.items()} if isinstance(given, dict) else given
+
+
+InSI = BeforeValidator(_in_si)
+"""For ways to vary keys: texts such as 65 mm become numbers in the SI unit that each key has in the scene."""
 
 
 def _way_in_si(key: Any, way: Any, shapes: Sequence[Shape]) -> Any:
@@ -62,19 +65,25 @@ class Follow(Value):
     """Summand, in the unit of the key that follows."""
 
 
-class Varied(Value):
+class Varied(Configuration):
     """A scene of which some keys are varied."""
 
-    schema_version: Literal[1] = 1
-    """Format of a file, which must state it; not needed in Python."""
-    name: str | None = None
-    """Title of reports and pictures."""
     scene: str
     """Path of the scene that is varied, relative to this file."""
     set: dict[Key, Any] = Field(default_factory=dict)
     """Key paths in the scene with values that differ from its file in all runs."""
+    follow: Annotated[dict[Key, Follow], InSI] = Field(default_factory=dict)
+    """Key paths in the scene that follow a varied key: times its value, plus a number."""
 
     _folder: Path = PrivateAttr(default=Path())
+
+    def check_follow(self, varied: Collection[str]) -> None:
+        """Refuse keys that follow none of the varied ones, or are among them."""
+        for key, follow in self.follow.items():
+            if key in varied:
+                raise ValueError(f"follow: {key!r} is varied already")
+            if follow.key not in varied:
+                raise ValueError(f"follow: {key!r} follows {follow.key!r}, which is not varied")
 
     def in_folder(self, folder: Path) -> Self:
         """A copy whose paths are relative to another folder than the working directory."""

@@ -65,9 +65,9 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     initial, n = scene.initial, model.n
     q, qd = np.zeros(n), np.zeros(n)
     stands: Array | None = None
-    if initial.coordinates is not None:
+    if initial.q is not None:
         model.structure.check_initial(initial)
-        q = np.array(initial.coordinates, dtype=float)
+        q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
         held = statics_model(scene, model, (*scene.loads, *initial.held_by))

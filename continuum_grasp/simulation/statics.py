@@ -201,7 +201,7 @@ _STATICS = Consumer(
             ("actuation.tensions.times", "actuation.tensions.interpolation", "loads.force.times"), "those at time zero"
         ),
         "parameters": "they have their nominal values",
-        **{f"initial.{key}": "an equilibrium is sought" for key in ("pose", "q", "q_above_rest", "qd")},
+        **{f"initial.{key}": "an equilibrium is sought" for key in ("pose", "q", "qd")},
         "initial.held_by": "released at time zero",
         **dict.fromkeys(
             ("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts, and of the strain limit"

@@ -129,7 +129,6 @@ def test_a_table_reads_and_parses():
 
 
 def test_coordinates_of_one_model_are_refused():
-    for key in ("q", "q_above_rest"):
-        posed = rod_scene(NITINOL, "arc", 2, initial={key: [0.1, 0.1]})
-        with pytest.raises(cg.InputError, match=rf"initial\.{key}: .* give a pose"):
-            cg.accuracy_report(posed)
+    posed = rod_scene(NITINOL, "arc", 2, initial={"q": [0.1, 0.1]})
+    with pytest.raises(cg.InputError, match=r"initial\.q: .* give a pose"):
+        cg.accuracy_report(posed)

@@ -755,13 +755,13 @@ IN_SCENE = {
     "repeated parameter": ({"parameters": ("gravity", "gravity")}, {}, "parameters[1]", "'gravity' is repeated"),
     "piecewise rest": ({"parameters": ("gravity", "element_lengths")}, {}, "parameters[1]", "piecewise rest curvature"),
     "initial angles": (
-        {"initial": Initial(q_above_rest=(0.0,)), "fidelity": Fidelity(family="arc", elements=2)},
+        {"initial": Initial(q=(0.0,)), "fidelity": Fidelity(family="arc", elements=2)},
         {},
-        "initial.q_above_rest",
-        r"q_above_rest has 1 entries, the arc model has 2: theta_1",
+        "initial.q",
+        r"q has 1 entries, the arc model has 2: theta_1",
     ),
     "initial rates": (
-        {"initial": Initial(q_above_rest=(0.0, 0.0), qd=(1.0,)), "fidelity": Fidelity(elements=2)},
+        {"initial": Initial(q=(0.0, 0.0), qd=(1.0,)), "fidelity": Fidelity(elements=2)},
         {},
         "initial.qd",
         "qd has 1 entries, the matched_clothoid model has 2: kappa_0",
@@ -786,9 +786,7 @@ def test_wrong_scenes_are_explained_with_the_key(name):
 
 
 def test_an_initial_state_is_for_the_scene_as_it_is():
-    scene = SCENE.model_copy(
-        update={"initial": Initial(q_above_rest=(0.1, 0.2)), "fidelity": Fidelity(family="arc", elements=2)}
-    )
+    scene = SCENE.model_copy(update={"initial": Initial(q=(0.1, 0.2)), "fidelity": Fidelity(family="arc", elements=2)})
     assert FingerModel(scene).n == 2
     assert FingerModel(scene, elements=3).n == 3
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -16,6 +17,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import kind_of
 from continuum_grasp.scene.load import KINDS, load
 from continuum_grasp.scene.units import QUANTITIES, units_of
+from continuum_grasp.scene.value import Value
 from continuum_grasp.scene.yaml_loader import parse_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -91,6 +93,46 @@ def test_commands_are_there(monkeypatch):
         # Computing is what other tests do: here, that the change is one.
         done = CliRunner().invoke(app, [verb if verb == "schema" else "validate", *rest])
         assert done.exit_code == 0, done.output
+
+
+def keys_of(value):
+    """Names of the keys that a loaded or a parsed configuration states, at any depth."""
+    if isinstance(value, Value):
+        for name in value.model_fields_set:
+            yield type(value).model_fields[name].alias or name
+            yield from keys_of(getattr(value, name))
+    elif isinstance(value, dict):
+        for name, one in value.items():
+            yield name
+            yield from keys_of(one)
+    elif isinstance(value, tuple | list):
+        for one in value:
+            yield from keys_of(one)
+
+
+def words(cell):
+    """What a cell has in back ticks."""
+    return re.findall(r"`([^`]+)`", cell)
+
+
+EXAMPLES = table("Keys that no shipped configuration has")
+
+
+@pytest.mark.parametrize("row", EXAMPLES, ids=lambda row: row[0])
+def test_keys_by_example_are_taken(row):
+    keys, (name,), changes = map(words, row)
+    assert set(keys) <= set(keys_of(load(ROOT / "configs" / f"{name}.yaml", changes)))
+
+
+def test_every_key_is_in_a_shipped_configuration_or_has_an_example():
+    shipped, known = set(), set()
+    for path in (ROOT / "configs").glob("*/*.yaml"):
+        shipped |= set(keys_of(parse_yaml(path.read_text(encoding="utf-8")).value))
+    for path in (ROOT / "schema").glob("*.json"):
+        schema = json.loads(path.read_text(encoding="utf-8"))
+        for node in (schema, *schema["$defs"].values()):
+            known |= node.get("properties", {}).keys()
+    assert known - shipped == {key for row in EXAMPLES for key in words(row[0])}
 
 
 @pytest.mark.parametrize("row", table("When something is wrong"), ids=lambda row: row[0])

@@ -17,12 +17,12 @@ from pydantic import BaseModel
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.field_docs import field_docs
 from continuum_grasp.scene.load import KINDS, load, load_placed, model_of
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.shape import Shape, alternatives
 from continuum_grasp.scene.units import QUANTITIES, Unit, advice_on, pattern, to_si, units_of
+from continuum_grasp.scene.value import field_docs
 from continuum_grasp.sweeps.plan import plan_of
 from tests.marks import few
 from tests.scene.test_configs import FOLDER_OF

@@ -104,7 +104,7 @@ def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
 def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
     """List the rows of the state alone: curvatures, bending rates, tensions under winches, and distances from zones."""
     found = BoundedRows()
-    penalty = _penalty(bounds.penalty)
+    penalty = _penalty(bounds.penalty or bounds.usual_penalty)
     given = (model.x, model.u, model.p)
     if bounds.curvature is not None:
         # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
@@ -141,7 +141,7 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
         away = zone.clearance + finger.profile.half_thickness(places)
         gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - ca.DM(away)
         labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
-        found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty))
+        found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty or bounds.usual_penalty))
 
 
 def _gap(zone: HalfPlaneZone | DiscZone, at: ca.SX) -> ca.SX:

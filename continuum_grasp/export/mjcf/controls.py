@@ -89,7 +89,7 @@ def _inputs(scene: Scene) -> list[Control]:
     tensions = None if actuation is None else actuation.tensions
     found = []
     for j, tendon in enumerate(finger.tendon_list):
-        to = tip if tendon.to is None else tendon.to
+        to = tendon.end(tip)
         # Slack tendons, of a scene without input, have no tension at all.
         limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)
         tension = 0.0 if tensions is None else tensions[j]
@@ -105,7 +105,7 @@ def _wound(scene: Scene) -> list[Control]:
         drive, pulley = tendon.drive, len(finger.winches) < len(finger.tendon_list)
         if not isinstance(drive, LengthDrive):
             raise TypeError("motors are refused")
-        to = finger.profile.length if tendon.to is None else tendon.to
+        to = tendon.end(finger.profile.length)
         compliance = 1.0 / (tendon.series_stiffness or 1.0) + to / (tendon.axial_stiffness or 1.0)
         found.append(
             Control(
@@ -125,15 +125,13 @@ def _wound(scene: Scene) -> list[Control]:
 def offset_at(finger: Finger, tendon: int, s: float) -> float:
     """Distance of a tendon from the backbone at s [m], positive on the -X side."""
     one = finger.tendon_list[tendon]
-    first, _ = ends(one.offset)
-    return first + one.slope(finger.profile.length) * s
+    return ends(one.offset)[0] * float(one.shape(finger.profile.length)(s))
 
 
 def drawn_in(finger: Finger, tendon: int, at: Array) -> Array:
     """How far a tendon is drawn in per angle of hinges at places (N,) [m]: none beyond its end."""
     one, length = finger.tendon_list[tendon], finger.profile.length
-    arms = np.array([offset_at(finger, tendon, float(s)) for s in at]) / np.hypot(1.0, one.slope(length))
-    return np.where(at < (length if one.to is None else one.to), arms, 0.0)
+    return one.arm(length) * one.shape(length)(at, tip_side=True)
 
 
 def cable_springs(finger: Finger, controls: Sequence[Control], at: Array) -> Array:

@@ -26,7 +26,6 @@ from continuum_grasp.grasp.certificate.recomputed import (
 )
 from continuum_grasp.grasp.certificate.reserve import NEAR, Limits, Reserve, greatest_reserve
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.grasp.shape import slope
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -455,7 +454,7 @@ class _Finger:
             finger.points[at],
             finger.angles[at],
             same.radii if same else np.array([float(finger.skin(edges[joint])) for joint in self.joints]),
-            same.leans if same else np.array([slope(finger.skin, float(edges[joint])) for joint in self.joints]),
+            same.leans if same else np.array([finger.skin.slope(float(edges[joint])) for joint in self.joints]),
             edges[self.joints],
             at,
         )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.grasp.shape import FingerShape, slope
+from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -322,7 +322,7 @@ class RecomputedGrasp:
                 own = np.array([np.cos(angle), np.sin(angle)])
                 own = own if own @ unit >= 0.0 else -own
                 # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
-                lean = slope(c.finger.skin, c.finger.joint_position(c.joint))
+                lean = c.finger.skin.slope(c.finger.joint_position(c.joint))
                 c.normal = np.sqrt(1.0 - lean**2) * own + lean * np.array([-np.sin(angle), np.cos(angle)])
             else:
                 c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]

@@ -151,7 +151,7 @@ def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
     degree, rows = max(len(c) for c in curve.coefficients) - 1, []
     for a in edges[:-1]:
         piece = int(np.searchsorted(curve.edges[1:-1], a + 1e-9 * edges[-1]))
-        shifted = Polynomial(curve.coefficients[piece])(Polynomial([a - curve.edges[piece], edges[-1]]))
+        shifted = curve.local(piece, a)(Polynomial([0.0, edges[-1]]))
         row = np.zeros(degree + 1)
         row[: len(shifted.coef)] = shifted.coef
         if curve.exponential:

@@ -183,9 +183,7 @@ def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
     pieces: list[Array] = []
     for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
         at = np.linspace(a, b, _FINE)
-        middle = 0.5 * (at[1:] + at[:-1])
-        waves = (profile.linear_density(middle) / profile.bending_stiffness(middle)) ** 0.25
-        parts = np.concatenate([[0.0], np.cumsum(waves)])
+        parts = profile.waves(at)
         pieces.append(np.interp(np.linspace(0.0, parts[-1], count + 1)[:-1], parts, at))
     return np.concatenate([*pieces, marks[-1:]])
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
-from continuum_grasp.grasp.shape import FingerShape, slope
+from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
@@ -103,7 +103,7 @@ class BentFinger:
         edge = self.rod.edge_index(station)
         at_tip = station >= self.length * (1.0 - _SAME)
         thickness = skin(self.finger.profile.half_thickness)
-        half, lean = float(thickness(np.array(station))), slope(thickness, station)
+        half, lean = float(thickness(np.array(station))), thickness.slope(station)
         moved = self._shifts[edge], self._turns[edge]
         return Section(self._angles[edge], self._curvature(edge), *moved, at_tip, half, lean)
 

@@ -15,7 +15,7 @@ from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded_profile import line
+from continuum_grasp.scene.profile import Curve
 
 _POINTS = 3
 """Points per element at which the curvature is compared with a limit [1]: as good as dense ones."""
@@ -73,7 +73,7 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
         found.append(Limit(ports, signs=stops.signs, rounding=_STOP_ROUNDING, change=change, with_rest=True))
     if soft is not None:
         ports, change = (
-            points(family, _POINTS, line(finger.rod.length, soft.curvature)),
+            points(family, _POINTS, Curve.along(finger.rod.length, soft.curvature)),
             numbers["softening_ratio"] - 1.0,
         )
         at = "softening_curvature"

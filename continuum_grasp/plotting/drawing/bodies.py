@@ -78,11 +78,12 @@ def tendon_path(
 ) -> Array:
     """Where a tendon runs (points, 2), from the base to its end; arguments as of `finger_outline`."""
     line, s, angle = _placed(backbone, finger, s, angle)
-    (first, last), to = ends(tendon.offset), finger.rod.length if tendon.to is None else tendon.to
+    length = finger.rod.length
+    to = tendon.end(length)
     at = np.append(s[s < to], to)
     turn = np.interp(at, s, angle)
     # The X axis of a section points away from tendons of positive offset.
-    offset = -unit * (first + (last - first) * at / to)
+    offset = -unit * ends(tendon.offset)[0] * tendon.shape(length)(at)
     points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
     return np.asarray(points + offset[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
 
