@@ -112,7 +112,10 @@ def _scene(plan: Plan, point: Any) -> ControlScene:
 
 _LANES = Consumer(
     "environments",
-    refused={"plant.guides": "a chain of guides does not run in vector lanes: leave it out"},
+    refused={
+        "plant.guides": "a chain of guides does not run in vector lanes: leave it out",
+        "loads.force.times": "loads of an environment must be constant",
+    },
     otherwise={
         **{
             f"controller.bounds.{key}": "an environment neither keeps it nor charges for what leaves it"
@@ -157,8 +160,6 @@ def plants_of(
     names, rows = _finger_parameters(around)
     object_names, object_rows = _object_parameters(scenes)
     model = PlantModel(first, parameters=names, object_parameters=object_names)
-    if not model.steady:
-        raise InputError("loads of an environment must be constant", key="loads")
     # Run-time parameters are in this order: the finger's, the object's, the lag of the drive.
     lag = [name == "drive_time_constant" and len(model.p) > model.system.np for name in names for _ in rows[name][0]]
     finger = np.hstack([np.zeros((len(scenes), 0)), *[np.array(rows[name]) for name in names]])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import default_family
@@ -107,6 +108,25 @@ class Bounds(Value):
 Range = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
+_RANGES = ("lengths", "angles", "torques", "currents")
+
+_OTHER = "is not what this finger takes"
+_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
+
+
+def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
+    """What limits of the input, at a key of a scene, some fingers have no use for."""
+    bare = f"{key}.moment_max {key}.time_constant"
+    return (
+        beside(f"{verb} with tendons", lambda s: s.finger.tendons, bare, "is for a finger without tendons"),
+        beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
+        *(
+            beside(f"{verb} without {name}", lambda s, name=name: s.finger.input_key != name, f"{key}.{name}", _OTHER)
+            for name in _RANGES
+        ),
+    )
+
+
 class InputLimits(Value):
     """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
 
@@ -127,12 +147,9 @@ class InputLimits(Value):
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
     def check(self, finger: Finger, key: str) -> None:
-        """Refuse limits that the finger's drive lacks, or has itself; ``key`` is where they are in the scene."""
+        """Refuse limits that do not fit the finger's drive; ``key`` is where they are in the scene."""
         if finger.tendons is None and self.moment_max is None:
             raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        for name in ("moment_max", "time_constant"):
-            if finger.tendons is not None and getattr(self, name) is not None:
-                raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
         self._check_ranges(finger, key)
         lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
         if any(lagging) and not all(lagging):
@@ -142,14 +159,12 @@ class InputLimits(Value):
 
     def _check_ranges(self, finger: Finger, key: str) -> None:
         taken = finger.input_key
-        for name in ("lengths", "angles", "torques", "currents"):
+        for name in _RANGES:
             given = getattr(self, name)
             if name == taken and given is None and name in ("lengths", "angles"):
                 raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
             if given is None:
                 continue
-            if name != taken:
-                raise ValueError(f"{key}.{name} is not what this finger takes, which is {taken.replace('_', ' ')}")
             if given[0] >= given[1]:
                 raise ValueError(f"{key}.{name}: the least, {given[0]}, must be below the greatest, {given[1]}")
             most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)
@@ -317,10 +332,6 @@ class Plant(Value):
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
-
-    def _check(self) -> None:
-        if self.guides is not None and "fidelity" in self.model_fields_set:
-            raise ValueError("guides and fidelity exclude each other: a chain of guides has no elements")
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""

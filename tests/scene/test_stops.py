@@ -86,7 +86,7 @@ def test_a_couple_that_holds_is_no_input():
     keys = {"finger": cg.Finger(rod=ROD), "gravity": (0.0, 0.0)}
     couple = {"kind": "moment", "at": 0.1, "moment": 0.01, "input": True}
     assert cg.Scene(**keys, loads=[couple]).loads[0].input
-    with pytest.raises(InputError, match=r"held_by\[0\].input has no effect"):
+    with pytest.raises(InputError, match=r"held_by\[0\].input: has no effect"):
         cg.Scene(**keys, initial={"pose": "equilibrium", "held_by": [couple]})
 
 
