@@ -178,7 +178,7 @@ def _tendons(
 
 _MOTORS = beside(
     "accuracy of motors",
-    lambda s: s.finger.winches[0].arrangement == "one_pulley" or s.finger.winches[0].position_gain is not None,
+    lambda s: any(d.kind == "motor" and (d.arrangement == "one_pulley" or d.position_gain) for d in s.finger.winches),
     "finger.tendons.drive",
     "of motors the exact rod, and with it fidelity.tolerance, knows torques and currents, per tendon: give family and "
     "elements, chosen with drive.kind: length",

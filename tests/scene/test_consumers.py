@@ -22,6 +22,7 @@ from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
 from tests.consumers_page import BEGIN, PAGE, tables
+from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
 from tests.scene_products import WALKS, Walk, parts
 
@@ -90,7 +91,7 @@ LONG = {
     *("Rod", "RodFactors", "RodSection", "Table", "_Tensions"),
 }
 """Classes with keys of which many values are tried."""
-QUICK = {"export-mjcf", "plant.guides"}
+QUICK = {"export-mjcf", "plant.guides", "operators"}
 """Consumers of which most classes are tried in less than a second."""
 
 
@@ -158,6 +159,27 @@ def test_no_key_is_ignored_in_silence(walk, kind):
     found = places(walk.root)[kind]
     wrong = [text for field in keys(walk.root)[kind] if (text := ignored(walk, found[field]))]
     assert not wrong
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [one if one.name in QUICK else pytest.param(one, marks=pytest.mark.deep) for one in VERBS],
+    ids=lambda one: one.name,
+)
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda one: one.name)
+def test_a_verb_takes_what_no_declaration_refuses(feature, verb):
+    why = declared(feature, verb)
+
+    def made():
+        scene = scene_of(verb.kind, feature, verb.more)
+        return scene is None or [*parts(verb.make(scene))]
+
+    if not why:
+        assert made()
+        return
+    with pytest.raises(InputError) as caught:
+        made()
+    assert why in caught.value.message
 
 
 MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
