@@ -62,7 +62,7 @@ _FORCE = {"kind": "force", "at": 0.18, "force": [0.01, 0.0]}
 _RESIDUAL = {
     "family": "clothoid",
     "elements": [0.18],
-    "coordinates": ["curvature_0 above rest [1/m]", "curvature_1 above rest [1/m]"],
+    "coordinates": ["kappa_0 [1/m]", "kappa_1 [1/m]"],
     "center": [0.0] * 4,
     "scale": [1.0] * 4,
     "metric": [[float(i == k) for k in range(4)] for i in range(4)],
@@ -178,7 +178,7 @@ def _plain(kind: type[Value]) -> Value:
         return Scene.model_validate(
             {**own, "initial": {"pose": "straight"}, "time": {"duration": 0.004, "step": 0.002}}
         )
-    coarse = {"family": "clothoid", "elements": 1}
+    coarse = {"family": "clothoid", "elements": 2}
     if kind is ControlScene:
         loop = {"fidelity": coarse, "plant": {"fidelity": coarse}, "estimator": None, "duration": 0.1}
         return cg.load(CONFIGS / "mpc" / "steady_tip.yaml").changed({**own, **loop, "controller.input": {}})
@@ -288,7 +288,7 @@ VERBS = (
     Verb(
         "mpc on guides",
         ControlScene,
-        ("plant.guides",),
+        ("plant.guides", "plant.guides under what is aside"),
         products.moved,
         {"plant": {"guides": 12, "axial_stiffness": 1e4}},
     ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -211,11 +212,17 @@ def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
     return body, law if law is None else law.replaced(friction=1.0), scene.supports, scene.table, scene.object_moves
 
 
+_SHARED = (
+    *("controller", "estimator", "duration", "input_limits", "rest_input", "fidelity", "contacts"),
+    *(f"plant.{name}" for name in ("fidelity", "drive_order", "noise", "delay", "seed")),
+)
+
+
 def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) -> None:
     """Refuse a scene that differs in what all plants of an environment have in common."""
     varied = ", ".join(keys)
-    for name in ("controller", "estimator", "duration", "input_limits", "rest_input", "fidelity", "contacts"):
-        if getattr(scene, name) != getattr(first, name):
+    for name in _SHARED:
+        if attrgetter(name)(scene) != attrgetter(name)(first):
             raise InputError(f"all plants of an environment have the same {name}, which {varied} changes", key="sample")
     if _of_contact(scene) != _of_contact(first):
         raise InputError(
@@ -223,9 +230,6 @@ def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) 
             f"fixed object, and mass and start of one that moves, which {varied} changes",
             key="sample",
         )
-    for name in ("fidelity", "drive_order", "noise", "delay", "seed"):
-        if getattr(scene.plant, name) != getattr(first.plant, name):
-            raise InputError(f"all plants of an environment have the same plant.{name}", key="sample")
 
 
 def _finger_parameters(around: Sequence[Scene]) -> tuple[list[str], dict[str, list[list[float]]]]:

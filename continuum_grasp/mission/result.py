@@ -220,10 +220,7 @@ class MissionRun(MotionResult):
     @property
     def body(self) -> GraspObject:
         """The object."""
-        body = self.scene.object
-        if body is None:
-            raise ValueError("a mission has an object that moves")
-        return body
+        return present(self.scene.object)
 
     @cached_property
     def friction_use(self) -> Array:

@@ -58,19 +58,9 @@ class Consumer:
         CONSUMERS[self.name] = self
 
     def check(self, scene: BaseModel, place: str = "") -> tuple[str, ...]:
-        """List what becomes of keys that are taken otherwise.
+        """List what becomes of keys that are taken otherwise, of a scene or of the part of one that is ``at`` a key.
 
-        Parameters
-        ----------
-        scene : Value
-            The scene, or the part of one that stands ``at`` a key.
-        place : str
-            Where that part stands in this scene, for errors; otherwise their keys are seen from the part.
-
-        Raises
-        ------
-        InputError
-            With the key of the first that is refused.
+        The key of an `InputError`, of the first that is refused, is seen from there, or begins with ``place``.
         """
         if not self.where(scene):
             return ()

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Controller, Plant, of_inputs
-from continuum_grasp.scene.cost import Reference, RowSamples, of_setpoints
+from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
@@ -37,20 +37,14 @@ _OF_SCENARIOS = {
 
 
 def _late(scene: ControlScene) -> bool:
-    """Whether commanded torques stand in for measured ones, which are older."""
+    """Whether commanded torques stand in for measured ones, and are not as old as the angles of the motors."""
     of = scene.estimator
-    return bool(of and of.delay and not of.measured.torque and not of.measured.current)
+    return bool(of and of.measured.angle and of.delay and not (of.measured.torque or of.measured.current))
 
 
-def _felt(words: str) -> Consumer:
-    """Refuse contact detection by drives of a kind without one of their sensors."""
-    kind, sensor = words.split()
-
-    def unseen(scene: ControlScene) -> bool:
-        drives, of = scene.finger.winches, scene.estimator
-        return bool(drives) and drives[0].kind == kind and of is not None and getattr(of.measured, sensor) is None
-
-    return beside(f"mpc of drives unseen in {sensor}", unseen, _CONTACT, f"needs estimator.measured.{sensor}")
+def _sees(scene: ControlScene, *names: str) -> bool:
+    """Whether the estimator is given one of some quantities."""
+    return scene.estimator is not None and any(getattr(scene.estimator.measured, name) for name in names)
 
 
 def _unlike(name: str) -> Consumer:
@@ -91,7 +85,8 @@ _LAGGING = "is that of commanded tensions: it needs finger.tendons.time_constant
 _SMOOTH = "needs a continuous tip moment: give the drive a lag of second order, or use clothoid"
 _FELT = "needs tendons with drive.kind: length or motor, whose tension a contact changes"
 _HIDDEN = "sees nothing through a gear with backlash, whose drum is not measured"
-_TURNED = ("torques", "currents", "angles")
+_PLACED = "needs estimator.measured.length or estimator.measured.angle"
+_PULLED = "needs estimator.measured.tension of winches"
 _OLD = "needs estimator.measured.torque or current with a delay: a commanded torque is not as old as the angle"
 _LOOP = {
     "fidelity.tolerance": "is not for controllers: give family and elements",
@@ -137,17 +132,17 @@ _LOOPS = (
     ),
     beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches), _TENSION, _COMMAND),
     beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
-    beside("mpc of an unseen object", lambda s: s.estimator and not s.estimator.measured.object, "object_moves", _SEEN),
+    beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
     beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
     beside("mpc of a plant without a lag", _jumps, "plant.drive_order", "needs plant.time_constant"),
     beside("mpc without damping", lambda s: not s.scenario_parameters("damping"), _scenarios("damping"), _FACTOR),
     beside("mpc of no such lag", lambda s: s.finger.winches or not s.lag, _scenarios("time_constant"), _LAGGING),
     *map(_unlike, (*_SLIDING, *_CABLES, "time_constant")),
     needs("mpc", _CONTACT, f"{_DRIVE}.kind", _FELT),
-    *map(_felt, ("length length", "length tension", "motor angle")),
-    beside("mpc of motors seen late", lambda s: _late(s) and s.finger.input_key in _TURNED, _CONTACT, _OLD),
+    beside("mpc of drives unseen", lambda s: not _sees(s, "length", "angle"), _CONTACT, _PLACED),
+    beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
+    beside("mpc of motors seen late", _late, _CONTACT, _OLD),
     *of_inputs("mpc", "controller.input"),
-    *of_setpoints("mpc", "controller.cost"),
 )
 
 

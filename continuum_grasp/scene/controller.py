@@ -108,9 +108,6 @@ class Bounds(Value):
 Range = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
-_RANGES = ("lengths", "angles", "torques", "currents")
-
-_OTHER = "is not what this finger takes"
 _CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
 
 
@@ -120,10 +117,6 @@ def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
     return (
         beside(f"{verb} with tendons", lambda s: s.finger.tendons, bare, "is for a finger without tendons"),
         beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
-        *(
-            beside(f"{verb} without {name}", lambda s, name=name: s.finger.input_key != name, f"{key}.{name}", _OTHER)
-            for name in _RANGES
-        ),
     )
 
 
@@ -159,12 +152,14 @@ class InputLimits(Value):
 
     def _check_ranges(self, finger: Finger, key: str) -> None:
         taken = finger.input_key
-        for name in _RANGES:
+        for name in ("lengths", "angles", "torques", "currents"):
             given = getattr(self, name)
             if name == taken and given is None and name in ("lengths", "angles"):
                 raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
             if given is None:
                 continue
+            if name != taken:
+                raise ValueError(f"{key}.{name} is not what this finger takes, which is {taken.replace('_', ' ')}")
             if given[0] >= given[1]:
                 raise ValueError(f"{key}.{name}: the least, {given[0]}, must be below the greatest, {given[1]}")
             most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)

@@ -6,12 +6,10 @@ A new cost term has its weight in ``Cost`` and its setpoint in ``Reference``, un
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Length, NonNegative, Position, Positive, Real, Value, Vector2
 
@@ -182,7 +180,7 @@ class Reference(Value):
                 raise ValueError(f"{name}: expected rows of x, y, got {rows.width} entries")
 
     def check(self, cost: Cost, key: str) -> None:
-        """Refuse, by `ValueError`, tracked quantities without a setpoint.
+        """Refuse, by `ValueError`, tracked quantities without a setpoint and setpoints that nothing tracks.
 
         ``key`` is where the weights are in the scene.
         """
@@ -191,6 +189,8 @@ class Reference(Value):
             weight, setpoint = getattr(cost, term), getattr(self, name)
             if weight is not None and setpoint is None and name not in _WITH_DEFAULT:
                 raise ValueError(f"reference.{name} is needed: {key}.{term} tracks it")
+            if weight is None and setpoint is not None:
+                raise ValueError(f"nothing tracks reference.{name}: give {key}.{term} a weight")
         if cost.shape is not None and self.shape is not None:
             width = self.shape.width if isinstance(self.shape, RowSamples) else len(self.shape)
             if width != 2 * len(cost.shape.at):
@@ -198,20 +198,4 @@ class Reference(Value):
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})
-
-
-def of_setpoints(verb: str, key: str) -> tuple[Consumer, ...]:
-    """Refuse setpoints of what has no weight, where the weights of a scene are at a key."""
-    terms = {name: f"{key}.{'effort' if name == 'input' else name}" for name in Reference.model_fields}
-    return tuple(
-        beside(
-            f"{verb} without {term}",
-            lambda s, term=term: attrgetter(key)(s) and attrgetter(term)(s) is None,
-            f"reference.{name}",
-            f"nothing tracks it: give {term} a weight",
-        )
-        for name, term in terms.items()
-    )
-
-
 """Quantities with a setpoint where none is given: straight, least tension. The world's origin is no setpoint."""

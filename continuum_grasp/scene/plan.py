@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty, of_inputs
-from continuum_grasp.scene.cost import Cost, Reference, Row, of_setpoints
+from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_reach
@@ -229,7 +229,7 @@ _PLANS = (
 class PlanScene(FingerScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
-    REFUSALS = (*_PLANS, *of_inputs("plan", "input"), *of_setpoints("plan", "cost"))
+    REFUSALS = (*_PLANS, *of_inputs("plan", "input"))
 
     contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where loads act [m]; element boundaries. These and the tip are where it touches an

@@ -272,7 +272,7 @@ def test_a_controller_reports_it_as_the_detector_does():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"measured": {"tip": 1e-3, "torque": 1e-4}}, "needs estimator.measured.angle"),
+        ({"measured": {"tip": 1e-3, "torque": 1e-4}}, "or estimator.measured.angle"),
         (
             {"measured": {"angle": 1e-3, "length": 1e-5}},
             "estimator.measured.length: needs finger.tendons.drive.kind: length",

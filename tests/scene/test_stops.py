@@ -50,7 +50,7 @@ REFUSED = {
     "no curvature": ({"rod": ROD, "stops": {"stiffness_ratio": 50.0}}, "stops.curvature is needed"),
     "two curvatures": (
         {"rod": SPIROB, "stops": {"stiffness_ratio": 50.0, "curvature": 20.0}},
-        "Finger: stops.curvature: stops.curvature is given by rod.spirob already",
+        "Finger: stops.curvature: is given already",
     ),
     "no stop": (
         {"rod": ROD, "stops": {"stiffness_ratio": 1.0, "curvature": 20.0}},
