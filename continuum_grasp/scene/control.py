@@ -83,9 +83,8 @@ _STATELESS = "needs finger.tendons.friction above 0: without, the controller's m
 _FACTOR = "needs finger.damping.material above 0, of which it is a factor"
 _LAGGING = "is that of commanded tensions: it needs finger.tendons.time_constant"
 _SMOOTH = "needs a continuous tip moment: give the drive a lag of second order, or use clothoid"
-_FELT = "needs tendons with drive.kind: length or motor, whose tension a contact changes"
 _HIDDEN = "sees nothing through a gear with backlash, whose drum is not measured"
-_PLACED = "needs estimator.measured.length or estimator.measured.angle"
+_PLACED = "needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes"
 _PULLED = "needs estimator.measured.tension of winches"
 _OLD = "needs estimator.measured.torque or current with a delay: a commanded torque is not as old as the angle"
 _LOOP = {
@@ -138,7 +137,6 @@ _LOOPS = (
     beside("mpc without damping", lambda s: not s.scenario_parameters("damping"), _scenarios("damping"), _FACTOR),
     beside("mpc of no such lag", lambda s: s.finger.winches or not s.lag, _scenarios("time_constant"), _LAGGING),
     *map(_unlike, (*_SLIDING, *_CABLES, "time_constant")),
-    needs("mpc", _CONTACT, f"{_DRIVE}.kind", _FELT),
     beside("mpc of drives unseen", lambda s: not _sees(s, "length", "angle"), _CONTACT, _PLACED),
     beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
     beside("mpc of motors seen late", _late, _CONTACT, _OLD),

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, InputLimits, Penalty, of_inputs
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
@@ -218,11 +218,12 @@ _PLANS = (
     beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
     beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
     beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),
-    beside("plan without a grasp", lambda s: s.grasp is None, "goal.grasp_weight", "is of the forces of a grasp"),
-    beside("plan with a grasp", lambda s: s.grasp, "contacts goal.contact_force", "is that of the grasp: leave it out"),
-    beside("plan without an object", lambda s: s.object is None, "goal.contact_force grasp", "needs an object"),
-    beside("plan without a finer model", lambda s: not s.check.finer, "check.contact_law", "is of check.finer"),
-    beside("plan without drives", lambda s: not s.finger.winches, "bounds.least_tension", "is of winches and motors"),
+    beside("plan of several fingers", lambda s: s.grasp and len(s.grasp.setups) > 1, "grasp", "needs one finger"),
+    excludes("plan", "contacts goal.contact_force", "grasp", "is that of the grasp: leave it out"),
+    needs("plan", "goal.grasp_weight", "grasp"),
+    needs("plan", "goal.contact_force grasp", "object", "needs an object"),
+    needs("plan", "check.contact_law", "check.finer"),
+    needs("plan", "bounds.least_tension", "finger.tendons.drive"),
 )
 
 
@@ -274,7 +275,6 @@ class PlanScene(FingerScene):
 
     def _check(self) -> None:
         self.input.check(self.finger, "input")
-        self._check_contact()
         self._check_inputs()
         goal = self.goal
         if goal.shape is not None:
@@ -300,10 +300,6 @@ class PlanScene(FingerScene):
             # The model has forces as inputs at its contacts and tip alone.
             if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
                 raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
-
-    def _check_contact(self) -> None:
-        if self.grasp is not None and len(self.grasp.setups) != 1:
-            raise ValueError(f"grasp: a plan is for one finger, the grasp has {len(self.grasp.setups)}")
 
     def _check_inputs(self) -> None:
         aim = self.goal.input
