@@ -63,16 +63,16 @@ class Variation:
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
-    mission, control = assignment.mission, assignment.control
+    mission, control, body = assignment.mission, assignment.control, object_of(assignment.control)
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     scene = plant_scene(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
-        object=object_of(control).replaced(mass=mass),
+        object=body.replaced(mass=mass),
         object_moves=True,
         supports=mission.grasp.supports,
         contact_law=mission.contact_law,
         out_of_plane_gravity=mission.gravity,
-        table=_table(mission, control.object, mass),
+        table=_table(mission, body, mass),
     )
     of_tendons = ("tendon_friction",) * scene.finger.has_tendon_friction
     return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT)

@@ -220,7 +220,10 @@ class MissionRun(MotionResult):
     @property
     def body(self) -> GraspObject:
         """The object."""
-        return present(self.scene.object)
+        body = self.scene.object
+        if body is None:
+            raise ValueError("a mission has an object that moves")
+        return body
 
     @cached_property
     def friction_use(self) -> Array:

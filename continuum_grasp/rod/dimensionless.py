@@ -176,12 +176,12 @@ def _tendons(
     return found
 
 
+_SERVOS = "the exact rod knows torques and currents of motors, one per tendon: give family and elements"
 _MOTORS = beside(
     "accuracy of motors",
     lambda s: any(d.kind == "motor" and (d.arrangement == "one_pulley" or d.position_gain) for d in s.finger.winches),
     "finger.tendons.drive",
-    "of motors the exact rod, and with it fidelity.tolerance, knows torques and currents, per tendon: give family and "
-    "elements, chosen with drive.kind: length",
+    _SERVOS,
 )
 
 

@@ -210,9 +210,14 @@ _PLANS = (
     beside("plan of sudden forces", lambda s: s.sudden, "method=multiple_shooting method=collocation", _SUDDEN),
     beside("plan by single shooting", lambda s: s.transcription == "single_shooting", "object", _EXPLICIT),
     # The NLP needs derivatives, and friction with presliding would add states to the plan.
-    beside("plan of sticking contacts", lambda s: s.sticks, "contact_law", _STATELESS),
+    beside(
+        "plan of sticking contacts",
+        lambda s: (law := s.contact_law) and law.friction and not law.slip_speed,
+        "contact_law",
+        _STATELESS,
+    ),
     beside("plan by sqp", lambda s: s.solver.method == "sqp", "solver.hessian=exact", _CONVEX),
-    beside("plan of a free duration", lambda s: s.free, "loads.force.times", _GIVEN),
+    beside("plan of a free duration", lambda s: isinstance(s.duration, DurationRange), "loads.force.times", _GIVEN),
     beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
     beside("plan by shooting", lambda s: s.transcription != "collocation", _COLLOCATION, "is of method: collocation"),
     beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
@@ -285,9 +290,10 @@ class PlanScene(FingerScene):
         anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
         if self.objective != "tracking" and all(aim is None for aim in anything):
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
-        if self.objective == "least_time" and not self.free:
+        free = isinstance(self.duration, DurationRange)
+        if self.objective == "least_time" and not free:
             raise ValueError("duration: least_time needs a range, {least: ..., most: ...}")
-        if self.objective == "tracking" and self.free:
+        if self.objective == "tracking" and free:
             raise ValueError("duration: tracking needs a number, since its reference runs in time")
         if self.cost is None and self.objective == "tracking":
             raise ValueError("cost is missing, which objective: tracking needs")
@@ -312,17 +318,6 @@ class PlanScene(FingerScene):
             for value, (least, most) in zip(row, limits, strict=True):
                 if not least <= value <= most:
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
-
-    @property
-    def free(self) -> bool:
-        """Whether the duration is to be found."""
-        return isinstance(self.duration, DurationRange)
-
-    @property
-    def sticks(self) -> bool:
-        """Whether the friction of contacts has states."""
-        law = self.contact_law
-        return law is not None and law.friction > 0.0 and law.slip_speed is None
 
     @property
     def sudden(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -191,7 +191,9 @@ class Timing(Value):
 class FingerScene(Surroundings):
     """What scenes of one finger have in common; those that mean something else by a field describe it anew."""
 
-    REFUSALS = (beside("scenes without friction", lambda s: not s.finger.has_friction, "initial.reached_by", _NONE),)
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
+        beside("scenes without friction", lambda s: not s.finger.has_friction, "initial.reached_by", _NONE),
+    )
 
     schema_version: Literal[1] = 1
     """Format of a file, which must state it; not needed in Python."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -111,7 +111,7 @@ class Surroundings(Value):
     The finger touches the object; supports touch the object only, the finger passes through them.
     """
 
-    REFUSALS = (
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
         Consumer("scenes", {"object.free": _PLACE}),
         beside("scenes without an object", lambda s: s.object is None, _TOUCHED, _EMPTY),
         beside("scenes of a fixed object", lambda s: s.object and not s.object_moves, _OF_OBJECTS, _FIXED),
