@@ -212,10 +212,8 @@ def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
     return body, law if law is None else law.replaced(friction=1.0), scene.supports, scene.table, scene.object_moves
 
 
-_SHARED = (
-    *("controller", "estimator", "duration", "input_limits", "rest_input", "fidelity", "contacts"),
-    *(f"plant.{name}" for name in ("fidelity", "drive_order", "noise", "delay", "seed")),
-)
+_OF_PLANT = "plant.fidelity plant.drive_order plant.noise plant.delay plant.seed"
+_SHARED = f"controller estimator duration input_limits rest_input fidelity contacts {_OF_PLANT}".split()
 
 
 def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) -> None:

@@ -42,6 +42,12 @@ def _late(scene: ControlScene) -> bool:
     return bool(of and of.measured.angle and of.delay and not (of.measured.torque or of.measured.current))
 
 
+def _blurred(scene: ControlScene) -> bool:
+    """Whether one error of the friction stands for tendons with different coefficients."""
+    asked = scene.estimator and scene.estimator.contact_detection
+    return bool(asked and asked.tendon_friction) and len({one.friction for one in scene.finger.tendon_list}) > 1
+
+
 def _sees(scene: ControlScene, *names: str) -> bool:
     """Whether the estimator is given one of some quantities."""
     return scene.estimator is not None and any(getattr(scene.estimator.measured, name) for name in names)
@@ -86,6 +92,7 @@ _SMOOTH = "needs a continuous tip moment: give the drive a lag of second order, 
 _HIDDEN = "sees nothing through a gear with backlash, whose drum is not measured"
 _PLACED = "needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes"
 _PULLED = "needs estimator.measured.tension of winches"
+_BLURRED = "needs tendon_friction: 0 where tendons have different coefficients"
 _OLD = "needs estimator.measured.torque or current with a delay: a commanded torque is not as old as the angle"
 _LOOP = {
     "fidelity.tolerance": "is not for controllers: give family and elements",
@@ -138,6 +145,7 @@ _LOOPS = (
     beside("mpc of no such lag", lambda s: s.finger.winches or not s.lag, _scenarios("time_constant"), _LAGGING),
     *map(_unlike, (*_SLIDING, *_CABLES, "time_constant")),
     beside("mpc of drives unseen", lambda s: not _sees(s, "length", "angle"), _CONTACT, _PLACED),
+    beside("mpc of tendons unlike in friction", _blurred, _CONTACT, _BLURRED),
     beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
     beside("mpc of motors seen late", _late, _CONTACT, _OLD),
     *of_inputs("mpc", "controller.input"),

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import excludes, needs
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -46,7 +46,7 @@ _TORQUE = "is torque_constant times the current: give one of both"
 class Measured(Value):
     """Measured quantities, each with the standard deviation of its noise."""
 
-    REFUSALS = (beside("estimator of currents", lambda one: one.current, "torque", _TORQUE, "estimator.measured"),)
+    REFUSALS = (excludes("estimator.measured", "torque", "current", _TORQUE, "estimator.measured"),)
 
     tip: Annotated[Positive, Field(examples=[3e-4, "0.3 mm"]), Unit("m")] | None = None
     """Of each coordinate of the tip's world position, by a camera [m]."""
@@ -173,19 +173,16 @@ class ContactDetection(Value):
                 raise ValueError(f"{key}.places[{k}] = {at} m is beyond the finger")
 
 
-_DRIFT = "needs disturbances.{0}, its drift: what does not drift is not estimated"
-
-
-def _drifting(name: str) -> Consumer:
-    """Refuse the spread of what has no drift."""
-    without, why = f"estimator without disturbances.{name}", _DRIFT.format(name)
-    return beside(without, lambda s: getattr(s.disturbances, name) is None, f"spread.{name}", why, "estimator")
+_DRIFT = "needs its drift among disturbances: what does not drift is not estimated"
 
 
 class Estimator(Value):
     """An extended Kalman filter with disturbance states."""
 
-    REFUSALS = tuple(_drifting(name) for name in Spread.model_fields)
+    REFUSALS = tuple(
+        needs("estimator", f"spread.{name}", f"disturbances.{name}", _DRIFT, "estimator")
+        for name in Spread.model_fields
+    )
 
     measured: Measured
     """What is measured, and how noisy it is."""

@@ -33,13 +33,10 @@ Count = Annotated[int, Field(ge=1, le=8)]
 _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 
 
-_RISES = "needs settle, the time in which the rest of the force rises"
-
-
 class Phases(Value):
     """How long each phase lasts; setpoints move smoothly within a phase."""
 
-    REFUSALS = (needs("missions", "squeeze_share", "settle", _RISES, "phases"),)
+    REFUSALS = (needs("missions", "squeeze_share", "settle", at="phases"),)
 
     touch: Duration = 0.8
     """Each stroke of a ``turn``, until the tip touches the object [s]."""

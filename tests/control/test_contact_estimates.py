@@ -104,7 +104,7 @@ def test_the_controller_hands_out_the_covariance_of_its_filter():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"spread": {"tendon_friction": 0.4}}, "spread.tendon_friction: needs disturbances.tendon_friction"),
+        ({"spread": {"tendon_friction": 0.4}}, "spread.tendon_friction: needs its drift"),
         ({"disturbances": {"tip_force": 0.1}, "spread": {"object_position": 0.001}}, "spread.object_position"),
     ],
 )
